@@ -1,0 +1,230 @@
+"""The receding horizon: one controller step, its warm start and its fallbacks.
+
+A step is: ask the rule for the horizon, solve from the last plan shifted, and apply the
+first thrusts. When nothing converges the boat goes on with the last plan for a while, then
+slows down and stops; each such step says so in its status.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.control.horizon import HorizonShape, Plan, rows_needed
+from grebe.control.ocp import build
+from grebe.control.rules import RULES, Decision, Situation, reached_count
+from grebe.control.settings import ControlSettings
+from grebe.control.solve import CasadiSolver, Solution, Solver
+from grebe.dynamics import CALM, Weather, rates, rk4
+from grebe.sets import TargetSet
+from grebe.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Steps for which an old plan is followed before the boat is brought to rest.
+PATIENCE_STEPS = 5
+LOOK_AHEAD_SETS = 2
+# Largest product of a Runge-Kutta step and the boat's fastest rate; RK4 is unstable at 2.8.
+SUBSTEP_STIFFNESS = 1.2
+
+
+class StepStatus(enum.Enum):
+    """Where the thrusts of a step come from."""
+
+    SOLVED = "solved"
+    RESTARTED = "solved on a second start"
+    LAST_PLAN = "last plan"
+    STOPPING = "stopping"
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether the thrusts come from a plan that converged in this step."""
+        return self in (StepStatus.SOLVED, StepStatus.RESTARTED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """The result of a step: thrusts (F_1, F_2) [N] and what led to them."""
+
+    thrusts: tuple[float, float]
+    plan: Plan
+    status: StepStatus
+    target: int
+    split: int
+
+
+class Controller:
+    """Steers a vessel through target sets in their order.
+
+    `reached` counts the sets reached so far (Definition 5); `targets[reached]` is the
+    current target set Omega_x (Definition 6) and `done` says that there is none left.
+    """
+
+    def __init__(
+        self,
+        vessel: Vessel,
+        targets: Sequence[TargetSet],
+        settings: ControlSettings | None = None,
+        *,
+        reached: int = 0,
+        solver: Solver | None = None,
+        second_solver: Solver | None = None,
+    ) -> None:
+        self.vessel = vessel
+        self.targets = tuple(targets)
+        self.settings = settings or ControlSettings()
+        self.reached = reached
+        self._aims = [
+            target.shrunk(self.settings.margin_m, self.settings.speed_margin_mps)
+            for target in self.targets
+        ]
+        self.shape = HorizonShape(
+            stages=self.settings.horizon,
+            set_rows=rows_needed([len(aim.vertices) for aim in self._aims]),
+            substeps=model_substeps(vessel, self.settings.step_s),
+        )
+        self._solver = solver or CasadiSolver(build(vessel, self.shape))
+        self._second = second_solver
+        self._rule = RULES[self.settings.rule]
+        self._plan: Plan | None = None
+        self._decision: Decision | None = None
+        self._unsolved_in_a_row = 0
+
+    @property
+    def done(self) -> bool:
+        """Whether every set is reached."""
+        return self.reached >= len(self.targets)
+
+    def see(self, state: Sequence[float]) -> int:
+        """Count the sets that a state estimate reaches; call it with every estimate.
+
+        Returns how many sets are newly reached.
+        """
+        before = self.reached
+        self.reached = reached_count(self.targets, self.reached, state)
+        return self.reached - before
+
+    def step(self, state: Sequence[float], weather: Weather = CALM) -> Command:
+        """Return the thrusts to apply from `state` on for one control step."""
+        if self.done:
+            raise ValueError("every target set is reached: there is nothing to steer to")
+        z = np.asarray(state, dtype=float)
+        if z.shape != (6,) or not np.all(np.isfinite(z)):
+            raise ValueError(f"a state is six finite numbers, but this is {state}")
+        horizon, decision = self._rule(self._situation(z), self.settings, self.shape)
+        self._decision = decision
+        wind = np.asarray(weather.as_tuple())
+        start = self._start(z, weather)
+        solution = self._solver.solve(z, horizon, wind, start)
+        if solution.solved:
+            return self._accept(solution, StepStatus.SOLVED)
+        restart = self.roll_out(z, weather)
+        for solver in (self._solver, self._second_solver()):
+            solution = solver.solve(z, horizon, wind, restart)
+            if solution.solved:
+                return self._accept(solution, StepStatus.RESTARTED)
+        return self._fall_back(z)
+
+    def roll_out(self, state: NDArray[np.float64], weather: Weather = CALM) -> Plan:
+        """Return a turn-and-go trajectory: turn towards Omega_x, then drive at it.
+
+        A start for the solver that is dynamically consistent and never backs up.
+        """
+        n, step = self.settings.horizon, self.settings.step_s
+        states, thrusts = [state], []
+        for _ in range(n):
+            inputs = self._turn_and_go(states[-1])
+            thrusts.append(inputs)
+            states.append(self._predict(states[-1], inputs, step, weather))
+        return Plan(
+            states=np.array(states), thrusts=np.array(thrusts), durations=np.full(n, step)
+        )
+
+    def _situation(self, state: NDArray[np.float64]) -> Situation:
+        ahead = slice(self.reached, self.reached + LOOK_AHEAD_SETS)
+        return Situation(
+            state=state.tolist(),
+            target=self.reached,
+            ahead=self.targets[ahead],
+            aims=self._aims[ahead],
+            last=self._decision,
+        )
+
+    def _start(self, state: NDArray[np.float64], weather: Weather) -> Plan:
+        """The last plan shifted, unless there is none or it cannot be trusted."""
+        if self._plan is None or self._unsolved_in_a_row:
+            return self.roll_out(state, weather)
+        return self._plan.shifted(self.settings.step_s)
+
+    def _second_solver(self) -> Solver:
+        """IPOPT, built only when it is needed for the first time."""
+        if self._second is None:
+            self._second = CasadiSolver(build(self.vessel, self.shape), "ipopt")
+        return self._second
+
+    def _accept(self, solution: Solution, status: StepStatus) -> Command:
+        self._plan = solution.plan
+        self._unsolved_in_a_row = 0
+        return self._command(solution.plan.first_input, solution.plan, status)
+
+    def _fall_back(self, state: NDArray[np.float64]) -> Command:
+        """Nothing converged: follow the last plan for a while, then stop."""
+        self._unsolved_in_a_row += 1
+        if self._plan is not None and self._unsolved_in_a_row <= PATIENCE_STEPS:
+            self._plan = self._plan.shifted(self.settings.step_s)
+            return self._command(self._plan.first_input, self._plan, StepStatus.LAST_PLAN)
+        plan = self.roll_out(state)
+        return self._command(self._braking(state), plan, StepStatus.STOPPING)
+
+    def _command(
+        self, thrusts: tuple[float, float], plan: Plan, status: StepStatus
+    ) -> Command:
+        split = self._decision.split if self._decision else 0
+        return Command(
+            thrusts=thrusts, plan=plan, status=status, target=self.reached, split=split
+        )
+
+    def _braking(self, state: NDArray[np.float64]) -> tuple[float, float]:
+        """Thrust that takes the surge away within about a step, without turning."""
+        wanted = -0.5 * self.vessel.m11_kg * state[3] / max(self.settings.step_s, 0.5)
+        thrust = float(np.clip(wanted, self.vessel.thrust_min_n, self.vessel.thrust_max_n))
+        return thrust, thrust
+
+    def _turn_and_go(self, state: NDArray[np.float64]) -> tuple[float, float]:
+        north, east = self.targets[self.reached].centre
+        bearing = math.atan2(east - state[1], north - state[0])
+        off = math.remainder(bearing - state[2], 2 * math.pi)
+        target = self.targets[self.reached]
+        speed = 0.5 * (target.speed_min_mps + target.speed_max_mps) * max(0.0, math.cos(off))
+        common = 0.5 * self.vessel.surge_drag_n(speed)
+        half_span = 0.5 * (self.vessel.thrust_max_n - self.vessel.thrust_min_n)
+        # Time constants of yaw differ tenfold between boats: damp by the boat's own.
+        yaw = math.tanh(2.0 * (0.5 * off - 0.5 * state[5])) * half_span
+        low, high = self.vessel.thrust_min_n, self.vessel.thrust_max_n
+        return (
+            float(np.clip(common + yaw, low, high)),
+            float(np.clip(common - yaw, low, high)),
+        )
+
+    def _predict(
+        self,
+        state: NDArray[np.float64],
+        thrusts: tuple[float, float],
+        step_s: float,
+        weather: Weather,
+    ) -> NDArray[np.float64]:
+        wind = weather.as_tuple()
+        return np.array(
+            rk4(lambda z: rates(self.vessel, z, thrusts, wind), state.tolist(), step_s, 4)
+        )
+
+
+def model_substeps(vessel: Vessel, duration_s: float) -> int:
+    """Return how many Runge-Kutta steps the controller's model needs in a stage."""
+    return max(2, math.ceil(duration_s * vessel.fastest_rate_hz / SUBSTEP_STIFFNESS))

@@ -1,0 +1,141 @@
+"""The horizon: what each stage of the optimal control problem is asked to do.
+
+A rule writes a `Horizon`; `grebe.control.ocp` poses it; nothing here solves anything.
+
+The horizon has N stages and N + 1 nodes. Node k carries the set that the cost measures its
+distance to, the set that must hold it (softened by an L1 slack), and the corridor to stay
+in; stage k carries the bounds of its duration and the weights of effort and time. Sets are
+half-space rows (a_x, a_y, a_u, b), see `grebe.sets`. A row (0, 0, 0, 1) holds always: it
+fills up a set with fewer sides than the problem has room for, and stands for "no set".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+NO_ROW = (0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HorizonShape:
+    """The sizes that a problem is built for, once.
+
+    `stages` N; `set_rows` half-spaces a set may have (sides + 2 for the speed window);
+    `corridor_rows` half-spaces of the corridor, 0 for none; `substeps` Runge-Kutta steps
+    in each stage.
+    """
+
+    stages: int
+    set_rows: int = 6
+    corridor_rows: int = 0
+    substeps: int = 4
+
+    def __post_init__(self) -> None:
+        if self.stages < 1 or self.set_rows < 5 or self.corridor_rows < 0 or self.substeps < 1:
+            raise ValueError(f"impossible shape: {self}")
+
+
+@dataclass(kw_only=True)
+class Horizon:
+    """Parameters of every stage, filled in by a rule.
+
+    Arrays, with N = shape.stages, R = shape.set_rows, C = shape.corridor_rows:
+    `cost_sets` (N, R, 4) and `cost_weights` (N,), the weight of the squared distance;
+    `entry_sets` (N + 1, R, 4) and `entry_penalties` (N + 1,), cost of a unit of slack;
+    `corridors` (N + 1, C, 4) and `corridor_penalty`;
+    `effort_weights` (N,) of the squared thrusts in units of full thrust;
+    `duration_bounds` (N, 2) [s] and `time_weights` (N,) [1/s].
+    """
+
+    shape: HorizonShape
+    cost_sets: NDArray[np.float64] = field(init=False)
+    cost_weights: NDArray[np.float64] = field(init=False)
+    entry_sets: NDArray[np.float64] = field(init=False)
+    entry_penalties: NDArray[np.float64] = field(init=False)
+    corridors: NDArray[np.float64] = field(init=False)
+    corridor_penalty: float = 1e3
+    effort_weights: NDArray[np.float64] = field(init=False)
+    duration_bounds: NDArray[np.float64] = field(init=False)
+    time_weights: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        n, rows = self.shape.stages, self.shape.set_rows
+        self.cost_sets = np.tile(NO_ROW, (n, rows, 1))
+        self.cost_weights = np.zeros(n)
+        self.entry_sets = np.tile(NO_ROW, (n + 1, rows, 1))
+        # A slack that costs nothing would drift; one that is not needed stays at zero.
+        self.entry_penalties = np.ones(n + 1)
+        self.corridors = np.tile(NO_ROW, (n + 1, self.shape.corridor_rows, 1))
+        self.effort_weights = np.zeros(n)
+        self.duration_bounds = np.ones((n, 2))
+        self.time_weights = np.zeros(n)
+
+    def attract(self, stage: int, rows: NDArray[np.float64], weight: float) -> None:
+        """Let the cost of a stage measure the distance to a set."""
+        self.cost_sets[stage] = padded(rows, self.shape.set_rows)
+        self.cost_weights[stage] = weight
+
+    def require(self, node: int, rows: NDArray[np.float64], penalty: float) -> None:
+        """Ask that a node lie in a set, at a price for each unit of violation."""
+        self.entry_sets[node] = padded(rows, self.shape.set_rows)
+        self.entry_penalties[node] = penalty
+
+    def confine(self, node: int, rows: NDArray[np.float64]) -> None:
+        """Ask that a node lie in a corridor."""
+        self.corridors[node] = padded(rows, self.shape.corridor_rows)
+
+
+def padded(rows: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Fill half-space rows up to `count` with rows that always hold."""
+    if len(rows) > count:
+        raise ValueError(f"a set has {len(rows)} half-spaces, the problem room for {count}")
+    filled = np.tile(NO_ROW, (count, 1))
+    filled[: len(rows)] = rows
+    return filled
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A predicted trajectory, the result of a solve.
+
+    `states` (N + 1, 6), `thrusts` (N, 2) [N], `durations` (N,) [s].
+    """
+
+    states: NDArray[np.float64]
+    thrusts: NDArray[np.float64]
+    durations: NDArray[np.float64]
+
+    @property
+    def first_input(self) -> tuple[float, float]:
+        """Thrusts (F_1, F_2) of the first stage: what a receding horizon applies."""
+        return float(self.thrusts[0, 0]), float(self.thrusts[0, 1])
+
+    @property
+    def duration_s(self) -> float:
+        """Time that the plan spans."""
+        return float(np.sum(self.durations))
+
+    def shifted(self, step_s: float) -> Plan:
+        """Return the plan as it looks `step_s` later, its last thrusts held at the end.
+
+        For stages of equal duration `step_s` this drops the first stage and repeats the
+        last; states are moved along by linear interpolation in time.
+        """
+        ends = np.concatenate([[0.0], np.cumsum(self.durations)])
+        later = np.minimum(ends + step_s, ends[-1])
+        states = np.column_stack([np.interp(later, ends, column) for column in self.states.T])
+        middle = np.minimum(ends[:-1] + 0.5 * self.durations + step_s, ends[-1])
+        index = np.clip(np.searchsorted(ends, middle, side="right") - 1, 0, len(self.thrusts) - 1)
+        return Plan(states=states, thrusts=self.thrusts[index], durations=self.durations)
+
+
+def rows_needed(sides: Sequence[int]) -> int:
+    """Rows of half-spaces for sets with these numbers of sides (two more for the window)."""
+    return max(sides, default=4) + 2

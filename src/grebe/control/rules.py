@@ -1,0 +1,165 @@
+"""Rules: from where the boat is and what lies ahead to the parameters of the stages.
+
+Each rule is a pure function of a `Situation`; none solves anything. `single` is problem
+(5) of the paper, `dual` is problem (8) with cost (7). Departures from the paper's letter
+are named here and argued in docs/theory.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from grebe.control.horizon import Horizon, HorizonShape
+from grebe.control.settings import ControlSettings, RuleName
+from grebe.sets import TargetSet
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+# Control steps without coming nearer to Omega_x after which the split is counted down.
+STALL_STEPS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """What a rule decided, and what it must remember for the next step.
+
+    The target's index, the split N_x, the smallest d(x, Omega_x) so far, the steps since it
+    last fell, and whether the split is being counted down after a stall.
+    """
+
+    target: int
+    split: int
+    nearest: float
+    idle: int = 0
+    committed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Situation:
+    """What a rule may look at.
+
+    `state` (6,); `target` the index of Omega_x; `ahead` the sets from Omega_x on, at least
+    one; `aims` the same sets shrunk by the margins, which the controller aims at;
+    `last` the decision one step ago.
+    """
+
+    state: Sequence[float]
+    target: int
+    ahead: Sequence[TargetSet]
+    aims: Sequence[TargetSet]
+    last: Decision | None = None
+
+    @property
+    def distance(self) -> float:
+        """d(x, Omega_x), on the set itself and not on the aim."""
+        return self.ahead[0].distance(self.state)
+
+
+Rule = Callable[[Situation, ControlSettings, HorizonShape], tuple[Horizon, Decision]]
+
+
+def reached_count(targets: Sequence[TargetSet], reached: int, state: Sequence[float]) -> int:
+    """Return how many sets are reached once the boat has been in `state`. Definition 5.
+
+    Overlapping or repeated sets may be reached by one and the same state.
+    """
+    while reached < len(targets) and targets[reached].contains(state):
+        reached += 1
+    return reached
+
+
+def split_stage(distance: float, epsilon: float, horizon: int) -> int:
+    """N_x = ceil(N d / epsilon) within the fattened set, N outside (below Eq. 6)."""
+    if distance > epsilon:
+        return horizon
+    return math.ceil(horizon * distance / epsilon)
+
+
+def single(
+    situation: Situation, settings: ControlSettings, shape: HorizonShape
+) -> tuple[Horizon, Decision]:
+    """Problem (5): every stage is drawn to Omega_x, the last node must lie in it."""
+    horizon = _fixed_steps(settings, shape)
+    aim = situation.aims[0].halfspaces
+    for stage in range(shape.stages):
+        horizon.attract(stage, aim, settings.alpha)
+    horizon.require(shape.stages, aim, settings.entry_penalty)
+    decision = Decision(
+        target=situation.target, split=shape.stages, nearest=situation.distance
+    )
+    return horizon, decision
+
+
+def dual(
+    situation: Situation, settings: ControlSettings, shape: HorizonShape
+) -> tuple[Horizon, Decision]:
+    """Problem (8): N_x stages for Omega_x, the others for its successor.
+
+    Departures: the last target has no successor, so nothing is asked after N_x; with
+    N_x = N node N is asked to lie in Omega_x alone; a split that has stalled is counted
+    down from N.
+    """
+    n = shape.stages
+    decision = _decide(situation, settings, n)
+    split = decision.split
+    horizon = _fixed_steps(settings, shape)
+    aim = situation.aims[0].halfspaces
+    for stage in range(split):
+        horizon.attract(stage, aim, settings.p * settings.alpha)
+    if split > 0:
+        horizon.require(split, aim, settings.entry_penalty)
+    if len(situation.aims) > 1 and split < n:
+        _lead_on(horizon, split, situation.aims[1].halfspaces, settings)
+    return horizon, decision
+
+
+def _lead_on(
+    horizon: Horizon, split: int, rows: NDArray, settings: ControlSettings
+) -> None:
+    """Second mode: the stages from N_x on belong to Omega_x+."""
+    n = horizon.shape.stages
+    for stage in range(split, n):
+        horizon.attract(stage, rows, settings.q * settings.alpha)
+    horizon.require(n, rows, settings.entry_penalty)
+
+
+def _decide(situation: Situation, settings: ControlSettings, horizon: int) -> Decision:
+    """N_x by distance, or counted down from N once the approach has stalled.
+
+    With N_x a function of d alone a boat can put entry off for ever: at rest in its cell it
+    plans at every step to speed up N_x steps later, and facing away from the rim it has too
+    few steps to turn. Where the distance has not fallen for `STALL_STEPS`, the split is
+    set to N and then counted down: time enough to turn, and each plan, shifted by a step,
+    is feasible for the next problem.
+    """
+    distance = situation.distance
+    split = split_stage(distance, settings.epsilon, horizon)
+    last = situation.last
+    if last is None or last.target != situation.target:
+        return Decision(target=situation.target, split=split, nearest=distance)
+    idle = 0 if distance < last.nearest else last.idle + 1
+    committed = last.committed or (idle >= STALL_STEPS and split < horizon)
+    if committed:
+        split = last.split - 1 if last.committed and last.split > 1 else horizon
+    return Decision(
+        target=situation.target,
+        split=split,
+        nearest=min(distance, last.nearest),
+        idle=idle,
+        committed=committed,
+    )
+
+
+def _fixed_steps(settings: ControlSettings, shape: HorizonShape) -> Horizon:
+    horizon = Horizon(shape=shape)
+    horizon.duration_bounds[:] = settings.step_s
+    horizon.effort_weights[:] = settings.beta
+    return horizon
+
+
+RULES: dict[RuleName, Rule] = {"single": single, "dual": dual}

@@ -1,0 +1,49 @@
+"""The settings of the controller, in the paper's symbols, with their units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from grebe.errors import UsageError
+
+RuleName = Literal["single", "dual"]
+RULES: tuple[RuleName, ...] = get_args(RuleName)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlSettings:
+    """What a field team or a researcher may turn.
+
+    `rule` names the rule of `grebe.control.rules`; `horizon` is N, `step_s` is T,
+    `epsilon` fattens the current target (Definition 8; metres beside metres per second);
+    `alpha` weighs distance and `beta` effort (Eq. 2), `p` and `q` the current and the next
+    target (Eq. 7). `margin_m` and `speed_margin_mps` shrink the set that the controller
+    aims at; whether a set is reached is judged on the set itself. `entry_penalty` is the
+    price of a unit of slack (docs/theory.md shows why 1e3 is enough).
+    """
+
+    rule: RuleName = "dual"
+    horizon: int = 15
+    step_s: float = 1.0
+    epsilon: float = 15.0
+    alpha: float = 1.0
+    beta: float = 0.4
+    p: float = 1.0
+    q: float = 1.0
+    margin_m: float = 0.15
+    speed_margin_mps: float = 0.05
+    entry_penalty: float = 1e3
+
+    def __post_init__(self) -> None:
+        if self.rule not in RULES:
+            raise UsageError(f"There is no rule {self.rule!r}; choose one of {', '.join(RULES)}.")
+        if not 2 <= self.horizon <= 100:
+            raise UsageError(f"The horizon is {self.horizon} steps; give 2 to 100.")
+        if not 0.05 <= self.step_s <= 10.0:
+            raise UsageError(f"The control step is {self.step_s} s; give 0.05 to 10 s.")
+        for name in ("epsilon", "alpha", "beta", "p", "q", "entry_penalty"):
+            if not getattr(self, name) > 0:
+                raise UsageError(f"{name} is {getattr(self, name)}; it must be positive.")
+        if self.margin_m < 0 or self.speed_margin_mps < 0:
+            raise UsageError("Margins must not be negative.")

@@ -1,0 +1,101 @@
+"""Judge and clean a region: from an outline in degrees to water in a local frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from grebe.errors import PlanError, RegionError
+from grebe.frames import LocalFrame, frame_at
+
+# A region this much smaller than its convex hull counts as convex: rounding of coordinates.
+CONVEX_SHARE = 1 - 1e-6
+LARGEST_EXTENT_M = 200_000.0
+HIGHEST_LATITUDE = 85.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """Water to survey: a valid local polygon (x north, y east) and its frame."""
+
+    name: str
+    frame: LocalFrame
+    water: shapely.Polygon
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the water."""
+        return float(self.water.area)
+
+
+def clean_region(geometry: BaseGeometry, name: str) -> Region:
+    """Turn a WGS 84 outline into a region, or say in a `RegionError` why it is none."""
+    coordinates = shapely.get_coordinates(geometry)
+    if geometry.is_empty or len(coordinates) == 0:
+        raise RegionError(f"The region {name!r} is empty: its polygon has no vertices.")
+    _check_degrees(coordinates, name)
+    _check_validity(geometry, name)
+    merged = shapely.union_all(list(getattr(geometry, "geoms", [geometry])))
+    if not isinstance(merged, shapely.Polygon):
+        raise RegionError(
+            f"The region {name!r} consists of {len(merged.geoms)} separate waters; "
+            "a boat cannot cross the land between them: give one at a time."
+        )
+    frame = frame_at(merged)
+    water = frame.geometry_to_local(merged)
+    if not isinstance(water, shapely.Polygon) or not water.is_valid or water.area < 1.0:
+        raise RegionError(f"The region {name!r} has an area of less than a square metre.")
+    north0, east0, north1, east1 = water.bounds
+    if max(north1 - north0, east1 - east0) > LARGEST_EXTENT_M:
+        raise RegionError(
+            f"The region {name!r} is {max(north1 - north0, east1 - east0) / 1000:.0f} km across; "
+            "check its coordinates (more than 200 km is no lake for a small boat)."
+        )
+    return Region(name=name, frame=frame, water=shapely.normalize(water))
+
+
+def _check_degrees(coordinates: np.ndarray, name: str) -> None:
+    if not np.all(np.isfinite(coordinates)):
+        raise RegionError(f"The region {name!r} has a vertex that is not a number (NaN).")
+    lon, lat = np.abs(coordinates[:, 0]).max(), np.abs(coordinates[:, 1]).max()
+    if lon <= 180 and lat <= HIGHEST_LATITUDE:
+        return
+    worst = coordinates[np.argmax(np.abs(coordinates).max(axis=1))]
+    given = f"({worst[0]:g}, {worst[1]:g})"
+    if lon <= 90 and lat <= 180:
+        raise RegionError(
+            f"The region {name!r} has a vertex {given}, a latitude of {lat:g}: latitude and "
+            "longitude look swapped; GeoJSON wants longitude first."
+        )
+    raise RegionError(
+        f"The region {name!r} has a vertex {given}, which is no longitude and latitude: the "
+        "coordinates look projected; reproject them to WGS 84 (EPSG:4326)."
+    )
+
+
+def _check_validity(geometry: BaseGeometry, name: str) -> None:
+    for part in getattr(geometry, "geoms", [geometry]):
+        if not part.is_valid:
+            reason = shapely.is_valid_reason(part)
+            raise RegionError(
+                f"The region {name!r} is not a simple polygon ({reason}); "
+                "mend its outline, for example with QGIS's 'Fix geometries'."
+            )
+
+
+def check_convex(region: Region) -> None:
+    """Refuse a region with islands or bays; planning of such lakes is a later step."""
+    if region.water.interiors:
+        raise PlanError(
+            f"The region {region.name!r} has {len(region.water.interiors)} islands; only convex "
+            "water without islands can be planned so far: cut out a convex part of it."
+        )
+    share = region.water.area / region.water.convex_hull.area
+    if share < CONVEX_SHARE:
+        raise PlanError(
+            f"The region {region.name!r} is concave (it fills {share:.1%} of its convex hull); "
+            "only convex water can be planned so far: cut out a convex part of it."
+        )

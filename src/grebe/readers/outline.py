@@ -1,0 +1,101 @@
+"""Read the outline of a region: GeoJSON, or the convex hull of a track.
+
+What comes out is in WGS 84 degrees (longitude, latitude) and as it stands in the file;
+`grebe.planning.region` judges and cleans it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import shapely
+from shapely.geometry import shape
+from shapely.geometry.base import BaseGeometry
+
+from grebe.errors import InputError, RegionError
+from grebe.readers.text import read_text
+from grebe.readers.track import TrackColumns, read_track
+from grebe.sets import hull_of
+
+# GeoJSON is WGS 84 by its standard (RFC 7946); older files may still name a CRS.
+WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """A geometry in degrees, its name, and what the reader had to say about it."""
+
+    geometry: BaseGeometry
+    name: str
+    notes: tuple[str, ...] = ()
+
+
+def read_outline(path: Path, columns: TrackColumns | None = None) -> Outline:
+    """Read a region from GeoJSON or, for a .csv, from the hull of a track (section 6.2)."""
+    if path.suffix.lower() == ".csv":
+        track = read_track(path, columns)
+        return Outline(geometry=hull_of(track.lonlat), name=path.stem, notes=track.notes)
+    if path.suffix.lower() in (".geojson", ".json"):
+        return _read_geojson(path)
+    raise InputError(
+        f"{path}: cannot read a region from a {path.suffix or 'nameless'} file; "
+        "give GeoJSON (.geojson, .json) or a track (.csv)."
+    )
+
+
+def _read_geojson(path: Path) -> Outline:
+    try:
+        document = json.loads(read_text(path))
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: not valid JSON ({error}).") from None
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: not GeoJSON: the file holds no object.")
+    _refuse_other_crs(path, document)
+    features = _features(document)
+    polygons = [g for g in (_geometry(path, f) for f in features) if _is_areal(g)]
+    if not polygons:
+        raise RegionError(f"{path}: holds no polygon; a region is a Polygon or MultiPolygon.")
+    left_out = len(features) - len(polygons)
+    notes = (f"{left_out} features that are not polygons were left out",) if left_out else ()
+    geometry = polygons[0] if len(polygons) == 1 else shapely.GeometryCollection(polygons)
+    return Outline(geometry=geometry, name=_name(document, features) or path.stem, notes=notes)
+
+
+def _features(document: dict[str, Any]) -> list[dict[str, Any]]:
+    if document.get("type") == "FeatureCollection":
+        return [f for f in document.get("features") or [] if isinstance(f, dict)]
+    return [document]
+
+
+def _geometry(path: Path, feature: dict[str, Any]) -> BaseGeometry | None:
+    body = feature.get("geometry") if feature.get("type") == "Feature" else feature
+    if not isinstance(body, dict):
+        return None
+    try:
+        return shape(body)
+    except (KeyError, TypeError, ValueError, AttributeError, shapely.GEOSException) as error:
+        raise RegionError(f"{path}: a geometry cannot be read ({error}).") from None
+
+
+def _is_areal(geometry: BaseGeometry | None) -> bool:
+    return isinstance(geometry, shapely.Polygon | shapely.MultiPolygon)
+
+
+def _name(document: dict[str, Any], features: list[dict[str, Any]]) -> str:
+    for candidate in (document, *(f.get("properties") for f in features)):
+        if isinstance(candidate, dict) and isinstance(candidate.get("name"), str):
+            return str(candidate["name"])
+    return ""
+
+
+def _refuse_other_crs(path: Path, document: dict[str, Any]) -> None:
+    crs = document.get("crs")
+    name = str(crs.get("properties", {}).get("name", "")) if isinstance(crs, dict) else ""
+    if name and not name.endswith(WGS84_NAMES):
+        raise InputError(
+            f"{path}: its coordinates are in {name}; reproject it to WGS 84 longitude and "
+            "latitude (EPSG:4326), which is what GeoJSON means."
+        )

@@ -1,0 +1,169 @@
+"""Target sets: a convex polygon on the water times a window of surge speed.
+
+The paper's Omega_j (section 6.3) is a box in (x, y, u), free in psi, v and r; here its
+footprint is any convex polygon. In half-space form a set is a matrix of rows
+(a_x, a_y, a_u, b) with unit normals, and a state belongs to it when
+a_x x + a_y y + a_u u <= b holds for every row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from grebe.errors import PlanError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+# A vertex may lie this far [m] on the wrong side of its neighbours' line and the polygon
+# still counts as convex: coordinates come from degrees rounded to 1e-7, about a centimetre.
+CONVEXITY_TOLERANCE_M = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetSet:
+    """One Omega_j.
+
+    `vertices`: ((north, east), ...) in metres, three or more, convex, either orientation.
+    `speed_min_mps` < `speed_max_mps`: the window of surge over ground.
+    Raises `PlanError` when the polygon is not convex or the window is empty.
+    """
+
+    vertices: tuple[tuple[float, float], ...]
+    speed_min_mps: float
+    speed_max_mps: float
+
+    def __post_init__(self) -> None:
+        values = np.asarray([self.speed_min_mps, self.speed_max_mps, *np.ravel(self.vertices)])
+        if len(self.vertices) < 3 or not np.all(np.isfinite(values)):
+            raise PlanError("A target set needs three or more finite vertices and finite speeds.")
+        if not self.speed_min_mps < self.speed_max_mps:
+            raise PlanError(
+                f"The speed window {self.speed_min_mps}:{self.speed_max_mps} m/s is empty; "
+                "give the lower speed first."
+            )
+        outside = self._sides[:, :2] @ np.asarray(self.vertices).T - self._sides[:, 3:]
+        if np.max(outside) > CONVEXITY_TOLERANCE_M:
+            raise PlanError("A target set must be a convex polygon without repeated vertices.")
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """The footprint, x north and y east."""
+        return shapely.Polygon(self.vertices)
+
+    @cached_property
+    def centre(self) -> tuple[float, float]:
+        """Centroid of the footprint (north, east) [m]."""
+        point = self.polygon.centroid
+        return point.x, point.y
+
+    @cached_property
+    def _sides(self) -> NDArray[np.float64]:
+        """Half-spaces of the footprint alone: (n, 4) rows (a_x, a_y, 0, b)."""
+        points = np.asarray(self.vertices, dtype=float)
+        area = shapely.Polygon(points).exterior.is_ccw
+        points = points if area else points[::-1]
+        edge = np.roll(points, -1, axis=0) - points
+        length = np.hypot(edge[:, 0], edge[:, 1])
+        if np.any(length == 0):
+            raise PlanError("A target set must be a convex polygon without repeated vertices.")
+        normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, None]
+        offset = np.sum(normal * points, axis=1)
+        return np.column_stack([normal, np.zeros(len(points)), offset])
+
+    @cached_property
+    def halfspaces(self) -> NDArray[np.float64]:
+        """Rows (a_x, a_y, a_u, b) of the set in (x, y, u); the last two are the window."""
+        window = [[0.0, 0.0, -1.0, -self.speed_min_mps], [0.0, 0.0, 1.0, self.speed_max_mps]]
+        return np.vstack([self._sides, window])
+
+    def contains(self, state: Sequence[float]) -> bool:
+        """Tell whether a state (x, y, psi, u, v, r) lies in the set (closed)."""
+        return self.covers(state[0], state[1]) and self.allows(state[3])
+
+    def covers(self, north_m: float, east_m: float) -> bool:
+        """Tell whether a position lies in the footprint (closed)."""
+        return all(a * north_m + b * east_m <= c for a, b, _, c in self._side_rows)
+
+    def allows(self, surge_mps: float) -> bool:
+        """Tell whether a surge lies in the speed window (closed)."""
+        return self.speed_min_mps <= surge_mps <= self.speed_max_mps
+
+    @cached_property
+    def _side_rows(self) -> list[list[float]]:
+        return self._sides.tolist()
+
+    def distance(self, state: Sequence[float]) -> float:
+        """d(z, Omega): Euclidean distance in (x, y, u), metres beside metres per second.
+
+        A generalised distance in the sense of Definition 2: convex, continuous, zero
+        exactly inside.
+        """
+        return math.hypot(self.footprint_distance(state[0], state[1]), self.speed_excess(state[3]))
+
+    def footprint_distance(self, north_m: float, east_m: float) -> float:
+        """Distance [m] of a position from the footprint, zero inside."""
+        if self.covers(north_m, east_m):
+            return 0.0
+        points = np.asarray(self.vertices)
+        edge = np.roll(points, -1, axis=0) - points
+        to_point = np.array([north_m, east_m]) - points
+        along = np.sum(to_point * edge, axis=1) / np.sum(edge * edge, axis=1)
+        gap = to_point - np.clip(along, 0.0, 1.0)[:, None] * edge
+        return float(np.min(np.hypot(gap[:, 0], gap[:, 1])))
+
+    def speed_excess(self, surge_mps: float) -> float:
+        """How far [m/s] a surge lies outside the window, zero inside."""
+        return max(self.speed_min_mps - surge_mps, surge_mps - self.speed_max_mps, 0.0)
+
+    def is_near(self, state: Sequence[float], epsilon: float) -> bool:
+        """Tell whether the state lies in the fattened set (Omega)^epsilon, Definition 8."""
+        return self.distance(state) <= epsilon
+
+    def shrunk(self, margin_m: float, speed_margin_mps: float) -> TargetSet:
+        """Return the set moved inwards by a margin on every side.
+
+        A margin that would leave nothing is cut to a quarter of the window, or to half of
+        area over perimeter, which no convex polygon's inscribed radius falls below.
+        """
+        polygon = self.polygon
+        inset = min(margin_m, 0.5 * polygon.area / polygon.length)
+        slack = min(speed_margin_mps, 0.25 * (self.speed_max_mps - self.speed_min_mps))
+        inner = polygon.buffer(-inset, join_style="mitre") if inset > 0 else polygon
+        return TargetSet(
+            vertices=ring_vertices(inner),
+            speed_min_mps=self.speed_min_mps + slack,
+            speed_max_mps=self.speed_max_mps - slack,
+        )
+
+
+def ring_vertices(polygon: shapely.Polygon) -> tuple[tuple[float, float], ...]:
+    """Return the outer ring's vertices, each once."""
+    return tuple((x, y) for x, y, *_ in polygon.exterior.coords[:-1])
+
+
+def rectangle(
+    north: tuple[float, float], east: tuple[float, float], speed: tuple[float, float]
+) -> TargetSet:
+    """Return the axis-parallel box of section 6.3: [l_x, u_x] x [l_y, u_y] x [l_u, u_u]."""
+    (n0, n1), (e0, e1) = north, east
+    return TargetSet(
+        vertices=((n0, e0), (n1, e0), (n1, e1), (n0, e1)),
+        speed_min_mps=speed[0],
+        speed_max_mps=speed[1],
+    )
+
+
+def hull_of(points: ArrayLike) -> shapely.Polygon:
+    """Return the convex hull of (n, 2) points; `PlanError` when it has no area."""
+    hull = shapely.MultiPoint(np.asarray(points, dtype=float)).convex_hull
+    if not isinstance(hull, shapely.Polygon):
+        raise PlanError("All the points lie on one line: their convex hull has no area.")
+    return hull

@@ -1,0 +1,146 @@
+"""The survey: what is to be visited, by which boat, and the records of what was found.
+
+`Survey` is the plan that every other part reads; `TrackPoint`, `Sample` and `Event` are
+what a mission writes. All are plain frozen records in the survey's local frame; the survey
+file turns positions into WGS 84.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Literal
+
+import shapely
+
+from grebe.errors import InputError
+from grebe.frames import LocalFrame
+from grebe.quantities import QUANTITY_KEYS
+from grebe.sets import TargetSet
+from grebe.vessel import Vessel
+
+TargetKind = Literal["cell", "transit"]
+
+
+class Flag:
+    """QARTOD flags, the numbers that stand beside every value."""
+
+    GOOD = 1
+    NOT_EVALUATED = 2
+    SUSPECT = 3
+    FAIL = 4
+    MISSING = 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """One set of the ordered sequence Omega_1 ... Omega_K; `seq` counts from 1."""
+
+    seq: int
+    kind: TargetKind
+    set: TargetSet
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """Where a boat starts: position [m] in the local frame and heading [rad]."""
+
+    north_m: float
+    east_m: float
+    heading_rad: float = 0.0
+
+    def at_rest(self) -> tuple[float, float, float, float, float, float]:
+        """Return the state z of a boat that lies still in this pose."""
+        return self.north_m, self.east_m, self.heading_rad, 0.0, 0.0, 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """A region of water and the targets in it, in the order in which they are visited.
+
+    `water` is a local polygon (x north, y east). A survey that was imported from a track
+    has no targets, no vessel and no start. Raises `InputError` when targets are not
+    numbered 1 to K.
+    """
+
+    name: str
+    frame: LocalFrame
+    water: shapely.Polygon
+    no_go: tuple[shapely.Polygon, ...] = ()
+    targets: tuple[Target, ...] = ()
+    vessel: Vessel | None = None
+    start: Pose | None = None
+    settings: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
+
+    def __post_init__(self) -> None:
+        if [target.seq for target in self.targets] != list(range(1, len(self.targets) + 1)):
+            raise InputError("The survey's targets are not numbered 1 to K in their order.")
+        if self.water.is_empty or not self.water.is_valid:
+            raise InputError("The survey's water is not a valid polygon.")
+
+    @property
+    def sets(self) -> list[TargetSet]:
+        """The target sets Omega_1 ... Omega_K."""
+        return [target.set for target in self.targets]
+
+    @property
+    def coverage(self) -> float:
+        """Share of the water that the cells cover, 0 to 1."""
+        cells = [target.set.polygon for target in self.targets if target.kind == "cell"]
+        return float(shapely.union_all(cells).intersection(self.water).area / self.water.area)
+
+    @property
+    def route_length_m(self) -> float:
+        """Length of the way from the start through the centres of the targets."""
+        points = [target.set.centre for target in self.targets]
+        if self.start is not None:
+            points.insert(0, (self.start.north_m, self.start.east_m))
+        return float(shapely.LineString(points).length) if len(points) > 1 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackPoint:
+    """The boat at the start of a control step, and what it was told to do from there on."""
+
+    time: datetime
+    state: tuple[float, float, float, float, float, float]
+    thrusts: tuple[float, float]
+    target_seq: int | None = None
+    split_stage: int | None = None
+    solve_ms: float | None = None
+    status: str = ""
+    current_north_mps: float | None = None
+    current_east_mps: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """One reading of the sonde with the place where it was taken.
+
+    `speed_mps` is the surge over ground, the u of the speed window; `values` and `flags`
+    are keyed by `grebe.quantities`, a value that is missing is None and flagged 9.
+    """
+
+    time: datetime
+    north_m: float
+    east_m: float
+    target_seq: int | None
+    speed_mps: float | None
+    values: Mapping[str, float | None]
+    flags: Mapping[str, int]
+
+    def __post_init__(self) -> None:
+        unknown = (set(self.values) | set(self.flags)) - set(QUANTITY_KEYS)
+        if unknown:
+            raise InputError(f"A sample has unknown quantities: {', '.join(sorted(unknown))}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that an operator or a reader of the data should know."""
+
+    time: datetime
+    level: Literal["info", "warning", "error"]
+    code: str
+    message: str
