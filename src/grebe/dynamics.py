@@ -120,3 +120,19 @@ def coriolis_power_w(vessel: Vessel, surge: float, sway: float, yaw_rate: float)
     into_sway = -vessel.m11_kg * surge * yaw_rate * sway
     into_yaw = vessel.yaw_coupling_kg * surge * sway * yaw_rate
     return into_surge + into_sway + into_yaw
+
+
+def drive_power_w(
+    vessel: Vessel, thrusts: Sequence[float], surge_through_water_mps: float
+) -> float:
+    """Electrical power of both thrusters by momentum theory [W].
+
+    An ideal propeller of disc area A that makes thrust F while water reaches it at speed V
+    spends F (V + sqrt(V^2 + 2 F / (rho A))) / 2; the drive's efficiency divides it.
+    """
+    area = math.pi / 4 * vessel.propeller_diameter_m**2
+    speed = max(0.0, surge_through_water_mps)
+    ideal = 0.0
+    for thrust in map(abs, thrusts):
+        ideal += 0.5 * thrust * (speed + math.sqrt(speed**2 + 2 * thrust / (1000.0 * area)))
+    return ideal / vessel.drive_efficiency

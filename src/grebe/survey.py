@@ -21,6 +21,7 @@ from grebe.sets import TargetSet
 from grebe.vessel import Vessel
 
 TargetKind = Literal["cell", "transit"]
+EventLevel = Literal["info", "warning", "error"]
 
 
 class Flag:
@@ -141,6 +142,6 @@ class Event:
     """Something that an operator or a reader of the data should know."""
 
     time: datetime
-    level: Literal["info", "warning", "error"]
+    level: EventLevel
     code: str
     message: str

@@ -14,6 +14,9 @@ from typing import Literal
 from grebe.errors import VesselError
 
 
+_DRIVE = ("propeller_diameter_m", "drive_efficiency")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Vessel:
     """A boat with differential thrust; symbols and signs as in Eq. (9).
@@ -21,6 +24,8 @@ class Vessel:
     Masses include the added mass. Drag coefficients are zero or negative: `x_u`, `y_v`
     [N s/m], `n_r` [N m s], `x_uu`, `y_vv` [N s^2/m^2], `n_rr` [N m s^2]. `arm_m` is b, half
     the distance between the thrusters. Thrust limits hold for each thruster.
+    Propeller diameter and drive efficiency only serve the energy estimate; their defaults are
+    assumptions, no source gives them.
     `yaw_coupling` chooses the sign in the last row of Eq. (9): "fossen" is (m11 - m22) u v,
     which does no work; "printed" is the paper's (m22 - m11) u v (see docs/theory.md).
 
@@ -41,6 +46,8 @@ class Vessel:
     thrust_max_n: float
     thrust_min_n: float
     thruster_lag_s: float = 0.0
+    propeller_diameter_m: float = 0.12
+    drive_efficiency: float = 0.5
     yaw_coupling: Literal["fossen", "printed"] = "fossen"
     source: str = ""
 
@@ -49,7 +56,7 @@ class Vessel:
             value = getattr(self, field.name)
             if isinstance(value, float | int) and not math.isfinite(value):
                 raise VesselError(f"Vessel {self.name!r}: {field.name} is {value}, not a number.")
-        for name in ("m11_kg", "m22_kg", "m33_kgm2", "arm_m", "thrust_max_n"):
+        for name in ("m11_kg", "m22_kg", "m33_kgm2", "arm_m", "thrust_max_n", *_DRIVE):
             if getattr(self, name) <= 0:
                 raise VesselError(
                     f"Vessel {self.name!r}: {name} is {getattr(self, name)}; it must be positive."

@@ -1,0 +1,1 @@
+"""Boats behind one page, `base.BoatLink`: simulated here, real ones beside it."""

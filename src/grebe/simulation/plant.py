@@ -1,0 +1,56 @@
+"""The simulated boat: Eq. (9) at a finer step than the controller, in the true weather."""
+
+from __future__ import annotations
+
+import math
+
+from grebe.dynamics import CALM, Weather, rates, rk4
+from grebe.vessel import Vessel
+
+PLANT_STEP_S = 0.05
+
+
+class Plant:
+    """A boat on the water; thrusts hold until the next command.
+
+    Thrusts are clipped to the vessel's limits and, where the vessel has a thruster lag,
+    follow the command with that time constant.
+    """
+
+    def __init__(
+        self,
+        vessel: Vessel,
+        state: tuple[float, float, float, float, float, float],
+        weather: Weather = CALM,
+    ) -> None:
+        self.vessel = vessel
+        self.state: list[float] = list(state)
+        self.weather = weather
+        self.time_s = 0.0
+        self.thrusts = (0.0, 0.0)
+        self._commanded = (0.0, 0.0)
+
+    def command(self, thrusts: tuple[float, float]) -> None:
+        """Set the thrusts (F_1, F_2) [N]; beyond the limits they are clipped."""
+        low, high = self.vessel.thrust_min_n, self.vessel.thrust_max_n
+        port, starboard = (min(max(thrust, low), high) for thrust in thrusts)
+        self._commanded = (port, starboard)
+
+    def advance(self, duration_s: float) -> None:
+        """Let time pass, in equal steps of at most `PLANT_STEP_S`."""
+        steps = max(1, math.ceil(duration_s / PLANT_STEP_S - 1e-9))
+        step = duration_s / steps
+        weather = self.weather.as_tuple()
+        for _ in range(steps):
+            self.thrusts = self._lagged(step)
+            self.state = rk4(
+                lambda z: rates(self.vessel, z, self.thrusts, weather), self.state, step, 1
+            )
+        self.time_s += duration_s
+
+    def _lagged(self, step_s: float) -> tuple[float, float]:
+        if self.vessel.thruster_lag_s == 0:
+            return self._commanded
+        share = 1.0 - math.exp(-step_s / self.vessel.thruster_lag_s)
+        (port, starboard), (to_port, to_starboard) = self.thrusts, self._commanded
+        return port + share * (to_port - port), starboard + share * (to_starboard - starboard)

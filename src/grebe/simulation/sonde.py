@@ -1,0 +1,23 @@
+"""The simulated sonde: what it says of the true water, with noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from grebe.simulation.water import Water
+
+
+class Sonde:
+    """Reads the true water with the noise that `Water` names; the seed makes it repeatable."""
+
+    def __init__(self, water: Water, seed: int) -> None:
+        self._water = water
+        self._rng = np.random.default_rng(seed)
+
+    def read(self, north_m: float, east_m: float) -> dict[str, float]:
+        """Return a reading of every quantity that the water has."""
+        place = np.array([[north_m, east_m]])
+        return {
+            key: float(self._water.value(key, place)[0] + self._rng.normal(0.0, noise))
+            for key, noise in self._water.noise_sd.items()
+        }

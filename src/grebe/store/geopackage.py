@@ -1,0 +1,98 @@
+"""The part of the GeoPackage standard that Grebe writes: its tables and its geometry blobs.
+
+Plain SQLite and nothing else, so that a mission depends on no GIS library. The layers carry
+no spatial index: its triggers call functions that plain SQLite lacks, and a layer that is
+appended to live would lose its writer. The application id is that of GeoPackage 1.1, whose
+`user_version` is free to number our own schema.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+APPLICATION_ID = 0x47503131  # "GP11"
+WGS84_SRS_ID = 4326
+
+_WGS84_WKT = (
+    'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,'
+    'AUTHORITY["EPSG","7030"]],AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0,'
+    'AUTHORITY["EPSG","8901"]],UNIT["degree",0.0174532925199433,AUTHORITY["EPSG","9122"]],'
+    'AUTHORITY["EPSG","4326"]]'
+)
+
+_CORE_TABLES = """
+CREATE TABLE gpkg_spatial_ref_sys (
+  srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY,
+  organization TEXT NOT NULL, organization_coordsys_id INTEGER NOT NULL,
+  definition TEXT NOT NULL, description TEXT);
+CREATE TABLE gpkg_contents (
+  table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE,
+  description TEXT DEFAULT '',
+  last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
+  min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
+  CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id));
+CREATE TABLE gpkg_geometry_columns (
+  table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL,
+  srs_id INTEGER NOT NULL, z TINYINT NOT NULL, m TINYINT NOT NULL,
+  CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name),
+  CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name),
+  CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
+"""
+
+
+def create_core(connection: sqlite3.Connection, schema_version: int) -> None:
+    """Write the standard's own tables into an empty database."""
+    connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+    connection.execute(f"PRAGMA user_version = {schema_version}")
+    connection.executescript(_CORE_TABLES)
+    connection.executemany(
+        "INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)",
+        [
+            ("WGS 84 geodetic", WGS84_SRS_ID, "EPSG", 4326, _WGS84_WKT, "longitude, latitude"),
+            ("Undefined cartesian SRS", -1, "NONE", -1, "undefined", None),
+            ("Undefined geographic SRS", 0, "NONE", 0, "undefined", None),
+        ],
+    )
+
+
+def create_layer(
+    connection: sqlite3.Connection,
+    table: str,
+    columns: str,
+    *,
+    geometry: str | None,
+    bounds: tuple[float, float, float, float] | None = None,
+) -> None:
+    """Create a feature layer (`geometry` names its type) or an attribute table (None)."""
+    geom = f"geom {geometry}, " if geometry else ""
+    connection.execute(f"CREATE TABLE {table} (fid INTEGER PRIMARY KEY, {geom}{columns})")
+    kind = "features" if geometry else "attributes"
+    srs = WGS84_SRS_ID if geometry else None
+    connection.execute(
+        "INSERT INTO gpkg_contents (table_name, data_type, identifier, min_x, min_y, max_x, "
+        "max_y, srs_id) VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+        (table, kind, table, *(bounds or (None,) * 4), srs),
+    )
+    if geometry:
+        connection.execute(
+            "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 0, 0)",
+            (table, geometry, WGS84_SRS_ID),
+        )
+
+
+def to_blob(geometry: BaseGeometry) -> bytes:
+    """Encode a WGS 84 geometry as a GeoPackage blob (header without an envelope, then WKB)."""
+    header = struct.pack("<2sBBi", b"GP", 0, 0b1, WGS84_SRS_ID)
+    return header + shapely.to_wkb(geometry, byte_order=1)
+
+
+def from_blob(blob: bytes) -> BaseGeometry:
+    """Decode a GeoPackage blob; envelopes that another program added are skipped."""
+    if len(blob) < 8 or blob[:2] != b"GP":
+        raise ValueError("not a GeoPackage geometry")
+    envelope_doubles = (0, 4, 6, 6, 8)[(blob[3] >> 1) & 0b111]
+    return shapely.from_wkb(blob[8 + 8 * envelope_doubles :])
