@@ -33,10 +33,12 @@ class Outline:
     notes: tuple[str, ...] = ()
 
 
-def read_outline(path: Path, columns: TrackColumns | None = None) -> Outline:
+def read_outline(
+    path: Path, columns: TrackColumns | None = None, header_from: Path | None = None
+) -> Outline:
     """Read a region from GeoJSON or, for a .csv, from the hull of a track (section 6.2)."""
     if path.suffix.lower() == ".csv":
-        track = read_track(path, columns)
+        track = read_track(path, columns, header_from)
         return Outline(geometry=hull_of(track.lonlat), name=path.stem, notes=track.notes)
     if path.suffix.lower() in (".geojson", ".json"):
         return _read_geojson(path)

@@ -1,0 +1,86 @@
+"""The command line: `grebe` and its commands, each loaded only when it is called."""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import sys
+from types import FrameType
+
+import click
+
+from grebe.cli import output
+from grebe.errors import GrebeError, StoppedError
+
+COMMANDS = {
+    "demo": "region, plan, simulated mission, maps and report in under a minute",
+    "plan": "mesh a region into target sets and put them in order",
+    "run": "steer a boat through every target set of a survey",
+    "map": "draw the maps of what was measured",
+    "report": "write one self-contained HTML page about a survey",
+    "import": "turn a hand-driven track into a survey file",
+    "show": "say what a survey file holds",
+}
+
+WELCOME = """\
+Grebe surveys a lake with an unmanned boat and comes back with maps of its water.
+  grebe demo                          see all of it, in under a minute
+  grebe plan LAKE.geojson -o S.gpkg   plan a survey of a region (or of a track's hull)
+  grebe run S.gpkg                    steer the boat through every target set
+  grebe map S.gpkg --out maps         draw the maps; grebe report S.gpkg writes a page
+  grebe --help                        all commands and what they take"""
+
+
+class LazyGroup(click.Group):
+    """A group that imports a command's module only when that command is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the commands in the order of the work."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"grebe.cli.{cmd_name}_command")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, invoke_without_command=True)
+@click.version_option(package_name="grebe")
+@click.pass_context
+def grebe(ctx: click.Context) -> None:
+    """Survey a lake with an unmanned boat and map its water."""
+    if ctx.invoked_subcommand is None:
+        click.echo(WELCOME)
+
+
+def main() -> None:
+    """Run the command line and leave with the design's exit codes."""
+    signal.signal(signal.SIGTERM, _stop)
+    try:
+        grebe.main(standalone_mode=False)
+    except GrebeError as error:
+        output.fail(str(error))
+        sys.exit(error.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except (KeyboardInterrupt, click.Abort):
+        output.fail("interrupted; what was recorded is kept.")
+        sys.exit(130)
+    except click.exceptions.Exit as leaving:
+        sys.exit(leaving.exit_code)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+
+
+def _stop(signum: int, frame: FrameType | None) -> None:
+    raise StoppedError("stopped by the operator; what was recorded is kept.")

@@ -1,0 +1,70 @@
+"""Option types that several commands share."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+EXISTING = click.Path(path_type=Path)
+OUTPUT = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+class Pair(click.ParamType):
+    """Two numbers with a separator: LON,LAT or LO:HI."""
+
+    def __init__(self, first: str, second: str, separator: str = ",") -> None:
+        self.name = f"{first}{separator}{second}"
+        self._separator = separator
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Return what the help shows."""
+        return self.name
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
+        """Parse; anything but two finite numbers is a usage error."""
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).split(self._separator)
+        try:
+            first, second = (float(part) for part in parts)
+        except ValueError:
+            self.fail(f"{value!r} is not of the form {self.name}.", param, ctx)
+        if not (math.isfinite(first) and math.isfinite(second)):
+            self.fail(f"{value!r} holds something that is not a finite number.", param, ctx)
+        return first, second
+
+
+LON_LAT = Pair("LON", "LAT")
+NORTH_EAST = Pair("NORTH", "EAST")
+SPEED_WINDOW = Pair("LO", "HI", ":")
+
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print the result as one JSON object."
+)
+force_option = click.option("--force", is_flag=True, help="Replace what is there already.")
+
+
+def column_options(command: Any) -> Any:
+    """Add the options that name a track's columns."""
+    for name, what in (
+        ("turbidity", "turbidity [NTU]"),
+        ("conductivity", "conductivity [uS/cm]"),
+        ("ph", "pH"),
+        ("oxygen", "dissolved oxygen [mg/L]"),
+        ("temperature", "temperature [degC]"),
+        ("time", "time (unix seconds or ISO 8601)"),
+        ("lon", "longitude [deg]"),
+        ("lat", "latitude [deg]"),
+    ):
+        command = click.option(f"--{name}-column", help=f"Column of a CSV track: {what}.")(command)
+    return click.option(
+        "--header-from",
+        type=EXISTING,
+        help="Take the columns' names from the first row of this file.",
+    )(command)

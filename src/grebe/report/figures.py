@@ -1,0 +1,224 @@
+"""Pictures: of a plan, of a mission, of a map. East to the right, north up.
+
+Colours: cividis for a mean, magma reversed for a standard deviation, Okabe-Ito for lines;
+all can be read by the colour-blind.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from grebe.errors import InputError
+from grebe.mapping.maps import QuantityMap
+from grebe.store import SampleTable, TrackTable
+from grebe.survey import Survey
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION = (
+    "#000000",
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#0072B2",
+    "#D55E00",
+)
+GREY = "#8c8c8c"
+STYLE: dict[str, Any] = {
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 11,
+    "axes.titleweight": "semibold",
+    "axes.titlelocation": "left",
+    "figure.constrained_layout.use": True,
+    "svg.hashsalt": "grebe",
+}
+DPI = 130
+
+
+def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw within Grebe's style and leave matplotlib's settings as they were."""
+
+    def wrapped(*args: Any, **options: Any) -> Figure:
+        with mpl.rc_context(STYLE):
+            return draw(*args, **options)
+
+    wrapped.__doc__ = draw.__doc__
+    return wrapped
+
+
+@_styled
+def plan_figure(survey: Survey) -> Figure:
+    """The water, the cells coloured by their order, the way through them and the start."""
+    figure = Figure(figsize=_size(survey))
+    axes = figure.subplots()
+    _draw_water(axes, survey)
+    corners = [np.asarray(t.set.vertices)[:, ::-1] for t in survey.targets]
+    cells = PolyCollection(corners, cmap="cividis", edgecolors="white", linewidths=0.5, alpha=0.85)
+    cells.set_array(np.arange(1, len(corners) + 1))
+    axes.add_collection(cells)
+    centres = np.array([t.set.centre for t in survey.targets])
+    axes.plot(centres[:, 1], centres[:, 0], color=VERMILLION, lw=1.0, label="order of the cells")
+    _draw_start(axes, survey)
+    figure.colorbar(cells, ax=axes, label="order of visit", shrink=0.8)
+    axes.set_title(f"{survey.name}: {len(survey.targets)} target sets")
+    _finish_map(axes, survey)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    return figure
+
+
+@_styled
+def track_figure(survey: Survey, track: TrackTable, samples: SampleTable) -> Figure:
+    """The boat's track over the cells, and where samples were taken."""
+    figure = Figure(figsize=_size(survey))
+    axes = figure.subplots()
+    _draw_water(axes, survey)
+    corners = [np.asarray(t.set.vertices)[:, ::-1] for t in survey.targets]
+    axes.add_collection(PolyCollection(corners, facecolors="none", edgecolors=GREY, linewidths=0.5))
+    if len(track):
+        axes.plot(track.states[:, 1], track.states[:, 0], color=BLUE, lw=1.1, label="track")
+    axes.plot(
+        samples.positions[:, 1],
+        samples.positions[:, 0],
+        ".",
+        ms=3.5,
+        color=VERMILLION,
+        label="samples",
+    )
+    _draw_start(axes, survey)
+    axes.set_title(f"{survey.name}: track and samples")
+    _finish_map(axes, survey)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    return figure
+
+
+@_styled
+def series_figure(survey: Survey, track: TrackTable) -> Figure:
+    """Speed and thrusts over time, the speed window shaded (the paper's Figs. 8 and 9)."""
+    figure = Figure(figsize=(9.0, 4.6))
+    speed, thrust = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    low = min(t.set.speed_min_mps for t in survey.targets)
+    high = max(t.set.speed_max_mps for t in survey.targets)
+    speed.axhspan(low, high, color=SKY, alpha=0.3, lw=0, label=f"window {low:g} to {high:g} m/s")
+    speed.plot(track.seconds, track.states[:, 3], color=BLUE, lw=0.9, label="surge")
+    speed.set_ylabel("surge [m/s]")
+    speed.set_title("Speed and thrusts")
+    speed.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
+    for column, name, colour in ((0, "port", ORANGE), (1, "starboard", GREEN)):
+        thrust.step(
+            track.seconds, track.thrusts[:, column], where="post", lw=0.8, color=colour, label=name
+        )
+    if survey.vessel is not None:
+        for limit in (survey.vessel.thrust_min_n, survey.vessel.thrust_max_n):
+            thrust.axhline(limit, color=GREY, lw=0.8, ls="--")
+    thrust.set_ylabel("thrust [N]")
+    thrust.set_xlabel("time [s]")
+    thrust.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
+    return figure
+
+
+@_styled
+def map_figure(survey: Survey, one: QuantityMap, samples: SampleTable) -> Figure:
+    """Mean and standard deviation side by side, the samples on the second."""
+    width, height = _size(survey)
+    tall = height > 1.2 * width
+    figure = Figure(figsize=(1.75 * width, height) if tall else (width * 1.7, height))
+    left, right = figure.subplots(1, 2)
+    unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
+    _draw_field(figure, left, one, one.mean, "cividis", f"{one.quantity.label}{unit}")
+    _draw_field(figure, right, one, one.sd, "magma_r", f"Standard deviation{unit}")
+    points = samples.positions
+    right.plot(points[:, 1], points[:, 0], ".", ms=1.5, color=SKY, alpha=0.7)
+    for axes in (left, right):
+        _draw_shore(axes, survey)
+        _finish_map(axes, survey)
+    right.set_ylabel("")
+    return figure
+
+
+def _draw_field(
+    figure: Figure, axes: Axes, one: QuantityMap, values: NDArray, colours: str, title: str
+) -> None:
+    mesh = axes.pcolormesh(
+        one.grid.east, one.grid.north, values, cmap=colours, shading="nearest", rasterized=True
+    )
+    figure.colorbar(mesh, ax=axes, shrink=0.8)
+    axes.set_title(title)
+
+
+def _draw_water(axes: Axes, survey: Survey) -> None:
+    ring = np.asarray(survey.water.exterior.coords)
+    axes.fill(ring[:, 1], ring[:, 0], color=SKY, alpha=0.25, lw=0)
+    for island in survey.water.interiors:
+        hole = np.asarray(island.coords)
+        axes.fill(hole[:, 1], hole[:, 0], color="white", lw=0)
+    _draw_shore(axes, survey)
+
+
+def _draw_shore(axes: Axes, survey: Survey) -> None:
+    for ring in (survey.water.exterior, *survey.water.interiors):
+        points = np.asarray(ring.coords)
+        axes.plot(points[:, 1], points[:, 0], color=BLACK, lw=0.9)
+
+
+def _draw_start(axes: Axes, survey: Survey) -> None:
+    if survey.start is None:
+        return
+    axes.plot(
+        survey.start.east_m,
+        survey.start.north_m,
+        marker="^",
+        ms=9,
+        color=BLACK,
+        ls="",
+        label="start",
+        zorder=5,
+    )
+
+
+def _finish_map(axes: Axes, survey: Survey) -> None:
+    axes.set_aspect("equal")
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
+    north0, east0, north1, east1 = survey.water.bounds
+    pad = 0.04 * max(north1 - north0, east1 - east0)
+    if survey.start is not None:
+        north0, north1 = min(north0, survey.start.north_m), max(north1, survey.start.north_m)
+        east0, east1 = min(east0, survey.start.east_m), max(east1, survey.start.east_m)
+    axes.set_xlim(east0 - pad, east1 + pad)
+    axes.set_ylim(north0 - pad, north1 + pad)
+
+
+def _size(survey: Survey) -> tuple[float, float]:
+    """A figure's size for a map of this region, between wide and tall."""
+    north0, east0, north1, east1 = survey.water.bounds
+    ratio = float(np.clip((north1 - north0) / (east1 - east0), 0.4, 1.6))
+    width = 6.4 if ratio <= 1 else 5.6
+    return width, width * ratio * 0.82 + 1.1
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """Render a figure as PNG."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI)
+    return buffer.getvalue()
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Save a figure in the format that the path's ending names."""
+    try:
+        figure.savefig(path, dpi=DPI)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error}.") from None
+    return path
