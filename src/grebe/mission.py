@@ -22,7 +22,7 @@ from grebe.dynamics import drive_power_w
 from grebe.link.base import BoatLink, Observation
 from grebe.quantities import QUANTITIES
 from grebe.store import SurveyFile
-from grebe.survey import Event, EventLevel, Flag, Sample, Target, TrackPoint
+from grebe.survey import Event, EventLevel, Sample, Target, TrackPoint, gross_range_flag
 
 SAMPLE_PERIOD_S = 1.0
 # A target that is not reached within this time, or ten times the straight way at the lowest
@@ -152,7 +152,7 @@ class Mission:
         if not reading:
             return
         north, east, _, surge, _, _ = observation.state
-        flags = {q.key: _gross_range_flag(reading.get(q.key), q.span) for q in QUANTITIES}
+        flags = {q.key: gross_range_flag(reading.get(q.key), q.span) for q in QUANTITIES}
         self._file.append_samples(
             [
                 Sample(
@@ -260,9 +260,3 @@ class _Statistics:
             step_ms_p95=round(float(np.percentile(step_ms, 95)), 3),
             samples=samples,
         )
-
-
-def _gross_range_flag(value: float | None, span: tuple[float, float]) -> int:
-    if value is None or not math.isfinite(value):
-        return Flag.MISSING
-    return Flag.GOOD if span[0] <= value <= span[1] else Flag.FAIL

@@ -7,6 +7,7 @@ file turns positions into WGS 84.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -145,3 +146,10 @@ class Event:
     level: EventLevel
     code: str
     message: str
+
+
+def gross_range_flag(value: float | None, span: tuple[float, float]) -> int:
+    """Flag a value by QARTOD's gross range test: good, failed, or missing."""
+    if value is None or not math.isfinite(value):
+        return Flag.MISSING
+    return Flag.GOOD if span[0] <= value <= span[1] else Flag.FAIL

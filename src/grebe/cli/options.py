@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from grebe.readers.track import TrackColumns
+
 EXISTING = click.Path(path_type=Path)
 OUTPUT = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -68,3 +70,16 @@ def column_options(command: Any) -> Any:
         type=EXISTING,
         help="Take the columns' names from the first row of this file.",
     )(command)
+
+def track_columns(given: dict[str, str | None]) -> TrackColumns:
+    """Turn the --...-column options into the reader's record."""
+    return TrackColumns(
+        time=given["time_column"],
+        lat=given["lat_column"],
+        lon=given["lon_column"],
+        temperature_degc=given["temperature_column"],
+        dissolved_oxygen_mgl=given["oxygen_column"],
+        ph=given["ph_column"],
+        conductivity_uscm=given["conductivity_column"],
+        turbidity_ntu=given["turbidity_column"],
+    )

@@ -1,0 +1,76 @@
+"""grebe demo: all of it for a small region, with nothing but the package."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+import shapely
+
+from grebe.cli import options, output
+from grebe.cli.files import create_survey_file
+from grebe.cli.map_command import write_maps
+from grebe.control.settings import ControlSettings
+from grebe.errors import IncompleteError
+from grebe.frames import LocalFrame
+from grebe.planning.planner import PlanSettings, plan_survey
+from grebe.planning.region import Region
+from grebe.report import figures
+from grebe.report.page import gather, write_report
+from grebe.simulated_mission import SimulationSettings, simulate
+from grebe.vessel import PRESETS
+
+# About a hectare, the size of the region of the paper's Fig. 7, whose coordinates are not
+# printed: the shape is ours, the place is Lac du Heron.
+HERON = LocalFrame(origin_lon_deg=3.171153, origin_lat_deg=50.636268)
+OUTLINE_M = ((-48, -40), (-52, 10), (-30, 48), (15, 56), (46, 38), (50, -12), (24, -50), (-20, -54))
+NOTE = "Illustrative: the outline is a stand-in and not the paper's region."
+
+
+@click.command(name="demo")
+@click.option(
+    "--out", type=options.FOLDER, default=Path("demo"), show_default=True, help="Where to."
+)
+@options.json_option
+def command(out: Path, as_json: bool) -> None:
+    """Plan, steer, sample, map and report a hectare of Lac du Heron in simulation."""
+    began = time.monotonic()
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "survey.gpkg"
+    region = Region(name="Lac du Héron (illustrative)", frame=HERON, water=shapely.Polygon(OUTLINE_M))
+    survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=5.0))
+    figures.save(figures.plan_figure(survey), out / "plan.png")
+    output.note(f"{NOTE} {len(survey.targets)} target sets of 25 m2; steering through them:")
+    with (
+        create_survey_file(file, survey, force=True, note=NOTE) as survey_file,
+        output.MissionBar(quiet=as_json) as bar,
+    ):
+        report = simulate(
+            survey_file,
+            ControlSettings(),
+            SimulationSettings(),
+            datetime.now(UTC),
+            watch=bar.update,
+        )
+        output.note("mapping what was measured")
+        data = gather(survey_file)
+    write_maps(data, out / "maps")
+    write_report(out / "report.html", data)
+    output.result(
+        {
+            **asdict(report),
+            "wall_s": round(time.monotonic() - began, 1),
+            "survey": str(file),
+            "plan": str(out / "plan.png"),
+            "maps": str(out / "maps"),
+            "report": str(out / "report.html"),
+        },
+        as_json=as_json,
+        next_command=f"open {out / 'report.html'} in a browser; then grebe plan YOUR_LAKE.geojson "
+        "-o survey.gpkg",
+    )
+    if not report.complete:
+        raise IncompleteError(f"{report.targets - report.reached} target sets were not reached.")

@@ -1,0 +1,30 @@
+"""Make survey files with what their meta table must say."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import uuid
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from grebe.store import SurveyFile
+from grebe.store.timestamps import time_text
+from grebe.survey import Survey
+
+
+def create_survey_file(
+    path: Path, survey: Survey, *, force: bool, note: str = ""
+) -> SurveyFile:
+    """Write a survey to a new file, with its identity, origin and configuration."""
+    configuration = json.dumps(dict(survey.settings), sort_keys=True)
+    meta = {
+        "survey_id": str(uuid.uuid4()),
+        "created": time_text(datetime.now(UTC)),
+        "software_version": version("grebe"),
+        "configuration": configuration,
+        "configuration_hash": hashlib.sha256(configuration.encode()).hexdigest(),
+        "note": note,
+    }
+    return SurveyFile.create(path, survey, meta=meta, force=force)

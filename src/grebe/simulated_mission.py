@@ -1,0 +1,108 @@
+"""Run a survey with the simulated boat: water, plant, sonde and controller put together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from grebe.control.controller import Controller
+from grebe.control.settings import ControlSettings
+from grebe.dynamics import CALM, Weather
+from grebe.errors import PlanError, SurveyFileError
+from grebe.link.simulated import SimulatedLink
+from grebe.mission import Mission, MissionReport, Progress
+from grebe.readers.track import read_track
+from grebe.simulation.plant import Plant
+from grebe.simulation.sonde import Sonde
+from grebe.simulation.water import Water, conditioned_water, free_water
+from grebe.store import SurveyFile
+from grebe.survey import Survey
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationSettings:
+    """The true world of a simulation: `weather`, which the controller is not told; `water_from`
+    a survey file or a CSV track whose samples condition the water (None: free fields); `seed`.
+    """
+
+    weather: Weather = CALM
+    water_from: Path | None = None
+    seed: int = 1
+
+
+def simulate(
+    survey_file: SurveyFile,
+    control: ControlSettings,
+    settings: SimulationSettings,
+    started: datetime,
+    *,
+    resume: bool = False,
+    watch: Callable[[Progress], None] | None = None,
+) -> MissionReport:
+    """Run the mission of a survey file with the simulated boat.
+
+    With `resume` the boat starts where the recorded track ends and the reached targets stay
+    reached. Raises `PlanError` for a survey without targets and `SurveyFileError` for one
+    that has been run and is not resumed.
+    """
+    survey = survey_file.survey
+    if survey.vessel is None or survey.start is None or not survey.targets:
+        raise PlanError(f"{survey_file.path} has no targets to steer to; make one with grebe plan.")
+    reached = survey_file.progress().reached
+    track = survey_file.track()
+    if len(track) and not resume:
+        raise SurveyFileError(
+            f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
+            "targets reached); go on with --resume, or begin anew with --force."
+        )
+    start = survey.start.at_rest()
+    if len(track):
+        north, east, heading, surge, sway, yaw_rate = track.states[-1].tolist()
+        start = (north, east, heading, surge, sway, yaw_rate)
+    water = true_water(survey, settings)
+    controller = Controller(survey.vessel, survey.sets, control, reached=reached)
+    link = SimulatedLink(
+        Plant(survey.vessel, start, settings.weather), Sonde(water, settings.seed)
+    )
+    source = settings.water_from.name if settings.water_from else "free fields"
+    survey_file.set_meta("water", f"simulated, {source}, seed {settings.seed}")
+    return Mission(survey_file, controller, link, started, watch).run()
+
+
+def true_water(survey: Survey, settings: SimulationSettings) -> Water:
+    """Draw the true water of a survey's region."""
+    bounds = survey.water.bounds
+    if settings.water_from is None:
+        return free_water(bounds, settings.seed)
+    positions, values = _known_samples(survey, settings.water_from)
+    north0, east0, north1, east1 = bounds
+    near = np.all(
+        (positions >= np.array([north0, east0]) - 1000.0)
+        & (positions <= np.array([north1, east1]) + 1000.0),
+        axis=1,
+    )
+    if near.sum() < 10:
+        raise PlanError(
+            f"{settings.water_from}: {int(near.sum())} of its samples lie within a kilometre of "
+            "the survey's region; the water can only be conditioned on samples of the same lake."
+        )
+    return conditioned_water(
+        bounds, positions[near], {k: v[near] for k, v in values.items()}, settings.seed
+    )
+
+
+def _known_samples(
+    survey: Survey, source: Path
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    if source.suffix.lower() == ".csv":
+        track = read_track(source)
+        return survey.frame.to_local(track.lonlat), dict(track.values)
+    with SurveyFile.open(source) as known:
+        samples = known.samples()
+        lonlat = known.survey.frame.to_wgs84(samples.positions)
+    present = {k: v for k, v in samples.values.items() if np.isfinite(v).any()}
+    return survey.frame.to_local(lonlat), present
