@@ -240,9 +240,7 @@ class _Statistics:
     ) -> None:
         seconds = now.time_s - before.time_s
         self.duration_s += seconds
-        self.path_m += math.hypot(
-            now.state[0] - before.state[0], now.state[1] - before.state[1]
-        )
+        self.path_m += math.hypot(now.state[0] - before.state[0], now.state[1] - before.state[1])
         power = drive_power_w(controller.vessel, command.thrusts, before.state[3])
         self.energy_wh += power * seconds / 3600
 

@@ -65,9 +65,7 @@ def simulate(
         start = (north, east, heading, surge, sway, yaw_rate)
     water = true_water(survey, settings)
     controller = Controller(survey.vessel, survey.sets, control, reached=reached)
-    link = SimulatedLink(
-        Plant(survey.vessel, start, settings.weather), Sonde(water, settings.seed)
-    )
+    link = SimulatedLink(Plant(survey.vessel, start, settings.weather), Sonde(water, settings.seed))
     source = settings.water_from.name if settings.water_from else "free fields"
     survey_file.set_meta("water", f"simulated, {source}, seed {settings.seed}")
     return Mission(survey_file, controller, link, started, watch).run()
@@ -95,9 +93,7 @@ def true_water(survey: Survey, settings: SimulationSettings) -> Water:
     )
 
 
-def _known_samples(
-    survey: Survey, source: Path
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _known_samples(survey: Survey, source: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     if source.suffix.lower() == ".csv":
         track = read_track(source)
         return survey.frame.to_local(track.lonlat), dict(track.values)

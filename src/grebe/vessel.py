@@ -13,7 +13,6 @@ from typing import Literal
 
 from grebe.errors import VesselError
 
-
 _DRIVE = ("propeller_diameter_m", "drive_efficiency")
 
 

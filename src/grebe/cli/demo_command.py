@@ -40,7 +40,9 @@ def command(out: Path, as_json: bool) -> None:
     began = time.monotonic()
     out.mkdir(parents=True, exist_ok=True)
     file = out / "survey.gpkg"
-    region = Region(name="Lac du Héron (illustrative)", frame=HERON, water=shapely.Polygon(OUTLINE_M))
+    region = Region(
+        name="Lac du Héron (illustrative)", frame=HERON, water=shapely.Polygon(OUTLINE_M)
+    )
     survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=5.0))
     figures.save(figures.plan_figure(survey), out / "plan.png")
     output.note(f"{NOTE} {len(survey.targets)} target sets of 25 m2; steering through them:")

@@ -14,9 +14,7 @@ from grebe.store.timestamps import time_text
 from grebe.survey import Survey
 
 
-def create_survey_file(
-    path: Path, survey: Survey, *, force: bool, note: str = ""
-) -> SurveyFile:
+def create_survey_file(path: Path, survey: Survey, *, force: bool, note: str = "") -> SurveyFile:
     """Write a survey to a new file, with its identity, origin and configuration."""
     configuration = json.dumps(dict(survey.settings), sort_keys=True)
     meta = {

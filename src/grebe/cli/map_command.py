@@ -67,7 +67,7 @@ def _pictures(maps: Sequence[QuantityMap], data: ReportData, out: Path) -> list[
 def _attributes(data: ReportData) -> dict[str, str]:
     return {
         "title": f"Surface water of {data.survey.name}",
-        "source": f"Grebe {data.meta.get('software_version', '')}, {data.meta.get('water', 'measured')}",
+        "source": f"Grebe {data.meta['software_version']}, {data.meta.get('water', 'measured')}",
         "history": f"mapped from survey {data.meta.get('survey_id', '')}",
         "comment": data.meta.get("note", ""),
     }

@@ -71,6 +71,7 @@ def column_options(command: Any) -> Any:
         help="Take the columns' names from the first row of this file.",
     )(command)
 
+
 def track_columns(given: dict[str, str | None]) -> TrackColumns:
     """Turn the --...-column options into the reader's record."""
     return TrackColumns(

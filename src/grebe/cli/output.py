@@ -79,7 +79,7 @@ class MissionBar:
 
 
 def _remaining_text(progress: MissionProgress) -> str:
-    if progress.reached == 0 or progress.reached == progress.targets:
+    if progress.reached in {0, progress.targets}:
         return ""
     pace = progress.boat_time_s / progress.reached
     return f", about {pace * (progress.targets - progress.reached):.0f} s of boat time left"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -37,7 +38,7 @@ def command(file: Path, as_json: bool) -> None:
     output.result(values, as_json=as_json, next_command=_next(file, values))
 
 
-def _next(file: Path, values: dict[str, object]) -> str:
+def _next(file: Path, values: Mapping[str, object]) -> str:
     if values["targets"] != values["reached"]:
         resume = " --resume" if values["track_points"] else ""
         return f"grebe run {file}{resume}"

@@ -1,0 +1,1 @@
+"""The controller: rules write a horizon, one parametric problem is solved for it."""

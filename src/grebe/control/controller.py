@@ -142,9 +142,7 @@ class Controller:
             inputs = self._turn_and_go(states[-1])
             thrusts.append(inputs)
             states.append(self._predict(states[-1], inputs, step, weather))
-        return Plan(
-            states=np.array(states), thrusts=np.array(thrusts), durations=np.full(n, step)
-        )
+        return Plan(states=np.array(states), thrusts=np.array(thrusts), durations=np.full(n, step))
 
     def _situation(self, state: NDArray[np.float64]) -> Situation:
         ahead = slice(self.reached, self.reached + LOOK_AHEAD_SETS)
@@ -182,13 +180,9 @@ class Controller:
         plan = self.roll_out(state)
         return self._command(self._braking(state), plan, StepStatus.STOPPING)
 
-    def _command(
-        self, thrusts: tuple[float, float], plan: Plan, status: StepStatus
-    ) -> Command:
+    def _command(self, thrusts: tuple[float, float], plan: Plan, status: StepStatus) -> Command:
         split = self._decision.split if self._decision else 0
-        return Command(
-            thrusts=thrusts, plan=plan, status=status, target=self.reached, split=split
-        )
+        return Command(thrusts=thrusts, plan=plan, status=status, target=self.reached, split=split)
 
     def _braking(self, state: NDArray[np.float64]) -> tuple[float, float]:
         """Thrust that takes the surge away within about a step, without turning."""

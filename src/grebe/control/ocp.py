@@ -253,6 +253,6 @@ class _Builder:
 
 
 def _excess(rows: ca.SX, state: ca.SX) -> ca.SX:
-    """a z - b for each half-space row: positive outside."""
+    """A z - b for each half-space row: positive outside."""
     position_and_surge = ca.vertcat(state[0], state[1], state[3])
     return rows[:, :3] @ position_and_surge - rows[:, 3]

@@ -89,9 +89,7 @@ def single(
     for stage in range(shape.stages):
         horizon.attract(stage, aim, settings.alpha)
     horizon.require(shape.stages, aim, settings.entry_penalty)
-    decision = Decision(
-        target=situation.target, split=shape.stages, nearest=situation.distance
-    )
+    decision = Decision(target=situation.target, split=shape.stages, nearest=situation.distance)
     return horizon, decision
 
 
@@ -118,9 +116,7 @@ def dual(
     return horizon, decision
 
 
-def _lead_on(
-    horizon: Horizon, split: int, rows: NDArray, settings: ControlSettings
-) -> None:
+def _lead_on(horizon: Horizon, split: int, rows: NDArray, settings: ControlSettings) -> None:
     """Second mode: the stages from N_x on belong to Omega_x+."""
     n = horizon.shape.stages
     for stage in range(split, n):

@@ -1,0 +1,1 @@
+"""Maps and plans in the formats of other programs."""

@@ -42,9 +42,7 @@ def _write_grid(dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame) -> None
     ):
         dataset.createDimension(name, len(values))
         variable = dataset.createVariable(name, "f8", (name,))
-        variable.setncatts(
-            {"standard_name": standard_name, "long_name": long_name, "units": "m"}
-        )
+        variable.setncatts({"standard_name": standard_name, "long_name": long_name, "units": "m"})
         variable.axis = name.upper()
         variable[:] = values
     crs = dataset.createVariable("crs", "i4")
@@ -100,7 +98,9 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
 
 
 def _field(dataset: netCDF4.Dataset, name: str, values: np.ndarray) -> netCDF4.Variable:
-    variable = dataset.createVariable(name, "f4", ("y", "x"), zlib=True, fill_value=np.float32(-9999))
+    variable = dataset.createVariable(
+        name, "f4", ("y", "x"), zlib=True, fill_value=np.float32(-9999)
+    )
     variable.setncatts({"grid_mapping": "crs", "coordinates": "lat lon"})
     variable[:] = np.ma.masked_invalid(values)
     return variable

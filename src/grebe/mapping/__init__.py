@@ -1,0 +1,1 @@
+"""From samples to maps with their uncertainty: variogram, kriging, validation."""

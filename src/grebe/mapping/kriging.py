@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import LinAlgError, lu_factor, lu_solve
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from grebe.mapping.covariance import CovarianceModel
@@ -20,9 +20,9 @@ from grebe.mapping.covariance import CovarianceModel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    Array = NDArray[np.floating]
 
-EXACT_LIMIT = 2000
+EXACT_LIMIT = 3000
 NEIGHBOURS = 64
 TARGETS_AT_ONCE = 2000
 # Two samples nearer than this are one place: without a nugget they would make the system
@@ -107,11 +107,12 @@ def _local(
     model: CovarianceModel,
     neighbours: int,
 ) -> Estimate:
-    tree = cKDTree(positions)
+    tree = KDTree(positions)
     mean, variance = np.empty(len(targets)), np.empty(len(targets))
     for start in range(0, len(targets), TARGETS_AT_ONCE):
         part = slice(start, start + TARGETS_AT_ONCE)
-        distance, near = tree.query(targets[part], k=neighbours)
+        distance, index = tree.query(targets[part], k=neighbours)
+        near = np.asarray(index)
         around = positions[near]
         between = np.linalg.norm(around[:, :, None, :] - around[:, None, :, :], axis=-1)
         system = _system(model.covariance(between), noise[near])

@@ -20,7 +20,7 @@ from grebe.survey import Flag
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    Array = NDArray[np.floating]
 
 FEWEST_SAMPLES = 10
 # Nodes inside the lake when no resolution is asked for: fine enough to print.
@@ -134,9 +134,7 @@ def map_all(
             continue
         try:
             maps.append(
-                map_quantity(
-                    quantity, grid, positions, values[quantity.key], flags[quantity.key]
-                )
+                map_quantity(quantity, grid, positions, values[quantity.key], flags[quantity.key])
             )
         except InputError as error:
             left_out.append(str(error).rstrip("."))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from grebe.mapping.covariance import CovarianceModel
 from grebe.mapping.kriging import NEIGHBOURS, krige
@@ -18,7 +18,7 @@ from grebe.mapping.kriging import NEIGHBOURS, krige
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    Array = NDArray[np.floating]
 
 FOLDS = 10
 
@@ -65,5 +65,5 @@ def validate(positions: Array, values: Array, model: CovarianceModel) -> Validat
 
 
 def _nearest(positions: Array, values: Array, targets: Array) -> Array:
-    _, index = cKDTree(positions).query(targets)
+    _, index = KDTree(positions).query(targets)
     return values[index]

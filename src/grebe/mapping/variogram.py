@@ -18,7 +18,7 @@ from grebe.mapping.covariance import CORRELATIONS, CovarianceModel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    Array = NDArray[np.floating]
 
 BINS = 15
 FEWEST_PAIRS = 10

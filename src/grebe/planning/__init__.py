@@ -1,0 +1,1 @@
+"""From an outline to ordered target sets: region, mesh, route."""

@@ -87,11 +87,10 @@ def _join_small(
         if piece.area >= smallest_m2:
             continue
         neighbours = [n for n in _neighbours(place) if n in joined]
-        unions = {n: shapely.union(joined[n], piece) for n in neighbours}
-        convex = {n: union for n, union in unions.items() if _is_convex(union)}
+        convex = {n: u for n in neighbours if (u := _convex_union(joined[n], piece)) is not None}
         if convex:
             best = max(convex, key=lambda n: shared_edge_m(joined[n], piece))
-            joined[best] = shapely.convex_hull(convex[best])
+            joined[best] = convex[best]
             del joined[place]
     return joined
 
@@ -106,8 +105,13 @@ def shared_edge_m(a: shapely.Polygon, b: shapely.Polygon) -> float:
     return float(shapely.intersection(a, b).length)
 
 
-def _is_convex(shape: shapely.Geometry) -> bool:
-    return isinstance(shape, shapely.Polygon) and shape.area >= shape.convex_hull.area * (1 - 1e-9)
+def _convex_union(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | None:
+    """The union of two cells where it is convex, without the vertices of their seam."""
+    union = shapely.union(a, b)
+    hull = union.convex_hull
+    if isinstance(hull, shapely.Polygon) and union.area >= hull.area * (1 - 1e-9):
+        return hull
+    return None
 
 
 def target_footprint(cell: shapely.Polygon) -> tuple[tuple[float, float], ...]:
@@ -116,7 +120,7 @@ def target_footprint(cell: shapely.Polygon) -> tuple[tuple[float, float], ...]:
     Leaving out a vertex of a convex polygon cuts off the triangle it makes with its
     neighbours; the smallest triangle goes first, vertices on a straight line before all.
     """
-    vertices = list(ring_vertices(shapely.convex_hull(cell)))
+    vertices = list(ring_vertices(cell))
     tiny = 1e-9 * cell.area
     while len(vertices) > 3:
         areas = [_corner_area(vertices, i) for i in range(len(vertices))]

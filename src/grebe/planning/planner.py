@@ -94,9 +94,7 @@ def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
         )
 
 
-def _start_position(
-    region: Region, lonlat: tuple[float, float] | None
-) -> tuple[float, float]:
+def _start_position(region: Region, lonlat: tuple[float, float] | None) -> tuple[float, float]:
     if lonlat is None:
         corners = region.water.exterior.coords[:-1]
         north, east = min(corners, key=lambda corner: corner[0] + corner[1])[:2]

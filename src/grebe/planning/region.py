@@ -38,8 +38,8 @@ def clean_region(geometry: BaseGeometry, name: str) -> Region:
         raise RegionError(f"The region {name!r} is empty: its polygon has no vertices.")
     _check_degrees(coordinates, name)
     _check_validity(geometry, name)
-    merged = shapely.union_all(list(getattr(geometry, "geoms", [geometry])))
-    if not isinstance(merged, shapely.Polygon):
+    merged = shapely.union_all(_parts(geometry))
+    if isinstance(merged, shapely.MultiPolygon):
         raise RegionError(
             f"The region {name!r} consists of {len(merged.geoms)} separate waters; "
             "a boat cannot cross the land between them: give one at a time."
@@ -55,6 +55,10 @@ def clean_region(geometry: BaseGeometry, name: str) -> Region:
             "check its coordinates (more than 200 km is no lake for a small boat)."
         )
     return Region(name=name, frame=frame, water=shapely.normalize(water))
+
+
+def _parts(geometry: BaseGeometry) -> list[BaseGeometry]:
+    return list(getattr(geometry, "geoms", [geometry]))
 
 
 def _check_degrees(coordinates: np.ndarray, name: str) -> None:
@@ -77,7 +81,7 @@ def _check_degrees(coordinates: np.ndarray, name: str) -> None:
 
 
 def _check_validity(geometry: BaseGeometry, name: str) -> None:
-    for part in getattr(geometry, "geoms", [geometry]):
+    for part in _parts(geometry):
         if not part.is_valid:
             reason = shapely.is_valid_reason(part)
             raise RegionError(

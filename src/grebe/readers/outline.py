@@ -57,7 +57,8 @@ def _read_geojson(path: Path) -> Outline:
         raise InputError(f"{path}: not GeoJSON: the file holds no object.")
     _refuse_other_crs(path, document)
     features = _features(document)
-    polygons = [g for g in (_geometry(path, f) for f in features) if _is_areal(g)]
+    geometries = [_geometry(path, feature) for feature in features]
+    polygons = [g for g in geometries if isinstance(g, shapely.Polygon | shapely.MultiPolygon)]
     if not polygons:
         raise RegionError(f"{path}: holds no polygon; a region is a Polygon or MultiPolygon.")
     left_out = len(features) - len(polygons)
@@ -80,10 +81,6 @@ def _geometry(path: Path, feature: dict[str, Any]) -> BaseGeometry | None:
         return shape(body)
     except (KeyError, TypeError, ValueError, AttributeError, shapely.GEOSException) as error:
         raise RegionError(f"{path}: a geometry cannot be read ({error}).") from None
-
-
-def _is_areal(geometry: BaseGeometry | None) -> bool:
-    return isinstance(geometry, shapely.Polygon | shapely.MultiPolygon)
 
 
 def _name(document: dict[str, Any], features: list[dict[str, Any]]) -> str:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.errors import InputError, TrackError
+from grebe.errors import TrackError
 from grebe.quantities import QUANTITY_KEYS
 from grebe.readers.text import read_text
 
@@ -244,9 +244,7 @@ def _find_jumps(
     return jumps
 
 
-def _refuse_if_hopeless(
-    path: Path, lonlat: NDArray[np.float64], keep: NDArray[np.bool_]
-) -> None:
+def _refuse_if_hopeless(path: Path, lonlat: NDArray[np.float64], keep: NDArray[np.bool_]) -> None:
     lat = lonlat[:, 1]
     if np.nanmax(np.abs(lat), initial=0.0) > 90:
         share = float(np.mean(np.abs(lat[np.isfinite(lat)]) > 90))

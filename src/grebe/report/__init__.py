@@ -1,0 +1,1 @@
+"""Pictures, and the page for the lake's manager."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -51,7 +51,7 @@ def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Draw within Grebe's style and leave matplotlib's settings as they were."""
 
     def wrapped(*args: Any, **options: Any) -> Figure:
-        with mpl.rc_context(STYLE):
+        with mpl.rc_context(cast(Any, STYLE)):
             return draw(*args, **options)
 
     wrapped.__doc__ = draw.__doc__
@@ -70,6 +70,9 @@ def plan_figure(survey: Survey) -> Figure:
     axes.add_collection(cells)
     centres = np.array([t.set.centre for t in survey.targets])
     axes.plot(centres[:, 1], centres[:, 0], color=VERMILLION, lw=1.0, label="order of the cells")
+    if survey.start is not None:
+        lead = np.array([[survey.start.north_m, survey.start.east_m], centres[0]])
+        axes.plot(lead[:, 1], lead[:, 0], color=VERMILLION, lw=1.0, ls=":", label="lead-in")
     _draw_start(axes, survey)
     figure.colorbar(cells, ax=axes, label="order of visit", shrink=0.8)
     axes.set_title(f"{survey.name}: {len(survey.targets)} target sets")
@@ -131,9 +134,7 @@ def series_figure(survey: Survey, track: TrackTable) -> Figure:
 @_styled
 def map_figure(survey: Survey, one: QuantityMap, samples: SampleTable) -> Figure:
     """Mean and standard deviation side by side, the samples on the second."""
-    width, height = _size(survey)
-    tall = height > 1.2 * width
-    figure = Figure(figsize=(1.75 * width, height) if tall else (width * 1.7, height))
+    figure = Figure(figsize=(10.9, 4.0 * _aspect(survey) + 1.0))
     left, right = figure.subplots(1, 2)
     unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
     _draw_field(figure, left, one, one.mean, "cividis", f"{one.quantity.label}{unit}")
@@ -202,10 +203,15 @@ def _finish_map(axes: Axes, survey: Survey) -> None:
 
 def _size(survey: Survey) -> tuple[float, float]:
     """A figure's size for a map of this region, between wide and tall."""
-    north0, east0, north1, east1 = survey.water.bounds
-    ratio = float(np.clip((north1 - north0) / (east1 - east0), 0.4, 1.6))
+    ratio = _aspect(survey)
     width = 6.4 if ratio <= 1 else 5.6
     return width, width * ratio * 0.82 + 1.1
+
+
+def _aspect(survey: Survey) -> float:
+    """Height over width of the region, held between wide and tall."""
+    north0, east0, north1, east1 = survey.water.bounds
+    return float(np.clip((north1 - north0) / (east1 - east0), 0.4, 1.6))
 
 
 def png_bytes(figure: Figure) -> bytes:

@@ -115,7 +115,10 @@ def _facts(data: ReportData) -> list[tuple[str, str]]:
     if survey.targets:
         share = data.progress.reached / len(survey.targets)
         facts += [
-            ("Target sets reached", f"{data.progress.reached} of {len(survey.targets)} ({share:.1%})"),
+            (
+                "Target sets reached",
+                f"{data.progress.reached} of {len(survey.targets)} ({share:.1%})",
+            ),
             ("Water within target sets", f"{survey.coverage:.1%}"),
             ("Samples in set and speed window", f"{data.in_window} of {len(data.samples)}"),
         ]

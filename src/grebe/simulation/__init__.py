@@ -1,0 +1,1 @@
+"""The true world of a simulation: boat, water, sonde."""

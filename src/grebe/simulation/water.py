@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import gstools as gs
 import numpy as np
@@ -145,7 +145,7 @@ def _thinned(positions: Array, most: int) -> NDArray[np.int64]:
     return np.array(chosen)
 
 
-def _fitted_model(positions: Array, values: Array) -> gs.CovModel:
+def _fitted_model(positions: Array, values: Array) -> Any:
     extent = float(np.hypot(*np.ptp(positions, axis=0)))
     bins = np.linspace(0, extent / 3, 16)
     centres, gamma = gs.vario_estimate(positions.T, values, bins)
@@ -156,7 +156,7 @@ def _fitted_model(positions: Array, values: Array) -> gs.CovModel:
 
 
 def _conditional_field(
-    model: gs.CovModel,
+    model: Any,
     positions: Array,
     values: Array,
     grid: tuple[Array, Array],
@@ -165,7 +165,9 @@ def _conditional_field(
     """A field through the values; the nugget becomes noise and not part of the field."""
     sill = float(model.var + model.nugget)
     noise_variance = float(np.clip(model.nugget, 1e-6 * sill, 0.5 * sill))
-    smooth = gs.Exponential(dim=2, var=max(sill - noise_variance, 1e-12), len_scale=model.len_scale)
+    smooth: Any = gs.Exponential(
+        dim=2, var=max(sill - noise_variance, 1e-12), len_scale=model.len_scale
+    )
     mean = float(np.mean(values))
     free = gs.SRF(smooth, mean=0.0, seed=seed)
     north, east = np.meshgrid(*grid, indexing="ij")
@@ -179,4 +181,3 @@ def _conditional_field(
     nodes = np.column_stack([north.ravel(), east.ravel()])
     correction = smooth.covariance(cdist(nodes, positions)) @ weights
     return mean + on_grid + correction.reshape(north.shape), float(np.sqrt(noise_variance))
-
