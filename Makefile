@@ -26,7 +26,7 @@ test: $(STAMP)  ## all tests, the slow ones too
 check: $(STAMP)  ## style, types, import contract
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pyright
+	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 
 bench: $(STAMP)  ## benchmarks: ratios against baselines in the same run

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 # Control steps without coming nearer to Omega_x after which the split is counted down.
 STALL_STEPS = 3
+# A step that brings the boat less than this nearer counts as none: creeping is stalling too.
+LEAST_PROGRESS = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,14 +140,15 @@ def _decide(situation: Situation, settings: ControlSettings, horizon: int) -> De
     last = situation.last
     if last is None or last.target != situation.target:
         return Decision(target=situation.target, split=split, nearest=distance)
-    idle = 0 if distance < last.nearest else last.idle + 1
+    nearer = distance < last.nearest - LEAST_PROGRESS
+    idle = 0 if nearer else last.idle + 1
     committed = last.committed or (idle >= STALL_STEPS and split < horizon)
     if committed:
         split = last.split - 1 if last.committed and last.split > 1 else horizon
     return Decision(
         target=situation.target,
         split=split,
-        nearest=min(distance, last.nearest),
+        nearest=distance if nearer else last.nearest,
         idle=idle,
         committed=committed,
     )

@@ -63,7 +63,7 @@ FATROP_OPTIONS: dict[str, Any] = {
     "fatrop": {"mu_init": 1e-2, "tol": 1e-5, "max_iter": 120, "print_level": 0},
 }
 IPOPT_OPTIONS: dict[str, Any] = {
-    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-8, "max_iter": 500},
+    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-8, "max_iter": 200},
 }
 
 

@@ -1,0 +1,79 @@
+"""What the tests share: real data where it lies beside the checkout, and small surveys."""
+
+from __future__ import annotations
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+
+from grebe.frames import LocalFrame
+from grebe.planning.planner import PlanSettings, plan_survey
+from grebe.planning.region import Region
+from grebe.sets import TargetSet
+from grebe.survey import Survey
+from grebe.vessel import PRESETS
+
+settings.register_profile(
+    "grebe", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("grebe")
+
+DATA = Path(
+    os.environ.get("GREBE_TEST_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")
+)
+TRACKS = DATA / "tracks"
+CHINA = TRACKS / "China-catabot-20200915.csv"
+FRAME = LocalFrame(origin_lon_deg=3.171153, origin_lat_deg=50.636268)
+NOON = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
+
+needs_data = pytest.mark.skipif(not CHINA.exists(), reason="the real tracks are not here")
+
+
+def region_of(corners: list[tuple[float, float]]) -> Region:
+    return Region(name="test water", frame=FRAME, water=shapely.Polygon(corners))
+
+
+def square_survey(side_m: float = 20.0, cell_m: float = 10.0) -> Survey:
+    region = region_of([(0, 0), (side_m, 0), (side_m, side_m), (0, side_m)])
+    return plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=cell_m))
+
+
+@st.composite
+def convex_polygons(draw: st.DrawFn, scale: float = 50.0) -> shapely.Polygon:
+    """Convex polygons with some area, from points on an ellipse."""
+    count = draw(st.integers(3, 8))
+    angles = sorted(
+        draw(st.lists(st.floats(0, 2 * np.pi - 0.1), min_size=count, max_size=count, unique=True))
+    )
+    a = draw(st.floats(0.2 * scale, scale))
+    b = draw(st.floats(0.2 * scale, scale))
+    polygon = shapely.Polygon([(a * np.cos(t), b * np.sin(t)) for t in angles]).convex_hull
+    from hypothesis import assume
+
+    assume(isinstance(polygon, shapely.Polygon) and polygon.area > 0.05 * a * b)
+    assume(polygon.area / polygon.length > 0.02 * scale)
+    return polygon
+
+
+@st.composite
+def target_sets(draw: st.DrawFn) -> TargetSet:
+    polygon = draw(convex_polygons())
+    low = draw(st.floats(0.0, 1.0))
+    return TargetSet(
+        vertices=tuple((x, y) for x, y in polygon.exterior.coords[:-1]),
+        speed_min_mps=low,
+        speed_max_mps=low + draw(st.floats(0.2, 2.0)),
+    )
+
+
+def states(reach: float = 100.0) -> st.SearchStrategy[tuple[float, ...]]:
+    place = st.floats(-reach, reach)
+    return st.tuples(
+        place, place, st.floats(-7, 7), st.floats(-1, 3), st.floats(-1, 1), st.floats(-1, 1)
+    )
