@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
 
 class Status(enum.Enum):
-    """How a solve ended."""
+    """How a solve ended; a feasible plan keeps the dynamics but is not the best one."""
 
     SOLVED = "solved"
+    FEASIBLE = "feasible"
     NOT_CONVERGED = "not converged"
 
 

@@ -1,0 +1,17 @@
+"""How the numerical kernels are compiled: by numba, once, and kept on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+
+# Sums may be reordered and multiplications fused; NaN and infinity keep their meaning, the
+# solver's tests for them rely on it.
+_FASTMATH = {"contract", "reassoc", "arcp", "nsz"}
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel on first use; later processes load it from the cache."""
+    return numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy")(function)

@@ -1,0 +1,276 @@
+"""Sequential quadratic programming for one horizon (Nocedal and Wright 2006, ch. 18).
+
+Multiple shooting: the iterate holds states and inputs, the quadratic problem closes the gaps
+between them. The Hessian is that of the Lagrangian, with the curvature of the dynamics taken
+in full where the reduced problem stays convex and left out (Gauss-Newton) where it does not.
+Steps are accepted by an exact penalty function that may rise for a few steps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from grebe.control.fast.compiled import compiled
+from grebe.control.fast.interior import minimise, start_box, start_rows
+from grebe.control.fast.model import advance, linearise, second_order
+from grebe.control.fast.riccati import NW, NX, NY
+
+# How an optimisation ended.
+CONVERGED, FEASIBLE, FAILED = 0, 1, 2
+
+HALVINGS = 8
+MEMORY = 3
+SUFFICIENT = 1e-4
+QP_TOLERANCE = 1e-5
+GAP_TOLERANCE = 1e-5
+FEASIBLE_GAP = 1e-3
+
+
+@compiled
+def optimise(
+    p, substeps, states, inputs, costate, rows, count, weight, price,
+    effort, time_weight, low_duration, span, limits, regularisation, most_iterations, tolerance,
+):  # fmt: skip
+    """Improve `states` (N + 1, 6) and `inputs` (N, 3) in place; return how it ended, the
+    iterations of the outer and of the inner loop, and the cost.
+
+    `p` the model's parameters; `rows` (3, N + 1, R, 4) half-spaces with `count` (3, N + 1) in
+    use; `weight` (N + 1,) of the squared distance; `price` (3, N + 1) of
+    slack; `effort` (N,) per squared newton; `limits` (2,) of a thrust. `costate` (N + 1, 6)
+    starts the multipliers (zeros: Gauss-Newton first) and returns them.
+    """
+    n = inputs.shape[0]
+    width = rows.shape[2]
+    a = np.zeros((n, NX, NX))
+    b = np.zeros((n, NX, NW))
+    gap = np.empty((n, NX))
+    hess = np.zeros((n, NY, NY))
+    grad = np.zeros((n, NY))
+    base = np.zeros((3, n + 1, width))
+    compliance = 0.5 / np.maximum(weight, 1e-12)
+    t = np.ones((3, n + 1, width))
+    lam = np.zeros((3, n + 1, width))
+    s = np.zeros((3, n + 1))
+    nu = np.ones((3, n + 1))
+    box_t = np.ones((2, n, NW))
+    box_lam = np.zeros((2, n, NW))
+    low = np.empty((n, NW))
+    high = np.empty((n, NW))
+    dx = np.zeros((n + 1, NX))
+    dw = np.zeros((n, NW))
+    new_costate = np.zeros((n + 1, NX))
+    trial_x = np.empty((n + 1, NX))
+    trial_w = np.empty((n, NW))
+    evals = 4 * substeps
+    sens = np.empty((NX, 7))
+    points = np.empty((n, evals, 4, 7))
+    slopes = np.empty((n, evals, 4))
+    jacs = np.empty((n, evals, NX, NX))
+    curve = np.empty((7, 7))
+    following = np.empty(NX)
+    history = np.full(MEMORY, -np.inf)
+    inner = 0
+    penalty = 1.0
+    gap_size = np.inf
+    for iteration in range(most_iterations):
+        gap_size = 0.0
+        for k in range(n):
+            duration = low_duration[k] + inputs[k, 2] * span[k]
+            linearise(
+                p, states[k], inputs[k], duration, substeps, following, sens,
+                points[k], slopes[k], jacs[k],
+            )  # fmt: skip
+            for i in range(NX):
+                gap[k, i] = following[i] - states[k + 1, i]
+                gap_size = max(gap_size, abs(gap[k, i]))
+                a[k, i, 0] = a[k, i, 1] = 0.0
+                for j in range(4):
+                    a[k, i, 2 + j] = sens[i, j]
+                b[k, i, 0], b[k, i, 1] = sens[i, 4], sens[i, 5]
+                b[k, i, 2] = sens[i, 6] * span[k]
+            a[k, 0, 0] = a[k, 1, 1] = 1.0
+        _values(rows, count, states, base)
+        for k in range(n):
+            low[k, 0] = low[k, 1] = 0.0
+            for i in range(2):
+                low[k, i] = limits[0] - inputs[k, i]
+                high[k, i] = limits[1] - inputs[k, i]
+            low[k, 2] = -inputs[k, 2]
+            high[k, 2] = 1.0 - inputs[k, 2]
+        solved = -1
+        for exact in (True, False):
+            _quadratic(
+                p, substeps, inputs, costate, effort, time_weight, low_duration, span,
+                regularisation, exact, points, slopes, jacs, curve, hess, grad,
+            )  # fmt: skip
+            start_rows(count, base, compliance, price, rows, t, lam, s, nu)
+            start_box(low, high, box_t, box_lam)
+            solved = minimise(
+                hess, grad, a, b, gap, rows, count, base, compliance, price, low, high,
+                t, lam, s, nu, box_t, box_lam, dx, dw, new_costate, QP_TOLERANCE,
+            )  # fmt: skip
+            inner += abs(solved)
+            if solved >= 0:
+                break
+        if solved < 0:
+            break
+        biggest = 0.0
+        for k in range(1, n + 1):
+            for i in range(NX):
+                biggest = max(biggest, abs(new_costate[k, i]))
+        penalty = max(1.1 * biggest, 0.5 * penalty)
+        merit = _merit(
+            p, substeps, states, inputs, rows, count, weight, price, effort, time_weight,
+            low_duration, span, regularisation, penalty,
+        )  # fmt: skip
+        history[iteration % MEMORY] = merit
+        reference = np.max(history)
+        alpha = 1.0
+        accepted = False
+        promise = _promise(hess, grad, dx, dw, gap, penalty)
+        for _ in range(HALVINGS):
+            trial_x[:] = states + alpha * dx
+            trial_w[:] = inputs + alpha * dw
+            trial = _merit(
+                p, substeps, trial_x, trial_w, rows, count, weight, price, effort, time_weight,
+                low_duration, span, regularisation, penalty,
+            )  # fmt: skip
+            if trial <= reference + 1e-9 * abs(reference) + SUFFICIENT * alpha * min(promise, 0.0):
+                accepted = True
+                break
+            alpha *= 0.5
+        if not accepted:
+            break
+        states[:] = trial_x
+        inputs[:] = trial_w
+        for k in range(n + 1):
+            for i in range(NX):
+                costate[k, i] += alpha * (new_costate[k, i] - costate[k, i])
+        step = _step_size(dx, dw, limits, span)
+        if alpha == 1.0 and step < tolerance:
+            cost = _merit(
+                p, substeps, states, inputs, rows, count, weight, price, effort, time_weight,
+                low_duration, span, regularisation, 0.0,
+            )  # fmt: skip
+            return CONVERGED, iteration + 1, inner, cost
+    gap_size = _largest_gap(p, substeps, states, inputs, low_duration, span)
+    cost = _merit(
+        p, substeps, states, inputs, rows, count, weight, price, effort, time_weight,
+        low_duration, span, regularisation, 0.0,
+    )  # fmt: skip
+    ended = FEASIBLE if gap_size < FEASIBLE_GAP else FAILED
+    return ended, most_iterations, inner, cost
+
+
+@compiled
+def _values(rows, count, states, base):
+    for group in range(3):
+        for k in range(count.shape[1]):
+            z = states[k]
+            for i in range(count[group, k]):
+                row = rows[group, k, i]
+                base[group, k, i] = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
+
+
+@compiled
+def _quadratic(
+    p, substeps, inputs, costate, effort, time_weight, low_duration, span, regularisation,
+    exact, points, slopes, jacs, curve, hess, grad,
+):  # fmt: skip
+    """Hessian of the Lagrangian and gradient of the cost without the rows."""
+    hess[:] = 0.0
+    grad[:] = 0.0
+    for k in range(inputs.shape[0]):
+        if exact:
+            duration = low_duration[k] + inputs[k, 2] * span[k]
+            second_order(
+                p, costate[k + 1], duration, substeps, points[k], slopes[k], jacs[k], curve
+            )
+            for i in range(7):
+                scale_i = span[k] if i == 6 else 1.0
+                for j in range(7):
+                    scale_j = span[k] if j == 6 else 1.0
+                    hess[k, 2 + i, 2 + j] = scale_i * scale_j * curve[i, j]
+        for i in range(2):
+            hess[k, 6 + i, 6 + i] += 2 * effort[k]
+            grad[k, 6 + i] = 2 * effort[k] * inputs[k, i]
+        hess[k, 8, 8] += 2 * regularisation
+        grad[k, 8] = 2 * regularisation * (inputs[k, 2] - 0.5) + time_weight[k] * span[k]
+
+
+@compiled
+def _merit(
+    p, substeps, states, inputs, rows, count, weight, price, effort, time_weight,
+    low_duration, span, regularisation, penalty,
+):  # fmt: skip
+    """Cost with its L1 slacks, plus `penalty` times the gaps in the dynamics."""
+    n = inputs.shape[0]
+    total = 0.0
+    following = np.empty(NX)
+    for k in range(n):
+        w = inputs[k]
+        duration = low_duration[k] + w[2] * span[k]
+        total += effort[k] * (w[0] * w[0] + w[1] * w[1])
+        total += time_weight[k] * duration + regularisation * (w[2] - 0.5) ** 2
+        if penalty > 0.0:
+            advance(p, states[k], w, duration, substeps, following)
+            for i in range(NX):
+                total += penalty * abs(following[i] - states[k + 1, i])
+    for group in range(3):
+        for k in range(n + 1):
+            worst = 0.0
+            z = states[k]
+            for i in range(count[group, k]):
+                row = rows[group, k, i]
+                r = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
+                if r > 0.0:
+                    worst = max(worst, r)
+                    if group == 0:
+                        total += weight[k] * r * r
+            if group > 0:
+                total += price[group, k] * worst
+    return total
+
+
+@compiled
+def _largest_gap(p, substeps, states, inputs, low_duration, span):
+    following = np.empty(NX)
+    worst = 0.0
+    for k in range(inputs.shape[0]):
+        duration = low_duration[k] + inputs[k, 2] * span[k]
+        advance(p, states[k], inputs[k], duration, substeps, following)
+        for i in range(NX):
+            worst = max(worst, abs(following[i] - states[k + 1, i]))
+    return worst
+
+
+@compiled
+def _promise(hess, grad, dx, dw, gap, penalty):
+    """A decrease that the step may be asked for: curvature along it, and the gaps it closes."""
+    total = 0.0
+    y = np.empty(NY)
+    for k in range(dw.shape[0]):
+        for i in range(NX):
+            y[i] = dx[k, i]
+            total -= penalty * abs(gap[k, i])
+        for i in range(NW):
+            y[NX + i] = dw[k, i]
+        for i in range(NY):
+            for j in range(NY):
+                total -= 0.5 * hess[k, i, j] * y[i] * y[j]
+    return total
+
+
+@compiled
+def _step_size(dx, dw, limits, span):
+    """The largest change: states in SI units, thrusts as a share of their range."""
+    worst = 0.0
+    reach = limits[1] - limits[0]
+    for k in range(dw.shape[0]):
+        worst = max(worst, abs(dw[k, 0]) / reach, abs(dw[k, 1]) / reach)
+        if span[k] > 0.0:
+            worst = max(worst, abs(dw[k, 2]))
+    for k in range(dx.shape[0]):
+        for i in range(NX):
+            worst = max(worst, abs(dx[k, i]))
+    return worst
