@@ -19,7 +19,8 @@ from grebe.control.fast.riccati import NW, NX, NY
 CONVERGED, FEASIBLE, FAILED = 0, 1, 2
 
 HALVINGS = 8
-MEMORY = 3
+MEMORY = 6
+FIRST_DAMPING, MOST_DAMPING = 1.0, 1e8
 SUFFICIENT = 1e-4
 QP_TOLERANCE = 1e-5
 GAP_TOLERANCE = 1e-5
@@ -71,9 +72,8 @@ def optimise(
     history = np.full(MEMORY, -np.inf)
     inner = 0
     penalty = 1.0
-    gap_size = np.inf
+    damping = 0.0
     for iteration in range(most_iterations):
-        gap_size = 0.0
         for k in range(n):
             duration = low_duration[k] + inputs[k, 2] * span[k]
             linearise(
@@ -82,7 +82,6 @@ def optimise(
             )  # fmt: skip
             for i in range(NX):
                 gap[k, i] = following[i] - states[k + 1, i]
-                gap_size = max(gap_size, abs(gap[k, i]))
                 a[k, i, 0] = a[k, i, 1] = 0.0
                 for j in range(4):
                     a[k, i, 2 + j] = sens[i, j]
@@ -90,18 +89,21 @@ def optimise(
                 b[k, i, 2] = sens[i, 6] * span[k]
             a[k, 0, 0] = a[k, 1, 1] = 1.0
         _values(rows, count, states, base)
+        if iteration < 0:
+            _adjoint(a, rows, count, base, weight, costate)
         for k in range(n):
-            low[k, 0] = low[k, 1] = 0.0
             for i in range(2):
                 low[k, i] = limits[0] - inputs[k, i]
                 high[k, i] = limits[1] - inputs[k, i]
             low[k, 2] = -inputs[k, 2]
             high[k, 2] = 1.0 - inputs[k, 2]
         solved = -1
-        for exact in (True, False):
+        for attempt in range(2):
+            curved = attempt == 0 or damping > 0.0
+            mirrored = attempt == 1
             _quadratic(
                 p, substeps, inputs, costate, effort, time_weight, low_duration, span,
-                regularisation, exact, points, slopes, jacs, curve, hess, grad,
+                regularisation, damping, limits, curved, mirrored, points, slopes, jacs, curve, hess, grad,
             )  # fmt: skip
             start_rows(count, base, compliance, price, rows, t, lam, s, nu)
             start_box(low, high, box_t, box_lam)
@@ -140,7 +142,13 @@ def optimise(
                 break
             alpha *= 0.5
         if not accepted:
-            break
+            if damping > MOST_DAMPING:
+                break
+            damping = max(10.0 * damping, FIRST_DAMPING)
+            continue
+        damping = 0.0 if damping < FIRST_DAMPING or alpha == 1.0 else 0.3 * damping
+        if alpha < 0.25:
+            damping = max(damping, FIRST_DAMPING)
         states[:] = trial_x
         inputs[:] = trial_w
         for k in range(n + 1):
@@ -173,28 +181,53 @@ def _values(rows, count, states, base):
 
 
 @compiled
+def _adjoint(a, rows, count, base, weight, costate):
+    """Estimate the costates from the cost's gradient along the starting trajectory."""
+    n = a.shape[0]
+    for k in range(n, -1, -1):
+        costate[k] = 0.0
+        if k < n:
+            for i in range(NX):
+                for m in range(NX):
+                    costate[k, i] += a[k, m, i] * costate[k + 1, m]
+        for i in range(count[0, k]):
+            r = base[0, k, i]
+            if r > 0.0:
+                for axis, index in ((0, 0), (1, 1), (2, 3)):
+                    costate[k, index] += 2 * weight[k] * r * rows[0, k, i, axis]
+
+
+@compiled
 def _quadratic(
     p, substeps, inputs, costate, effort, time_weight, low_duration, span, regularisation,
-    exact, points, slopes, jacs, curve, hess, grad,
+    damping, limits, curved, mirrored, points, slopes, jacs, curve, hess, grad,
 ):  # fmt: skip
-    """Hessian of the Lagrangian and gradient of the cost without the rows."""
+    """Hessian of the Lagrangian and gradient of the cost without the rows.
+
+    With `mirrored` the dynamics' curvature is replaced by its absolute value, eigenvalue by
+    eigenvalue: positive semidefinite, and cautious where the curvature is large.
+    """
     hess[:] = 0.0
     grad[:] = 0.0
+    reach = limits[1] - limits[0]
     for k in range(inputs.shape[0]):
-        if exact:
+        if curved:
             duration = low_duration[k] + inputs[k, 2] * span[k]
             second_order(
                 p, costate[k + 1], duration, substeps, points[k], slopes[k], jacs[k], curve
             )
             for i in range(7):
-                scale_i = span[k] if i == 6 else 1.0
-                for j in range(7):
-                    scale_j = span[k] if j == 6 else 1.0
-                    hess[k, 2 + i, 2 + j] = scale_i * scale_j * curve[i, j]
+                curve[i, 6] *= span[k]
+            for i in range(7):
+                curve[6, i] *= span[k]
+            if mirrored:
+                values, vectors = np.linalg.eigh(curve)
+                curve[:] = (vectors * np.abs(values)) @ vectors.T
+            hess[k, 2:, 2:] = curve
         for i in range(2):
-            hess[k, 6 + i, 6 + i] += 2 * effort[k]
+            hess[k, 6 + i, 6 + i] += 2 * effort[k] + damping / (reach * reach)
             grad[k, 6 + i] = 2 * effort[k] * inputs[k, i]
-        hess[k, 8, 8] += 2 * regularisation
+        hess[k, 8, 8] += 2 * regularisation + damping
         grad[k, 8] = 2 * regularisation * (inputs[k, 2] - 0.5) + time_weight[k] * span[k]
 
 
