@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
 from grebe.control.ocp import build
-from grebe.control.rules import RULES, Decision, Situation, reached_count
-from grebe.control.settings import ControlSettings
+from grebe.control.lookahead import lookahead
+from grebe.control.rules import Decision, Rule, Situation, dual, reached_count, single
+from grebe.control.settings import ControlSettings, RuleName
 from grebe.control.solve import CasadiSolver, Solution, Solver
 from grebe.dynamics import CALM, Weather, rates, rk4
 from grebe.sets import TargetSet
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 
 # Steps for which an old plan is followed before the boat is brought to rest.
 PATIENCE_STEPS = 5
-LOOK_AHEAD_SETS = 2
+LOOK_AHEAD_SETS = 16
+RULES: dict[RuleName, Rule] = {"single": single, "dual": dual, "lookahead": lookahead}
 # Largest product of a Runge-Kutta step and the boat's fastest rate; RK4 is unstable at 2.8.
 SUBSTEP_STIFFNESS = 1.2
 
@@ -117,19 +119,25 @@ class Controller:
         z = np.asarray(state, dtype=float)
         if z.shape != (6,) or not np.all(np.isfinite(z)):
             raise ValueError(f"a state is six finite numbers, but this is {state}")
-        horizon, decision = self._rule(self._situation(z), self.settings, self.shape)
-        self._decision = decision
         wind = np.asarray(weather.as_tuple())
-        start = self._start(z, weather)
-        solution = self._solver.solve(z, horizon, wind, start)
-        if solution.solved:
-            return self._accept(solution, StepStatus.SOLVED)
-        restart = self.roll_out(z, weather)
-        for solver in (self._solver, self._second_solver()):
-            solution = solver.solve(z, horizon, wind, restart)
+        situation = self._situation(z)
+        for attempt, solver, status in self._attempts(situation):
+            proposal = self._rule(attempt, self.settings, self.shape)
+            start = self.roll_out(z, weather) if proposal.start is None else proposal.start
+            solution = solver().solve(z, proposal.horizon, wind, start)
+            self._decision = proposal.decision
             if solution.solved:
-                return self._accept(solution, StepStatus.RESTARTED)
+                return self._accept(solution, status)
         return self._fall_back(z)
+
+    def _attempts(
+        self, situation: Situation
+    ) -> Iterator[tuple[Situation, Callable[[], Solver], StepStatus]]:
+        """What is tried in a step: from the last plan, afresh, and with the second solver."""
+        afresh = replace(situation, plan=None)
+        yield situation, lambda: self._solver, StepStatus.SOLVED
+        yield afresh, lambda: self._solver, StepStatus.RESTARTED
+        yield afresh, self._second_solver, StepStatus.RESTARTED
 
     def roll_out(self, state: NDArray[np.float64], weather: Weather = CALM) -> Plan:
         """Return a turn-and-go trajectory: turn towards Omega_x, then drive at it.
@@ -152,13 +160,15 @@ class Controller:
             ahead=self.targets[ahead],
             aims=self._aims[ahead],
             last=self._decision,
+            plan=None if self._unsolved_in_a_row else self._plan,
+            elapsed_s=self.settings.step_s,
+            cruise_thrust_n=0.5 * self.vessel.surge_drag_n(self._pace()),
         )
 
-    def _start(self, state: NDArray[np.float64], weather: Weather) -> Plan:
-        """The last plan shifted, unless there is none or it cannot be trusted."""
-        if self._plan is None or self._unsolved_in_a_row:
-            return self.roll_out(state, weather)
-        return self._plan.shifted(self.settings.step_s)
+    def _pace(self) -> float:
+        """The middle of the current target's speed window [m/s]."""
+        target = self.targets[self.reached]
+        return 0.5 * (target.speed_min_mps + target.speed_max_mps)
 
     def _second_solver(self) -> Solver:
         """IPOPT, built only when it is needed for the first time."""
@@ -194,8 +204,7 @@ class Controller:
         north, east = self.targets[self.reached].centre
         bearing = math.atan2(east - state[1], north - state[0])
         off = math.remainder(bearing - state[2], 2 * math.pi)
-        target = self.targets[self.reached]
-        speed = 0.5 * (target.speed_min_mps + target.speed_max_mps) * max(0.0, math.cos(off))
+        speed = self._pace() * max(0.0, math.cos(off))
         common = 0.5 * self.vessel.surge_drag_n(speed)
         half_span = 0.5 * (self.vessel.thrust_max_n - self.vessel.thrust_min_n)
         # Time constants of yaw differ tenfold between boats: damp by the boat's own.

@@ -51,7 +51,8 @@ class Horizon:
     `entry_sets` (N + 1, R, 4) and `entry_penalties` (N + 1,), cost of a unit of slack;
     `corridors` (N + 1, C, 4) and `corridor_penalty`;
     `effort_weights` (N,) of the squared thrusts in units of full thrust;
-    `duration_bounds` (N, 2) [s] and `time_weights` (N,) [1/s].
+    `duration_bounds` (N, 2) [s], `time_weights` (N,) [1/s], and `duration_weights` (N,) [1/s^2]
+    of the squared distance from `duration_nominal` (N,) [s].
     """
 
     shape: HorizonShape
@@ -64,6 +65,8 @@ class Horizon:
     effort_weights: NDArray[np.float64] = field(init=False)
     duration_bounds: NDArray[np.float64] = field(init=False)
     time_weights: NDArray[np.float64] = field(init=False)
+    duration_nominal: NDArray[np.float64] = field(init=False)
+    duration_weights: NDArray[np.float64] = field(init=False)
 
     def __post_init__(self) -> None:
         n, rows = self.shape.stages, self.shape.set_rows
@@ -76,6 +79,8 @@ class Horizon:
         self.effort_weights = np.zeros(n)
         self.duration_bounds = np.ones((n, 2))
         self.time_weights = np.zeros(n)
+        self.duration_nominal = np.zeros(n)
+        self.duration_weights = np.zeros(n)
 
     def attract(self, stage: int, rows: NDArray[np.float64], weight: float) -> None:
         """Let the cost of a stage measure the distance to a set."""
@@ -128,12 +133,27 @@ class Plan:
         For stages of equal duration `step_s` this drops the first stage and repeats the
         last; states are moved along by linear interpolation in time.
         """
+        moments = np.concatenate([[0.0], np.cumsum(self.durations)]) + step_s
+        states, thrusts = self.sampled(moments)
+        return Plan(states=states, thrusts=thrusts, durations=self.durations)
+
+    def sampled(self, moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Return states (m, 6) at `moments` (m,) [s] and the thrusts (m - 1, 2) half-way
+        between them; beyond its end the plan's last ones.
+        """
         ends = np.concatenate([[0.0], np.cumsum(self.durations)])
-        later = np.minimum(ends + step_s, ends[-1])
-        states = np.column_stack([np.interp(later, ends, column) for column in self.states.T])
-        middle = np.minimum(ends[:-1] + 0.5 * self.durations + step_s, ends[-1])
-        index = np.clip(np.searchsorted(ends, middle, side="right") - 1, 0, len(self.thrusts) - 1)
-        return Plan(states=states, thrusts=self.thrusts[index], durations=self.durations)
+        at = np.clip(moments, 0.0, ends[-1])
+        states = np.column_stack([np.interp(at, ends, column) for column in self.states.T])
+        return states, self.thrusts[self._stage_at(0.5 * (moments[1:] + moments[:-1]))]
+
+    def thrusts_at(self, moment_s: float) -> tuple[float, float]:
+        """Thrusts planned at a moment [s]; beyond the plan's end its last ones."""
+        port, starboard = self.thrusts[int(self._stage_at(np.array([moment_s]))[0])].tolist()
+        return port, starboard
+
+    def _stage_at(self, moments: NDArray[np.float64]) -> NDArray[np.int64]:
+        ends = np.cumsum(self.durations)
+        return np.minimum(np.searchsorted(ends, moments, side="right"), len(ends) - 1)
 
 
 def rows_needed(sides: Sequence[int]) -> int:

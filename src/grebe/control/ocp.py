@@ -6,7 +6,8 @@ price is above the multipliers of the hard problem, so that its minimiser is the
 wherever that exists. Everything a rule decides is a parameter; durations are variables
 between bounds that are parameters.
 
-    min  sum_k  w_k D(z_k, C_k) + beta_k |F_k / F_max|^2 + theta_k T_k + sum_k pi_k s_k
+    min  sum_k  w_k D(z_k, C_k) + beta_k |F_k / F_max|^2 + theta_k T_k + eta_k (T_k - T0_k)^2
+         + sum_k pi_k s_k
     s.t. z_0 = z,  z_{k+1} = f(z_k, F_k, T_k),  A_k (x, y, u)_k <= b_k + s_k,  0 <= s_k
 
 D(z, C) = sum_i max(0, a_i z - b_i)^2 over the rows of C: a generalised distance function
@@ -76,6 +77,8 @@ class Problem:
                 weather,
                 *stage,
                 horizon.time_weights,
+                horizon.duration_nominal,
+                horizon.duration_weights,
                 horizon.entry_penalties,
                 [horizon.corridor_penalty],
                 horizon.cost_sets.ravel(),
@@ -125,6 +128,8 @@ class _Parameters:
         self.duration_min = self._vector("duration_min", n)
         self.duration_span = self._vector("duration_span", n)
         self.time_weight = self._vector("time_weight", n)
+        self.duration_nominal = self._vector("duration_nominal", n)
+        self.duration_weight = self._vector("duration_weight", n)
         self.entry_penalty = self._vector("entry_penalty", n + 1)
         self.corridor_penalty = self._vector("corridor_penalty", 1)
         self.cost_set = self._sets("cost_set", n, rows)
@@ -250,6 +255,7 @@ class _Builder:
         effort = ca.sumsqr(thrusts / self.vessel.thrust_max_n)
         self.cost += self.p.cost_weight[k] * ca.sumsqr(outside)
         self.cost += self.p.effort_weight[k] * effort + self.p.time_weight[k] * duration
+        self.cost += self.p.duration_weight[k] * (duration - self.p.duration_nominal[k]) ** 2
 
 
 def _excess(rows: ca.SX, state: ca.SX) -> ca.SX:

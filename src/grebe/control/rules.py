@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from grebe.control.horizon import Horizon, HorizonShape
-from grebe.control.settings import ControlSettings, RuleName
+from grebe.control.horizon import Horizon, HorizonShape, Plan
+from grebe.control.settings import ControlSettings
 from grebe.sets import TargetSet
 
 if TYPE_CHECKING:
@@ -31,7 +31,8 @@ class Decision:
     """What a rule decided, and what it must remember for the next step.
 
     The target's index, the split N_x, the smallest d(x, Omega_x) so far, the steps since it
-    last fell, and whether the split is being counted down after a stall.
+    last fell, whether the split is being counted down after a stall, and, for a horizon of
+    legs, the nodes at which the sets from the target on are entered.
     """
 
     target: int
@@ -39,6 +40,7 @@ class Decision:
     nearest: float
     idle: int = 0
     committed: bool = False
+    entries: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +49,8 @@ class Situation:
 
     `state` (6,); `target` the index of Omega_x; `ahead` the sets from Omega_x on, at least
     one; `aims` the same sets shrunk by the margins, which the controller aims at;
-    `last` the decision one step ago.
+    `last` and `plan` the decision and the plan of the last step, which was `elapsed_s` ago;
+    `cruise_thrust_n` what each thruster gives at the pace of the window.
     """
 
     state: Sequence[float]
@@ -55,6 +58,9 @@ class Situation:
     ahead: Sequence[TargetSet]
     aims: Sequence[TargetSet]
     last: Decision | None = None
+    plan: Plan | None = None
+    elapsed_s: float = 0.0
+    cruise_thrust_n: float = 0.0
 
     @property
     def distance(self) -> float:
@@ -62,7 +68,18 @@ class Situation:
         return self.ahead[0].distance(self.state)
 
 
-Rule = Callable[[Situation, ControlSettings, HorizonShape], tuple[Horizon, Decision]]
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """What a rule answers: the horizon to solve, what it decided, and where to start from
+    (None: the rule has no plan to start from).
+    """
+
+    horizon: Horizon
+    decision: Decision
+    start: Plan | None
+
+
+Rule = Callable[[Situation, ControlSettings, HorizonShape], Proposal]
 
 
 def reached_count(targets: Sequence[TargetSet], reached: int, state: Sequence[float]) -> int:
@@ -82,9 +99,7 @@ def split_stage(distance: float, epsilon: float, horizon: int) -> int:
     return math.ceil(horizon * distance / epsilon)
 
 
-def single(
-    situation: Situation, settings: ControlSettings, shape: HorizonShape
-) -> tuple[Horizon, Decision]:
+def single(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
     """Problem (5): every stage is drawn to Omega_x, the last node must lie in it."""
     horizon = _fixed_steps(settings, shape)
     aim = situation.aims[0].halfspaces
@@ -92,12 +107,10 @@ def single(
         horizon.attract(stage, aim, settings.alpha)
     horizon.require(shape.stages, aim, settings.entry_penalty)
     decision = Decision(target=situation.target, split=shape.stages, nearest=situation.distance)
-    return horizon, decision
+    return Proposal(horizon=horizon, decision=decision, start=_shifted(situation))
 
 
-def dual(
-    situation: Situation, settings: ControlSettings, shape: HorizonShape
-) -> tuple[Horizon, Decision]:
+def dual(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
     """Problem (8): N_x stages for Omega_x, the others for its successor.
 
     Departures: the last target has no successor, so nothing is asked after N_x; with
@@ -115,7 +128,7 @@ def dual(
         horizon.require(split, aim, settings.entry_penalty)
     if len(situation.aims) > 1 and split < n:
         _lead_on(horizon, split, situation.aims[1].halfspaces, settings)
-    return horizon, decision
+    return Proposal(horizon=horizon, decision=decision, start=_shifted(situation))
 
 
 def _lead_on(horizon: Horizon, split: int, rows: NDArray, settings: ControlSettings) -> None:
@@ -154,11 +167,12 @@ def _decide(situation: Situation, settings: ControlSettings, horizon: int) -> De
     )
 
 
+def _shifted(situation: Situation) -> Plan | None:
+    return None if situation.plan is None else situation.plan.shifted(situation.elapsed_s)
+
+
 def _fixed_steps(settings: ControlSettings, shape: HorizonShape) -> Horizon:
     horizon = Horizon(shape=shape)
     horizon.duration_bounds[:] = settings.step_s
     horizon.effort_weights[:] = settings.beta
     return horizon
-
-
-RULES: dict[RuleName, Rule] = {"single": single, "dual": dual}

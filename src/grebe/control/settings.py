@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from grebe.errors import UsageError
 
-RuleName = Literal["single", "dual"]
+RuleName = Literal["single", "dual", "lookahead"]
 RULES: tuple[RuleName, ...] = get_args(RuleName)
 
 
@@ -20,10 +20,11 @@ class ControlSettings:
     `alpha` weighs distance and `beta` effort (Eq. 2), `p` and `q` the current and the next
     target (Eq. 7). `margin_m` and `speed_margin_mps` shrink the set that the controller
     aims at; whether a set is reached is judged on the set itself. `entry_penalty` is the
-    price of a unit of slack (docs/theory.md shows why 1e3 is enough).
+    price of a unit of slack (docs/theory.md shows why 1e3 is enough). `hold` is the price of
+    the squared surge outside the window on the way to a set, for `lookahead`.
     """
 
-    rule: RuleName = "dual"
+    rule: RuleName = "lookahead"
     horizon: int = 15
     step_s: float = 1.0
     epsilon: float = 15.0
@@ -34,6 +35,7 @@ class ControlSettings:
     margin_m: float = 0.15
     speed_margin_mps: float = 0.05
     entry_penalty: float = 1e3
+    hold: float = 5.0
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:

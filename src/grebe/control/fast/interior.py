@@ -343,9 +343,7 @@ def _box_row(side, value, low, high):
 
 
 @compiled
-def _add_box(
-    k, dw, low, high, box_t, box_lam, aim, corrector, box_d_t, box_d_lam, full, full_grad
-):
+def _add_box(k, dw, low, high, box_t, box_lam, aim, corrector, box_d_t, box_d_lam, full, full_grad):
     for i in range(NW):
         for side in range(2):
             sign, r = _box_row(side, dw[k, i], low[k, i], high[k, i])
@@ -422,9 +420,7 @@ def _limit(alpha, value, step):
 
 
 @compiled
-def _longest_step(
-    count, t, lam, s, nu, d_t, d_lam, d_s, d_nu, box_t, box_lam, box_d_t, box_d_lam
-):
+def _longest_step(count, t, lam, s, nu, d_t, d_lam, d_s, d_nu, box_t, box_lam, box_d_t, box_d_lam):
     alpha = 1.0 / TO_THE_BOUNDARY
     for group in range(GROUPS):
         for k in range(count.shape[1]):

@@ -67,9 +67,15 @@ class FastSolver:
             np.append(horizon.cost_weights, 0.0),
             price,
             horizon.effort_weights / self._vessel.thrust_max_n**2,
-            horizon.time_weights,
-            low.copy(),
-            span,
+            np.array(
+                [
+                    low,
+                    span,
+                    horizon.time_weights,
+                    horizon.duration_nominal,
+                    horizon.duration_weights,
+                ]
+            ),
             self._limits,
             DURATION_REGULARISATION,
             self._most_iterations,

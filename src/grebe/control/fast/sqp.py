@@ -30,7 +30,7 @@ FEASIBLE_GAP = 1e-3
 @compiled
 def optimise(
     p, substeps, states, inputs, costate, rows, count, weight, price,
-    effort, time_weight, low_duration, span, limits, regularisation, most_iterations, tolerance,
+    effort, timing, limits, regularisation, most_iterations, tolerance,
 ):  # fmt: skip
     """Improve `states` (N + 1, 6) and `inputs` (N, 3) in place; return how it ended, the
     iterations of the outer and of the inner loop, and the cost.
@@ -73,9 +73,10 @@ def optimise(
     inner = 0
     penalty = 1.0
     damping = 0.0
+    free = np.max(timing[1]) > 0.0
     for iteration in range(most_iterations):
         for k in range(n):
-            duration = low_duration[k] + inputs[k, 2] * span[k]
+            duration = timing[0, k] + inputs[k, 2] * timing[1, k]
             linearise(
                 p, states[k], inputs[k], duration, substeps, following, sens,
                 points[k], slopes[k], jacs[k],
@@ -86,7 +87,7 @@ def optimise(
                 for j in range(4):
                     a[k, i, 2 + j] = sens[i, j]
                 b[k, i, 0], b[k, i, 1] = sens[i, 4], sens[i, 5]
-                b[k, i, 2] = sens[i, 6] * span[k]
+                b[k, i, 2] = sens[i, 6] * timing[1, k]
             a[k, 0, 0] = a[k, 1, 1] = 1.0
         _values(rows, count, states, base)
         if iteration < 0:
@@ -99,11 +100,10 @@ def optimise(
             high[k, 2] = 1.0 - inputs[k, 2]
         solved = -1
         for attempt in range(2):
-            curved = attempt == 0 or damping > 0.0
+            curved = attempt == 0 or damping > 0.0 or free
             mirrored = attempt == 1
             _quadratic(
-                p, substeps, inputs, costate, effort, time_weight, low_duration, span,
-                regularisation, damping, limits, curved, mirrored, points, slopes, jacs, curve, hess, grad,
+                p, substeps, inputs, costate, effort, timing, regularisation, damping, limits, curved, mirrored, points, slopes, jacs, curve, hess, grad,
             )  # fmt: skip
             start_rows(count, base, compliance, price, rows, t, lam, s, nu)
             start_box(low, high, box_t, box_lam)
@@ -122,8 +122,7 @@ def optimise(
                 biggest = max(biggest, abs(new_costate[k, i]))
         penalty = max(1.1 * biggest, 0.5 * penalty)
         merit = _merit(
-            p, substeps, states, inputs, rows, count, weight, price, effort, time_weight,
-            low_duration, span, regularisation, penalty,
+            p, substeps, states, inputs, rows, count, weight, price, effort, timing, regularisation, penalty,
         )  # fmt: skip
         history[iteration % MEMORY] = merit
         reference = np.max(history)
@@ -134,8 +133,7 @@ def optimise(
             trial_x[:] = states + alpha * dx
             trial_w[:] = inputs + alpha * dw
             trial = _merit(
-                p, substeps, trial_x, trial_w, rows, count, weight, price, effort, time_weight,
-                low_duration, span, regularisation, penalty,
+                p, substeps, trial_x, trial_w, rows, count, weight, price, effort, timing, regularisation, penalty,
             )  # fmt: skip
             if trial <= reference + 1e-9 * abs(reference) + SUFFICIENT * alpha * min(promise, 0.0):
                 accepted = True
@@ -154,17 +152,15 @@ def optimise(
         for k in range(n + 1):
             for i in range(NX):
                 costate[k, i] += alpha * (new_costate[k, i] - costate[k, i])
-        step = _step_size(dx, dw, limits, span)
+        step = _step_size(dx, dw, limits, timing)
         if alpha == 1.0 and step < tolerance:
             cost = _merit(
-                p, substeps, states, inputs, rows, count, weight, price, effort, time_weight,
-                low_duration, span, regularisation, 0.0,
+                p, substeps, states, inputs, rows, count, weight, price, effort, timing, regularisation, 0.0,
             )  # fmt: skip
             return CONVERGED, iteration + 1, inner, cost
-    gap_size = _largest_gap(p, substeps, states, inputs, low_duration, span)
+    gap_size = _largest_gap(p, substeps, states, inputs, timing)
     cost = _merit(
-        p, substeps, states, inputs, rows, count, weight, price, effort, time_weight,
-        low_duration, span, regularisation, 0.0,
+        p, substeps, states, inputs, rows, count, weight, price, effort, timing, regularisation, 0.0,
     )  # fmt: skip
     ended = FEASIBLE if gap_size < FEASIBLE_GAP else FAILED
     return ended, most_iterations, inner, cost
@@ -199,7 +195,7 @@ def _adjoint(a, rows, count, base, weight, costate):
 
 @compiled
 def _quadratic(
-    p, substeps, inputs, costate, effort, time_weight, low_duration, span, regularisation,
+    p, substeps, inputs, costate, effort, timing, regularisation,
     damping, limits, curved, mirrored, points, slopes, jacs, curve, hess, grad,
 ):  # fmt: skip
     """Hessian of the Lagrangian and gradient of the cost without the rows.
@@ -212,14 +208,14 @@ def _quadratic(
     reach = limits[1] - limits[0]
     for k in range(inputs.shape[0]):
         if curved:
-            duration = low_duration[k] + inputs[k, 2] * span[k]
+            duration = timing[0, k] + inputs[k, 2] * timing[1, k]
             second_order(
                 p, costate[k + 1], duration, substeps, points[k], slopes[k], jacs[k], curve
             )
             for i in range(7):
-                curve[i, 6] *= span[k]
+                curve[i, 6] *= timing[1, k]
             for i in range(7):
-                curve[6, i] *= span[k]
+                curve[6, i] *= timing[1, k]
             if mirrored:
                 values, vectors = np.linalg.eigh(curve)
                 curve[:] = (vectors * np.abs(values)) @ vectors.T
@@ -227,14 +223,16 @@ def _quadratic(
         for i in range(2):
             hess[k, 6 + i, 6 + i] += 2 * effort[k] + damping / (reach * reach)
             grad[k, 6 + i] = 2 * effort[k] * inputs[k, i]
-        hess[k, 8, 8] += 2 * regularisation + damping
-        grad[k, 8] = 2 * regularisation * (inputs[k, 2] - 0.5) + time_weight[k] * span[k]
+        span, stiffness = timing[1, k], timing[4, k]
+        stray = timing[0, k] + inputs[k, 2] * span - timing[3, k]
+        hess[k, 8, 8] += 2 * regularisation + damping + 2 * stiffness * span * span
+        grad[k, 8] = 2 * regularisation * (inputs[k, 2] - 0.5)
+        grad[k, 8] += (timing[2, k] + 2 * stiffness * stray) * span
 
 
 @compiled
 def _merit(
-    p, substeps, states, inputs, rows, count, weight, price, effort, time_weight,
-    low_duration, span, regularisation, penalty,
+    p, substeps, states, inputs, rows, count, weight, price, effort, timing, regularisation, penalty,
 ):  # fmt: skip
     """Cost with its L1 slacks, plus `penalty` times the gaps in the dynamics."""
     n = inputs.shape[0]
@@ -242,9 +240,10 @@ def _merit(
     following = np.empty(NX)
     for k in range(n):
         w = inputs[k]
-        duration = low_duration[k] + w[2] * span[k]
+        duration = timing[0, k] + w[2] * timing[1, k]
         total += effort[k] * (w[0] * w[0] + w[1] * w[1])
-        total += time_weight[k] * duration + regularisation * (w[2] - 0.5) ** 2
+        total += timing[2, k] * duration + regularisation * (w[2] - 0.5) ** 2
+        total += timing[4, k] * (duration - timing[3, k]) ** 2
         if penalty > 0.0:
             advance(p, states[k], w, duration, substeps, following)
             for i in range(NX):
@@ -266,11 +265,11 @@ def _merit(
 
 
 @compiled
-def _largest_gap(p, substeps, states, inputs, low_duration, span):
+def _largest_gap(p, substeps, states, inputs, timing):
     following = np.empty(NX)
     worst = 0.0
     for k in range(inputs.shape[0]):
-        duration = low_duration[k] + inputs[k, 2] * span[k]
+        duration = timing[0, k] + inputs[k, 2] * timing[1, k]
         advance(p, states[k], inputs[k], duration, substeps, following)
         for i in range(NX):
             worst = max(worst, abs(following[i] - states[k + 1, i]))
@@ -295,13 +294,13 @@ def _promise(hess, grad, dx, dw, gap, penalty):
 
 
 @compiled
-def _step_size(dx, dw, limits, span):
+def _step_size(dx, dw, limits, timing):
     """The largest change: states in SI units, thrusts as a share of their range."""
     worst = 0.0
     reach = limits[1] - limits[0]
     for k in range(dw.shape[0]):
         worst = max(worst, abs(dw[k, 0]) / reach, abs(dw[k, 1]) / reach)
-        if span[k] > 0.0:
+        if timing[1, k] > 0.0:
             worst = max(worst, abs(dw[k, 2]))
     for k in range(dx.shape[0]):
         for i in range(NX):
