@@ -18,6 +18,7 @@ import numpy as np
 import shapely
 
 from grebe.control.controller import Command, Controller, StepStatus
+from grebe.control.observer import Observer
 from grebe.dynamics import drive_power_w
 from grebe.link.base import BoatLink, Observation
 from grebe.quantities import QUANTITIES
@@ -86,7 +87,10 @@ class Mission:
         self._next_step_s = 0.0
         self._next_sample_s = 0.0
         self._deadline_s = math.inf
-        self._last: tuple[Observation, Command] | None = None
+        self._observer = Observer(controller.vessel)
+        self._before: Observation | None = None
+        self._command: tuple[float, Command] | None = None
+        self._thrusts = (0.0, 0.0)
 
     def run(self) -> MissionReport:
         """Steer until every target is reached, or one cannot be; the boat is left at rest."""
@@ -114,14 +118,21 @@ class Mission:
                 return
             if observation.time_s >= self._next_step_s - 1e-9:
                 self._steer(observation)
+            else:
+                self._follow_plan(observation)
             observation = self._advance()
 
     def _advance(self) -> Observation:
         observation = self._link.observe()
-        if self._last is not None:
-            before, command = self._last
-            self._statistics.travel(self._controller, before, observation, command)
-            self._last = (observation, command)
+        if self._before is not None:
+            self._statistics.travel(self._controller, self._before, observation, self._thrusts)
+            self._observer.update(
+                self._before.state,
+                self._thrusts,
+                observation.state,
+                observation.time_s - self._before.time_s,
+            )
+        self._before = observation
         return observation
 
     def _visit(self, observation: Observation) -> None:
@@ -171,26 +182,48 @@ class Mission:
 
     def _steer(self, observation: Observation) -> None:
         began = time.perf_counter()
-        command = self._controller.step(observation.state)
+        command = self._controller.step(observation.state, self._observer.weather)
         solve_ms = 1e3 * (time.perf_counter() - began)
-        self._link.command(command.thrusts)
+        self._command = (observation.time_s, command)
+        self._apply(observation, command.thrusts_at(0.0), solve_ms)
+        if not command.status.is_solved:
+            self._event("warning", "step_unsolved", command.status.value, observation)
+        self._statistics.step(command.status, solve_ms)
+        self._next_step_s = observation.time_s + self._controller.settings.step_s
+        self._report_progress(observation)
+
+    def _follow_plan(self, observation: Observation) -> None:
+        """Between two control steps: change the thrusts where the plan does."""
+        if self._command is None:
+            return
+        since, command = self._command
+        thrusts = command.thrusts_at(observation.time_s - since)
+        if thrusts != self._thrusts:
+            self._apply(observation, thrusts, None)
+
+    def _apply(
+        self, observation: Observation, thrusts: tuple[float, float], solve_ms: float | None
+    ) -> None:
+        """Send thrusts and record them with the state they are sent from."""
+        self._link.command(thrusts)
+        self._thrusts = thrusts
+        if self._command is None:
+            return
+        _, command = self._command
+        weather = self._observer.weather
         self._file.append_track(
             TrackPoint(
                 time=self._time(observation),
                 state=observation.state,
-                thrusts=command.thrusts,
+                thrusts=thrusts,
                 target_seq=self._targets[command.target].seq,
                 split_stage=command.split,
                 solve_ms=solve_ms,
                 status=command.status.value,
+                current_north_mps=weather.current_north_mps,
+                current_east_mps=weather.current_east_mps,
             )
         )
-        if not command.status.is_solved:
-            self._event("warning", "step_unsolved", command.status.value, observation)
-        self._statistics.step(command.status, solve_ms)
-        self._last = (observation, command)
-        self._next_step_s = observation.time_s + self._controller.settings.step_s
-        self._report_progress(observation)
 
     def _give_patience(self, observation: Observation) -> None:
         if self._controller.done:
@@ -236,12 +269,16 @@ class _Statistics:
         self.unsolved += not status.is_solved
 
     def travel(
-        self, controller: Controller, before: Observation, now: Observation, command: Command
+        self,
+        controller: Controller,
+        before: Observation,
+        now: Observation,
+        thrusts: tuple[float, float],
     ) -> None:
         seconds = now.time_s - before.time_s
         self.duration_s += seconds
         self.path_m += math.hypot(now.state[0] - before.state[0], now.state[1] - before.state[1])
-        power = drive_power_w(controller.vessel, command.thrusts, before.state[3])
+        power = drive_power_w(controller.vessel, thrusts, before.state[3])
         self.energy_wh += power * seconds / 3600
 
     def report(self, *, reached: int, targets: int, samples: int) -> MissionReport:

@@ -9,7 +9,14 @@ from pathlib import Path
 import click
 
 from grebe.cli import options, output
-from grebe.control.settings import RULES, ControlSettings, RuleName
+from grebe.control.settings import (
+    RULES,
+    SOLVERS,
+    ControlSettings,
+    RuleName,
+    SolverName,
+    settings_for,
+)
 from grebe.dynamics import Weather
 from grebe.errors import IncompleteError, LinkError
 from grebe.simulated_mission import SimulationSettings, simulate
@@ -27,11 +34,14 @@ DEFAULTS = ControlSettings()
     "--rule", type=click.Choice(RULES), default=DEFAULTS.rule, show_default=True, help="Who plans."
 )
 @click.option(
-    "--horizon", type=int, default=DEFAULTS.horizon, show_default=True, help="N, in steps."
+    "--solver",
+    type=click.Choice(SOLVERS),
+    default=DEFAULTS.solver,
+    show_default=True,
+    help="Who solves.",
 )
-@click.option(
-    "--step", "step_s", type=float, default=DEFAULTS.step_s, show_default=True, help="T [s]."
-)
+@click.option("--horizon", type=int, help="N, in stages [lookahead 32, else 15].")
+@click.option("--step", "step_s", type=float, help="T [s] [lookahead 0.5, else 1].")
 @click.option(
     "--epsilon",
     type=float,
@@ -66,8 +76,9 @@ def command(
     file: Path,
     link: str,
     rule: RuleName,
-    horizon: int,
-    step_s: float,
+    solver: SolverName,
+    horizon: int | None,
+    step_s: float | None,
     epsilon: float,
     seed: int,
     current: tuple[float, float],
@@ -80,7 +91,7 @@ def command(
     """Steer the boat through every target set of FILE and record what it measures."""
     if link != "simulated":
         raise LinkError(f"There is no boat link {link!r}; 'simulated' is the only one so far.")
-    control = ControlSettings(rule=rule, horizon=horizon, step_s=step_s, epsilon=epsilon)
+    control = settings_for(rule, horizon, step_s, solver=solver, epsilon=epsilon)
     world = SimulationSettings(
         weather=Weather(
             current_north_mps=current[0],

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.control.fast.solver import FastSolver
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
-from grebe.control.ocp import build
 from grebe.control.lookahead import lookahead
+from grebe.control.ocp import build
 from grebe.control.rules import Decision, Rule, Situation, dual, reached_count, single
 from grebe.control.settings import ControlSettings, RuleName
 from grebe.control.solve import CasadiSolver, Solution, Solver
@@ -60,6 +61,12 @@ class Command:
     target: int
     split: int
 
+    def thrusts_at(self, elapsed_s: float) -> tuple[float, float]:
+        """Thrusts to apply so long after the step; a plan's stages may be shorter than it."""
+        if self.status is StepStatus.STOPPING:
+            return self.thrusts
+        return self.plan.thrusts_at(elapsed_s)
+
 
 class Controller:
     """Steers a vessel through target sets in their order.
@@ -89,14 +96,24 @@ class Controller:
         self.shape = HorizonShape(
             stages=self.settings.horizon,
             set_rows=rows_needed([len(aim.vertices) for aim in self._aims]),
-            substeps=model_substeps(vessel, self.settings.step_s),
+            substeps=model_substeps(vessel, self._stage_s),
         )
-        self._solver = solver or CasadiSolver(build(vessel, self.shape))
+        self._solver = solver or self._first_solver()
         self._second = second_solver
         self._rule = RULES[self.settings.rule]
         self._plan: Plan | None = None
         self._decision: Decision | None = None
         self._unsolved_in_a_row = 0
+
+    @property
+    def _stage_s(self) -> float:
+        """What a stage usually spans: the model's integration is made for it."""
+        return 1.0 if self.settings.rule == "lookahead" else self.settings.step_s
+
+    def _first_solver(self) -> Solver:
+        if self.settings.solver == "fast":
+            return FastSolver(self.vessel, self.shape)
+        return CasadiSolver(build(self.vessel, self.shape), self.settings.solver)
 
     @property
     def done(self) -> bool:

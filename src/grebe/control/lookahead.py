@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # What a stage should span, and what it may [s].
 STAGE_S = 0.8
 SHORTEST_STAGE_S = 0.02
-LONGEST_STAGE_S = 2.0
+LONGEST_STAGE_S = 1.6
 FEWEST_STAGES = 4
 # Cost of a second is 1; a unit of slack costs more than any second it could save.
 ENTRY_PENALTY = 100.0

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
 
 from grebe.errors import UsageError
 
 RuleName = Literal["single", "dual", "lookahead"]
+SolverName = Literal["fast", "fatrop", "ipopt"]
 RULES: tuple[RuleName, ...] = get_args(RuleName)
+SOLVERS: tuple[SolverName, ...] = get_args(SolverName)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlSettings:
     """What a field team or a researcher may turn.
 
-    `rule` names the rule of `grebe.control.rules`; `horizon` is N, `step_s` is T,
+    `rule` names the rule and `solver` the solver; `horizon` is N, in stages; `step_s` is T, the
+    time between two solves and, for the paper's rules, the duration of a stage;
     `epsilon` fattens the current target (Definition 8; metres beside metres per second);
     `alpha` weighs distance and `beta` effort (Eq. 2), `p` and `q` the current and the next
     target (Eq. 7). `margin_m` and `speed_margin_mps` shrink the set that the controller
@@ -25,8 +28,9 @@ class ControlSettings:
     """
 
     rule: RuleName = "lookahead"
-    horizon: int = 15
-    step_s: float = 1.0
+    solver: SolverName = "fast"
+    horizon: int = 32
+    step_s: float = 0.5
     epsilon: float = 15.0
     alpha: float = 1.0
     beta: float = 0.4
@@ -40,6 +44,10 @@ class ControlSettings:
     def __post_init__(self) -> None:
         if self.rule not in RULES:
             raise UsageError(f"There is no rule {self.rule!r}; choose one of {', '.join(RULES)}.")
+        if self.solver not in SOLVERS:
+            raise UsageError(
+                f"There is no solver {self.solver!r}; choose one of {', '.join(SOLVERS)}."
+            )
         if not 2 <= self.horizon <= 100:
             raise UsageError(f"The horizon is {self.horizon} steps; give 2 to 100.")
         if not 0.05 <= self.step_s <= 10.0:
@@ -49,3 +57,21 @@ class ControlSettings:
                 raise UsageError(f"{name} is {getattr(self, name)}; it must be positive.")
         if self.margin_m < 0 or self.speed_margin_mps < 0:
             raise UsageError("Margins must not be negative.")
+
+
+def paper_settings(rule: RuleName = "dual", **changes: Any) -> ControlSettings:
+    """Return the paper's settings (section 6.3): N = 15, T = 1 s, with `changes` to any."""
+    return ControlSettings(**({"rule": rule, "horizon": 15, "step_s": 1.0} | changes))
+
+
+def settings_for(
+    rule: RuleName, horizon: int | None = None, step_s: float | None = None, **changes: Any
+) -> ControlSettings:
+    """Return a rule's own defaults, with what the caller gives instead."""
+    base = ControlSettings() if rule == "lookahead" else paper_settings(rule)
+    return replace(
+        base,
+        horizon=base.horizon if horizon is None else horizon,
+        step_s=base.step_s if step_s is None else step_s,
+        **changes,
+    )

@@ -9,7 +9,7 @@ from grebe.link.base import Observation, State
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde
 
-OBSERVATION_PERIOD_S = 0.2
+OBSERVATION_PERIOD_S = 0.1
 
 
 class SimulatedLink:
