@@ -26,7 +26,7 @@ FLOOR = 1e-2
 
 
 @compiled
-def start_rows(count, base, compliance, price, rows, t, lam, s, nu):
+def start_rows(count, base, compliance, price, t, lam, s, nu):
     """Place slacks and multipliers inside, as near to complementary as the last solve left them.
 
     `base` (3, N + 1, R) is a z - b at the current iterate. Softened rows begin on their own
@@ -127,8 +127,8 @@ def minimise(
         aim = 0.0
         for corrector in range(2):
             _condense_rows(
-                rows, count, base, compliance, price, dx, t, lam, s, nu, aim, corrector,
-                d_t, d_lam, d_s, d_nu, weight, shift,
+                rows, count, base, compliance, dx, t, lam, s, aim, corrector,
+                d_t, d_lam, weight, shift,
             )  # fmt: skip
             _assemble(
                 hess, grad, rows, count, price, dx, s, nu, lam, weight, shift, aim, corrector,
@@ -231,9 +231,8 @@ def _row_residual(rows, count, base, compliance, dx, t, lam, s):
 
 @compiled
 def _condense_rows(
-    rows, count, base, compliance, price, dx, t, lam, s, nu, aim, corrector,
-    d_t, d_lam, d_s, d_nu, weight, shift,
-):  # fmt: skip
+    rows, count, base, compliance, dx, t, lam, s, aim, corrector, d_t, d_lam, weight, shift
+):
     """Eliminate each row: d lam = shift + weight (a dz - ds)."""
     for group in range(GROUPS):
         for k in range(count.shape[1]):

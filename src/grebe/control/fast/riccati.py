@@ -124,17 +124,17 @@ def solve(grad, terminal, a, b, c, p, gain, chol, dx, dw, costate):
             q[i] = value
         for i in range(NX):
             costate[k, i] = q[i]
-        l = chol[k]
+        lower = chol[k]
         for i in range(NW):
             value = feed[k, i]
             for m in range(i):
-                value -= l[i, m] * feed[k, m]
-            feed[k, i] = value / l[i, i]
+                value -= lower[i, m] * feed[k, m]
+            feed[k, i] = value / lower[i, i]
         for i in range(NW - 1, -1, -1):
             value = feed[k, i]
             for m in range(i + 1, NW):
-                value -= l[m, i] * feed[k, m]
-            feed[k, i] = value / l[i, i]
+                value -= lower[m, i] * feed[k, m]
+            feed[k, i] = value / lower[i, i]
     dx[0] = 0.0
     for k in range(n):
         for i in range(NW):

@@ -54,20 +54,16 @@ class FastSolver:
         states[0] = state
         share = np.where(span > 0, (guess.durations - low) / np.where(span > 0, span, 1.0), 0.5)
         inputs = np.column_stack([guess.thrusts, np.clip(share, 0.0, 1.0)])
-        costate = np.zeros_like(states)
         rows, count, price = _rows(horizon)
-        ended, iterations, _, cost = sqp.optimise(
-            parameter_vector(self._vessel, weather),
-            self._shape.substeps,
-            states,
-            inputs,
-            costate,
-            rows,
-            count,
-            np.append(horizon.cost_weights, 0.0),
-            price,
-            horizon.effort_weights / self._vessel.thrust_max_n**2,
-            np.array(
+        terms = sqp.Terms(
+            p=parameter_vector(self._vessel, weather),
+            substeps=self._shape.substeps,
+            rows=rows,
+            count=count,
+            weight=np.append(horizon.cost_weights, 0.0),
+            price=price,
+            effort=horizon.effort_weights / self._vessel.thrust_max_n**2,
+            timing=np.array(
                 [
                     low,
                     span,
@@ -76,10 +72,11 @@ class FastSolver:
                     horizon.duration_weights,
                 ]
             ),
-            self._limits,
-            DURATION_REGULARISATION,
-            self._most_iterations,
-            TOLERANCE,
+            limits=self._limits,
+            regularisation=DURATION_REGULARISATION,
+        )
+        ended, iterations, cost = sqp.optimise(
+            terms, states, inputs, self._most_iterations, TOLERANCE
         )
         plan = Plan(
             states=states,

@@ -8,12 +8,17 @@ Steps are accepted by an exact penalty function that may rise for a few steps.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 
 from grebe.control.fast.compiled import compiled
 from grebe.control.fast.interior import minimise, start_box, start_rows
 from grebe.control.fast.model import advance, linearise, second_order
 from grebe.control.fast.riccati import NW, NX, NY
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 # How an optimisation ended.
 CONVERGED, FEASIBLE, FAILED = 0, 1, 2
@@ -23,151 +28,175 @@ MEMORY = 6
 FIRST_DAMPING, MOST_DAMPING = 1.0, 1e8
 SUFFICIENT = 1e-4
 QP_TOLERANCE = 1e-5
-GAP_TOLERANCE = 1e-5
 FEASIBLE_GAP = 1e-3
 
 
-@compiled
-def optimise(
-    p, substeps, states, inputs, costate, rows, count, weight, price,
-    effort, timing, limits, regularisation, most_iterations, tolerance,
-):  # fmt: skip
-    """Improve `states` (N + 1, 6) and `inputs` (N, 3) in place; return how it ended, the
-    iterations of the outer and of the inner loop, and the cost.
+class Terms(NamedTuple):
+    """The numbers of one optimisation, constant while it runs.
 
-    `p` the model's parameters; `rows` (3, N + 1, R, 4) half-spaces with `count` (3, N + 1) in
-    use; `weight` (N + 1,) of the squared distance; `price` (3, N + 1) of
-    slack; `effort` (N,) per squared newton; `limits` (2,) of a thrust. `costate` (N + 1, 6)
-    starts the multipliers (zeros: Gauss-Newton first) and returns them.
+    `p` the model's parameters and `substeps` of its integration; `rows` (3, N + 1, R, 4)
+    half-spaces by group (see `interior`) with `count` (3, N + 1) of them in use; `weight`
+    (N + 1,) of the squared distance, `price` (3, N + 1) of slack, `effort` (N,) of a squared
+    newton; `timing` (5, N): shortest duration, span of durations, price of a second, nominal
+    duration, price of its square; `limits` (2,) of a thrust; `regularisation` of the shares.
     """
-    n = inputs.shape[0]
-    width = rows.shape[2]
-    a = np.zeros((n, NX, NX))
-    b = np.zeros((n, NX, NW))
-    gap = np.empty((n, NX))
-    hess = np.zeros((n, NY, NY))
-    grad = np.zeros((n, NY))
+
+    p: NDArray[np.float64]
+    substeps: int
+    rows: NDArray[np.float64]
+    count: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    price: NDArray[np.float64]
+    effort: NDArray[np.float64]
+    timing: NDArray[np.float64]
+    limits: NDArray[np.float64]
+    regularisation: float
+
+
+class Shooting(NamedTuple):
+    """The dynamics along an iterate: next state = a dx + b dw + gap, and what curvature needs."""
+
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    gap: NDArray[np.float64]
+    points: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    jacs: NDArray[np.float64]
+
+
+@compiled
+def optimise(terms, states, inputs, most_iterations, tolerance):
+    """Improve `states` (N + 1, 6) and `inputs` (N, 3) in place.
+
+    Returns how it ended (CONVERGED, FEASIBLE or FAILED), the iterations, and the cost.
+    """
+    n, width = inputs.shape[0], terms.rows.shape[2]
+    evals = 4 * terms.substeps
+    shooting = Shooting(
+        np.zeros((n, NX, NX)),
+        np.zeros((n, NX, NW)),
+        np.empty((n, NX)),
+        np.empty((n, evals, 4, 7)),
+        np.empty((n, evals, 4)),
+        np.empty((n, evals, NX, NX)),
+    )
+    hess, grad = np.zeros((n, NY, NY)), np.zeros((n, NY))
     base = np.zeros((3, n + 1, width))
-    compliance = 0.5 / np.maximum(weight, 1e-12)
-    t = np.ones((3, n + 1, width))
-    lam = np.zeros((3, n + 1, width))
-    s = np.zeros((3, n + 1))
-    nu = np.ones((3, n + 1))
-    box_t = np.ones((2, n, NW))
-    box_lam = np.zeros((2, n, NW))
-    low = np.empty((n, NW))
-    high = np.empty((n, NW))
-    dx = np.zeros((n + 1, NX))
-    dw = np.zeros((n, NW))
-    new_costate = np.zeros((n + 1, NX))
-    trial_x = np.empty((n + 1, NX))
-    trial_w = np.empty((n, NW))
-    evals = 4 * substeps
-    sens = np.empty((NX, 7))
-    points = np.empty((n, evals, 4, 7))
-    slopes = np.empty((n, evals, 4))
-    jacs = np.empty((n, evals, NX, NX))
-    curve = np.empty((7, 7))
-    following = np.empty(NX)
+    compliance = 0.5 / np.maximum(terms.weight, 1e-12)
+    t, lam = np.ones((3, n + 1, width)), np.zeros((3, n + 1, width))
+    s, nu = np.zeros((3, n + 1)), np.ones((3, n + 1))
+    box_t, box_lam = np.ones((2, n, NW)), np.zeros((2, n, NW))
+    low, high = np.empty((n, NW)), np.empty((n, NW))
+    dx, dw = np.zeros((n + 1, NX)), np.zeros((n, NW))
+    costate, new_costate = np.zeros((n + 1, NX)), np.zeros((n + 1, NX))
+    trial_x, trial_w = np.empty((n + 1, NX)), np.empty((n, NW))
     history = np.full(MEMORY, -np.inf)
-    inner = 0
-    penalty = 1.0
-    damping = 0.0
-    free = np.max(timing[1]) > 0.0
+    penalty, damping = 1.0, 0.0
+    # Without curvature a problem of minimum time is linear: Gauss-Newton would not do.
+    free = np.max(terms.timing[1]) > 0.0
     for iteration in range(most_iterations):
-        for k in range(n):
-            duration = timing[0, k] + inputs[k, 2] * timing[1, k]
-            linearise(
-                p, states[k], inputs[k], duration, substeps, following, sens,
-                points[k], slopes[k], jacs[k],
-            )  # fmt: skip
-            for i in range(NX):
-                gap[k, i] = following[i] - states[k + 1, i]
-                a[k, i, 0] = a[k, i, 1] = 0.0
-                for j in range(4):
-                    a[k, i, 2 + j] = sens[i, j]
-                b[k, i, 0], b[k, i, 1] = sens[i, 4], sens[i, 5]
-                b[k, i, 2] = sens[i, 6] * timing[1, k]
-            a[k, 0, 0] = a[k, 1, 1] = 1.0
-        _values(rows, count, states, base)
-        if iteration < 0:
-            _adjoint(a, rows, count, base, weight, costate)
-        for k in range(n):
-            for i in range(2):
-                low[k, i] = limits[0] - inputs[k, i]
-                high[k, i] = limits[1] - inputs[k, i]
-            low[k, 2] = -inputs[k, 2]
-            high[k, 2] = 1.0 - inputs[k, 2]
+        _shoot(terms, states, inputs, shooting)
+        _values(terms, states, base)
+        _box(terms, inputs, low, high)
         solved = -1
         for attempt in range(2):
             curved = attempt == 0 or damping > 0.0 or free
-            mirrored = attempt == 1
-            _quadratic(
-                p, substeps, inputs, costate, effort, timing, regularisation, damping, limits, curved, mirrored, points, slopes, jacs, curve, hess, grad,
-            )  # fmt: skip
-            start_rows(count, base, compliance, price, rows, t, lam, s, nu)
+            _quadratic(terms, inputs, costate, shooting, damping, curved, attempt == 1, hess, grad)
+            start_rows(terms.count, base, compliance, terms.price, t, lam, s, nu)
             start_box(low, high, box_t, box_lam)
             solved = minimise(
-                hess, grad, a, b, gap, rows, count, base, compliance, price, low, high,
-                t, lam, s, nu, box_t, box_lam, dx, dw, new_costate, QP_TOLERANCE,
+                hess, grad, shooting.a, shooting.b, shooting.gap, terms.rows, terms.count, base,
+                compliance, terms.price, low, high, t, lam, s, nu, box_t, box_lam,
+                dx, dw, new_costate, QP_TOLERANCE,
             )  # fmt: skip
-            inner += abs(solved)
             if solved >= 0:
                 break
         if solved < 0:
             break
-        biggest = 0.0
-        for k in range(1, n + 1):
-            for i in range(NX):
-                biggest = max(biggest, abs(new_costate[k, i]))
-        penalty = max(1.1 * biggest, 0.5 * penalty)
-        merit = _merit(
-            p, substeps, states, inputs, rows, count, weight, price, effort, timing, regularisation, penalty,
-        )  # fmt: skip
-        history[iteration % MEMORY] = merit
-        reference = np.max(history)
-        alpha = 1.0
-        accepted = False
-        promise = _promise(hess, grad, dx, dw, gap, penalty)
-        for _ in range(HALVINGS):
-            trial_x[:] = states + alpha * dx
-            trial_w[:] = inputs + alpha * dw
-            trial = _merit(
-                p, substeps, trial_x, trial_w, rows, count, weight, price, effort, timing, regularisation, penalty,
-            )  # fmt: skip
-            if trial <= reference + 1e-9 * abs(reference) + SUFFICIENT * alpha * min(promise, 0.0):
-                accepted = True
-                break
-            alpha *= 0.5
-        if not accepted:
+        penalty = max(1.1 * np.max(np.abs(new_costate[1:])), 0.5 * penalty)
+        history[iteration % MEMORY] = _merit(terms, states, inputs, penalty)
+        promise = _promise(hess, dx, dw, shooting.gap, penalty)
+        alpha = _search(
+            terms, states, inputs, dx, dw, np.max(history), promise, penalty, trial_x, trial_w
+        )
+        if alpha == 0.0:
             if damping > MOST_DAMPING:
                 break
             damping = max(10.0 * damping, FIRST_DAMPING)
             continue
-        damping = 0.0 if damping < FIRST_DAMPING or alpha == 1.0 else 0.3 * damping
-        if alpha < 0.25:
-            damping = max(damping, FIRST_DAMPING)
+        damping = _eased(damping, alpha)
         states[:] = trial_x
         inputs[:] = trial_w
-        for k in range(n + 1):
-            for i in range(NX):
-                costate[k, i] += alpha * (new_costate[k, i] - costate[k, i])
-        step = _step_size(dx, dw, limits, timing)
-        if alpha == 1.0 and step < tolerance:
-            cost = _merit(
-                p, substeps, states, inputs, rows, count, weight, price, effort, timing, regularisation, 0.0,
-            )  # fmt: skip
-            return CONVERGED, iteration + 1, inner, cost
-    gap_size = _largest_gap(p, substeps, states, inputs, timing)
-    cost = _merit(
-        p, substeps, states, inputs, rows, count, weight, price, effort, timing, regularisation, 0.0,
-    )  # fmt: skip
-    ended = FEASIBLE if gap_size < FEASIBLE_GAP else FAILED
-    return ended, most_iterations, inner, cost
+        costate += alpha * (new_costate - costate)
+        if alpha == 1.0 and _step_size(dx, dw, terms.limits, terms.timing) < tolerance:
+            return CONVERGED, iteration + 1, _merit(terms, states, inputs, 0.0)
+    feasible = _largest_gap(terms, states, inputs) < FEASIBLE_GAP
+    ended = FEASIBLE if feasible else FAILED
+    return ended, most_iterations, _merit(terms, states, inputs, 0.0)
 
 
 @compiled
-def _values(rows, count, states, base):
+def _duration(terms, inputs, k):
+    return terms.timing[0, k] + inputs[k, 2] * terms.timing[1, k]
+
+
+@compiled
+def _shoot(terms, states, inputs, shooting):
+    """Integrate every stage with its derivatives."""
+    following = np.empty(NX)
+    sens = np.empty((NX, 7))
+    a, b, gap = shooting.a, shooting.b, shooting.gap
+    for k in range(inputs.shape[0]):
+        linearise(
+            terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following,
+            sens, shooting.points[k], shooting.slopes[k], shooting.jacs[k],
+        )  # fmt: skip
+        for i in range(NX):
+            gap[k, i] = following[i] - states[k + 1, i]
+            a[k, i, 0] = a[k, i, 1] = 0.0
+            for j in range(4):
+                a[k, i, 2 + j] = sens[i, j]
+            b[k, i, 0], b[k, i, 1] = sens[i, 4], sens[i, 5]
+            b[k, i, 2] = sens[i, 6] * terms.timing[1, k]
+        a[k, 0, 0] = a[k, 1, 1] = 1.0
+
+
+@compiled
+def _box(terms, inputs, low, high):
+    """Bounds of the inputs' change: thrusts between their limits, shares in [0, 1]."""
+    for k in range(inputs.shape[0]):
+        for i in range(2):
+            low[k, i] = terms.limits[0] - inputs[k, i]
+            high[k, i] = terms.limits[1] - inputs[k, i]
+        low[k, 2] = -inputs[k, 2]
+        high[k, 2] = 1.0 - inputs[k, 2]
+
+
+@compiled
+def _search(terms, states, inputs, dx, dw, reference, promise, penalty, trial_x, trial_w):
+    """Halve the step until the penalty function is low enough; 0 where it never is."""
+    alpha = 1.0
+    for _ in range(HALVINGS):
+        trial_x[:] = states + alpha * dx
+        trial_w[:] = inputs + alpha * dw
+        trial = _merit(terms, trial_x, trial_w, penalty)
+        if trial <= reference + 1e-9 * abs(reference) + SUFFICIENT * alpha * min(promise, 0.0):
+            return alpha
+        alpha *= 0.5
+    return 0.0
+
+
+@compiled
+def _eased(damping, alpha):
+    """Damping after an accepted step: none after a full one, some after a short one."""
+    damping = 0.0 if damping < FIRST_DAMPING or alpha == 1.0 else 0.3 * damping
+    return max(damping, FIRST_DAMPING) if alpha < 0.25 else damping
+
+
+@compiled
+def _values(terms, states, base):
+    """Value of every row at the iterate."""
+    rows, count = terms.rows, terms.count
     for group in range(3):
         for k in range(count.shape[1]):
             z = states[k]
@@ -177,27 +206,7 @@ def _values(rows, count, states, base):
 
 
 @compiled
-def _adjoint(a, rows, count, base, weight, costate):
-    """Estimate the costates from the cost's gradient along the starting trajectory."""
-    n = a.shape[0]
-    for k in range(n, -1, -1):
-        costate[k] = 0.0
-        if k < n:
-            for i in range(NX):
-                for m in range(NX):
-                    costate[k, i] += a[k, m, i] * costate[k + 1, m]
-        for i in range(count[0, k]):
-            r = base[0, k, i]
-            if r > 0.0:
-                for axis, index in ((0, 0), (1, 1), (2, 3)):
-                    costate[k, index] += 2 * weight[k] * r * rows[0, k, i, axis]
-
-
-@compiled
-def _quadratic(
-    p, substeps, inputs, costate, effort, timing, regularisation,
-    damping, limits, curved, mirrored, points, slopes, jacs, curve, hess, grad,
-):  # fmt: skip
+def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess, grad):
     """Hessian of the Lagrangian and gradient of the cost without the rows.
 
     With `mirrored` the dynamics' curvature is replaced by its absolute value, eigenvalue by
@@ -205,88 +214,87 @@ def _quadratic(
     """
     hess[:] = 0.0
     grad[:] = 0.0
-    reach = limits[1] - limits[0]
+    curve = np.empty((7, 7))
+    reach = terms.limits[1] - terms.limits[0]
     for k in range(inputs.shape[0]):
+        span, stiffness = terms.timing[1, k], terms.timing[4, k]
         if curved:
-            duration = timing[0, k] + inputs[k, 2] * timing[1, k]
             second_order(
-                p, costate[k + 1], duration, substeps, points[k], slopes[k], jacs[k], curve
-            )
-            for i in range(7):
-                curve[i, 6] *= timing[1, k]
-            for i in range(7):
-                curve[6, i] *= timing[1, k]
+                terms.p, costate[k + 1], _duration(terms, inputs, k), terms.substeps,
+                shooting.points[k], shooting.slopes[k], shooting.jacs[k], curve,
+            )  # fmt: skip
+            curve[:, 6] *= span
+            curve[6, :] *= span
             if mirrored:
                 values, vectors = np.linalg.eigh(curve)
                 curve[:] = (vectors * np.abs(values)) @ vectors.T
             hess[k, 2:, 2:] = curve
         for i in range(2):
-            hess[k, 6 + i, 6 + i] += 2 * effort[k] + damping / (reach * reach)
-            grad[k, 6 + i] = 2 * effort[k] * inputs[k, i]
-        span, stiffness = timing[1, k], timing[4, k]
-        stray = timing[0, k] + inputs[k, 2] * span - timing[3, k]
-        hess[k, 8, 8] += 2 * regularisation + damping + 2 * stiffness * span * span
-        grad[k, 8] = 2 * regularisation * (inputs[k, 2] - 0.5)
-        grad[k, 8] += (timing[2, k] + 2 * stiffness * stray) * span
+            hess[k, 6 + i, 6 + i] += 2 * terms.effort[k] + damping / (reach * reach)
+            grad[k, 6 + i] = 2 * terms.effort[k] * inputs[k, i]
+        stray = _duration(terms, inputs, k) - terms.timing[3, k]
+        hess[k, 8, 8] += 2 * terms.regularisation + damping + 2 * stiffness * span * span
+        grad[k, 8] = 2 * terms.regularisation * (inputs[k, 2] - 0.5)
+        grad[k, 8] += (terms.timing[2, k] + 2 * stiffness * stray) * span
 
 
 @compiled
-def _merit(
-    p, substeps, states, inputs, rows, count, weight, price, effort, timing, regularisation, penalty,
-):  # fmt: skip
+def _merit(terms, states, inputs, penalty):
     """Cost with its L1 slacks, plus `penalty` times the gaps in the dynamics."""
-    n = inputs.shape[0]
     total = 0.0
     following = np.empty(NX)
-    for k in range(n):
+    timing = terms.timing
+    for k in range(inputs.shape[0]):
         w = inputs[k]
-        duration = timing[0, k] + w[2] * timing[1, k]
-        total += effort[k] * (w[0] * w[0] + w[1] * w[1])
-        total += timing[2, k] * duration + regularisation * (w[2] - 0.5) ** 2
+        duration = _duration(terms, inputs, k)
+        total += terms.effort[k] * (w[0] * w[0] + w[1] * w[1])
+        total += timing[2, k] * duration + terms.regularisation * (w[2] - 0.5) ** 2
         total += timing[4, k] * (duration - timing[3, k]) ** 2
         if penalty > 0.0:
-            advance(p, states[k], w, duration, substeps, following)
+            advance(terms.p, states[k], w, duration, terms.substeps, following)
             for i in range(NX):
                 total += penalty * abs(following[i] - states[k + 1, i])
     for group in range(3):
-        for k in range(n + 1):
-            worst = 0.0
-            z = states[k]
-            for i in range(count[group, k]):
-                row = rows[group, k, i]
-                r = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
-                if r > 0.0:
-                    worst = max(worst, r)
-                    if group == 0:
-                        total += weight[k] * r * r
-            if group > 0:
-                total += price[group, k] * worst
+        for k in range(states.shape[0]):
+            total += _row_cost(terms, group, k, states[k])
     return total
 
 
 @compiled
-def _largest_gap(p, substeps, states, inputs, timing):
+def _row_cost(terms, group, k, z):
+    """What the rows of a group cost at a node: squares in group 0, the worst one elsewhere."""
+    squares, worst = 0.0, 0.0
+    for i in range(terms.count[group, k]):
+        row = terms.rows[group, k, i]
+        r = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
+        if r > 0.0:
+            squares += r * r
+            worst = max(worst, r)
+    return terms.weight[k] * squares if group == 0 else terms.price[group, k] * worst
+
+
+@compiled
+def _largest_gap(terms, states, inputs):
     following = np.empty(NX)
     worst = 0.0
     for k in range(inputs.shape[0]):
-        duration = timing[0, k] + inputs[k, 2] * timing[1, k]
-        advance(p, states[k], inputs[k], duration, substeps, following)
-        for i in range(NX):
-            worst = max(worst, abs(following[i] - states[k + 1, i]))
+        advance(
+            terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following
+        )
+        worst = max(worst, np.max(np.abs(following - states[k + 1])))
     return worst
 
 
 @compiled
-def _promise(hess, grad, dx, dw, gap, penalty):
+def _promise(hess, dx, dw, gap, penalty):
     """A decrease that the step may be asked for: curvature along it, and the gaps it closes."""
     total = 0.0
     y = np.empty(NY)
     for k in range(dw.shape[0]):
+        y[:NX] = dx[k]
+        y[NX:] = dw[k]
         for i in range(NX):
-            y[i] = dx[k, i]
             total -= penalty * abs(gap[k, i])
-        for i in range(NW):
-            y[NX + i] = dw[k, i]
         for i in range(NY):
             for j in range(NY):
                 total -= 0.5 * hess[k, i, j] * y[i] * y[j]
