@@ -2,19 +2,21 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from grebe.control.controller import PATIENCE_STEPS, Controller, StepStatus
 from grebe.control.horizon import HorizonShape, Plan
 from grebe.control.ocp import build
 from grebe.control.rules import Situation, dual
-from grebe.control.settings import ControlSettings
+from grebe.control.settings import paper_settings, settings_for
 from grebe.control.solve import CasadiSolver, Solution, SolverChain, Status
 from grebe.dynamics import rates, rk4
 from grebe.sets import rectangle
 from grebe.vessel import PRESETS
 
 BOAT = PRESETS["benchmark"]
-SETTINGS = ControlSettings()
+SETTINGS = paper_settings(solver="fatrop")
 SHAPE = HorizonShape(stages=15)
 PROBLEM = build(BOAT, SHAPE)
 CALM4 = np.zeros(4)
@@ -54,7 +56,7 @@ def drive(controller, state, steps, boat=BOAT, watch=None):
 
 def horizon_for(state, sets):
     situation = Situation(state=state, target=0, ahead=sets, aims=sets)
-    return dual(situation, SETTINGS, SHAPE)[0]
+    return dual(situation, SETTINGS, SHAPE).horizon
 
 
 START_STATES = {
@@ -69,7 +71,7 @@ START_STATES = {
 @pytest.mark.parametrize("name", START_STATES)
 def test_fatrop_finds_what_the_oracle_finds(name, fatrop, ipopt):
     state = np.array(START_STATES[name], dtype=float)
-    controller = Controller(BOAT, row_of_cells(2), solver=fatrop)
+    controller = Controller(BOAT, row_of_cells(2), SETTINGS, solver=fatrop)
     guess = controller.roll_out(state)
     horizon = horizon_for(tuple(state), row_of_cells(2))
     quick = fatrop.solve(state, horizon, CALM4, guess)
@@ -82,7 +84,7 @@ def test_fatrop_finds_what_the_oracle_finds(name, fatrop, ipopt):
 @pytest.mark.parametrize("name", START_STATES)
 def test_a_plan_keeps_the_dynamics_and_the_limits(name, fatrop):
     state = np.array(START_STATES[name], dtype=float)
-    controller = Controller(BOAT, row_of_cells(2), solver=fatrop)
+    controller = Controller(BOAT, row_of_cells(2), SETTINGS, solver=fatrop)
     horizon = horizon_for(tuple(state), row_of_cells(2))
     plan = fatrop.solve(state, horizon, CALM4, controller.roll_out(state)).plan
     assert plan.states[0] == pytest.approx(state, abs=1e-6)
@@ -98,7 +100,9 @@ def test_the_hard_problem_s_solution_is_found_where_it_exists(fatrop):
     sets = row_of_cells(2)
     state = np.array([-7.0, 2.5, 0, 1.5, 0, 0])
     horizon = horizon_for(tuple(state), sets)
-    plan = fatrop.solve(state, horizon, CALM4, Controller(BOAT, sets).roll_out(state)).plan
+    plan = fatrop.solve(
+        state, horizon, CALM4, Controller(BOAT, sets, SETTINGS).roll_out(state)
+    ).plan
     assert sets[0].distance(plan.states[7]) < 1e-4
     assert sets[1].distance(plan.states[15]) < 1e-4
 
@@ -115,7 +119,7 @@ def test_mirrored_targets_give_mirrored_tracks():
     tracks = []
     for sets in (path, mirrored):
         track = []
-        controller = Controller(BOAT, sets)
+        controller = Controller(BOAT, sets, SETTINGS)
         drive(controller, (0, 0, 0, 0, 0, 0), 60, watch=track.append)
         assert controller.done
         tracks.append(np.array(track))
@@ -134,14 +138,14 @@ def _mirror(target):
 
 
 def test_the_last_target_is_reached_and_not_circled():
-    controller = Controller(BOAT, row_of_cells(3))
+    controller = Controller(BOAT, row_of_cells(3), SETTINGS)
     _, statuses = drive(controller, (-10, 2.5, 0, 0, 0, 0), 30)
     assert controller.done
     assert all(status.is_solved for status in statuses)
 
 
 def test_a_boat_at_rest_in_its_cell_does_not_put_off_for_ever():
-    controller = Controller(BOAT, row_of_cells(1))
+    controller = Controller(BOAT, row_of_cells(1), SETTINGS)
     drive(controller, (2.5, 2.5, 0, 0, 0, 0), 40)
     assert controller.done
 
@@ -169,14 +173,14 @@ class Failing:
 
 def test_a_failed_solve_is_started_anew(fatrop):
     flaky = Failing(fatrop, lambda call: call == 1)
-    controller = Controller(BOAT, row_of_cells(2), solver=flaky, second_solver=fatrop)
+    controller = Controller(BOAT, row_of_cells(2), SETTINGS, solver=flaky, second_solver=fatrop)
     assert controller.step((-10, 2.5, 0, 0, 0, 0)).status is StepStatus.RESTARTED
 
 
 def test_when_nothing_converges_the_last_plan_is_followed_then_the_boat_stops(fatrop):
     broken = Failing(fatrop, lambda call: call > 1)
     never = Failing(fatrop, lambda call: True)
-    controller = Controller(BOAT, row_of_cells(40), solver=broken, second_solver=never)
+    controller = Controller(BOAT, row_of_cells(40), SETTINGS, solver=broken, second_solver=never)
     z, statuses = drive(controller, (-10, 2.5, 0, 0, 0, 0), 30)
     assert statuses[0] is StepStatus.SOLVED
     assert statuses[1 : PATIENCE_STEPS + 1] == [StepStatus.LAST_PLAN] * PATIENCE_STEPS
@@ -188,13 +192,13 @@ def test_a_chain_of_solvers_stops_at_the_first_that_converges(fatrop):
     never = Failing(fatrop, lambda call: True)
     chain = SolverChain([never, fatrop, never])
     state = np.array([-10, 2.5, 0, 0, 0, 0.0])
-    guess = Controller(BOAT, row_of_cells(2), solver=fatrop).roll_out(state)
+    guess = Controller(BOAT, row_of_cells(2), SETTINGS, solver=fatrop).roll_out(state)
     assert chain.solve(state, horizon_for(tuple(state), row_of_cells(2)), CALM4, guess).solved
     assert never.calls == 1
 
 
 def test_a_state_that_is_not_finite_is_refused():
-    controller = Controller(BOAT, row_of_cells(1), solver=_SHARED)
+    controller = Controller(BOAT, row_of_cells(1), SETTINGS, solver=_SHARED)
     with pytest.raises(ValueError, match="six finite"):
         controller.step((0, 0, float("nan"), 0, 0, 0))
 
@@ -209,7 +213,7 @@ def test_a_duration_between_bounds_is_chosen_by_the_solver(fatrop, ipopt):
     horizon.duration_bounds[:] = (0.05, 1.0)
     horizon.time_weights[:] = 1.0
     horizon.require(15, sets[0].halfspaces, 1e3)
-    guess = Controller(BOAT, sets, solver=fatrop).roll_out(state)
+    guess = Controller(BOAT, sets, SETTINGS, solver=fatrop).roll_out(state)
     plans = [s.solve(state, horizon, CALM4, guess) for s in (fatrop, ipopt)]
     assert all(solution.solved for solution in plans)
     quick, exact = (solution.plan.duration_s for solution in plans)
@@ -217,6 +221,64 @@ def test_a_duration_between_bounds_is_chosen_by_the_solver(fatrop, ipopt):
     # 10 m at a speed that rises from 1.5 towards the window's end of 2 m/s.
     assert 5.0 < quick < 6.7
     assert sets[0].distance(plans[0].plan.states[-1]) < 1e-3
+
+
+def drive_freely(controller, state, limit_s, boat, watch=None):
+    """Closed loop that follows the plan between steps, as a mission does."""
+    z, now, command, since = list(state), 0.0, None, -1e9
+    while now < limit_s:
+        controller.see(z)
+        if controller.done:
+            break
+        if now - since >= controller.settings.step_s - 1e-9:
+            command, since = controller.step(z), now
+        thrusts = command.thrusts_at(now - since)
+        if watch is not None:
+            watch(z, thrusts)
+        z = rk4(lambda s, f=thrusts: rates(boat, s, f), z, 0.1, 1)
+        now += 0.1
+    return now
+
+
+@pytest.mark.slow
+@settings(max_examples=15)
+@given(
+    st.lists(st.tuples(st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=5),
+    st.floats(-3.1, 3.1),
+    st.sampled_from(["spyboat", "benchmark", "tianjin"]),
+    st.floats(1.0, 10.0),
+)
+def test_any_sequence_of_targets_is_reached_within_the_limits(corners, heading, name, side):
+    """Far, behind, overlapping, repeated, not adjacent, tiny: the default rule reaches all."""
+    boat = PRESETS[name]
+    sets = [rectangle((n, n + side), (e, e + side), (0.4, 1.2)) for n, e in corners]
+    controller = Controller(boat, sets)
+    thrusts = []
+    drive_freely(controller, (0, 0, heading, 0, 0, 0), 600, boat, lambda _, f: thrusts.append(f))
+    assert controller.done
+    if thrusts:
+        assert np.min(thrusts) >= boat.thrust_min_n
+        assert np.max(thrusts) <= boat.thrust_max_n
+
+
+@pytest.mark.parametrize("rule", ["single", "dual", "lookahead"])
+def test_every_rule_flies_a_row_with_the_fast_solver(rule):
+    controller = Controller(BOAT, row_of_cells(6), settings_for(rule))
+    drive_freely(controller, (-10, 2.5, 0, 0, 0, 0), 200, BOAT)
+    assert controller.done
+
+
+def test_lookahead_is_faster_than_the_paper_s_rule():
+    sets = [
+        rectangle((5 * c, 5 * c + 5), (5 * r, 5 * r + 5), (1, 2))
+        for r in range(2)
+        for c in (range(6) if r == 0 else range(5, -1, -1))
+    ]
+    times = [
+        drive_freely(Controller(BOAT, sets, settings_for(rule)), (-10, 2.5, 0, 0, 0, 0), 120, BOAT)
+        for rule in ("lookahead", "dual")
+    ]
+    assert times[0] < times[1] < 120
 
 
 def test_plan_is_a_value():

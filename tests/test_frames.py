@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from conftest import FRAME
 from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from conftest import FRAME
 from grebe.errors import InputError
 from grebe.frames import LocalFrame
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import shapely
+from conftest import states, target_sets
 from hypothesis import given
 from hypothesis import strategies as st
 
-from conftest import states, target_sets
 from grebe.errors import PlanError
 from grebe.sets import TargetSet, rectangle
 

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from conftest import states
 from hypothesis import given
 from hypothesis import strategies as st
 
-from conftest import states
 from grebe.dynamics import CALM, Weather, coriolis_power_w, drive_power_w, rates, rk4
 from grebe.errors import InputError, VesselError
 from grebe.vessel import PRESETS, Vessel, paper_masses, vessel_named, with_printed_sign

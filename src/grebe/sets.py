@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 # A vertex may lie this far [m] on the wrong side of its neighbours' line and the polygon
 # still counts as convex: coordinates come from degrees rounded to 1e-7, about a centimetre.
 CONVEXITY_TOLERANCE_M = 1e-6
+SHORTEST_EDGE_M = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +73,7 @@ class TargetSet:
         points = points if area else points[::-1]
         edge = np.roll(points, -1, axis=0) - points
         length = np.hypot(edge[:, 0], edge[:, 1])
-        if np.any(length == 0):
+        if np.any(length < SHORTEST_EDGE_M):
             raise PlanError("A target set must be a convex polygon without repeated vertices.")
         normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, None]
         offset = np.sum(normal * points, axis=1)
@@ -136,7 +137,7 @@ class TargetSet:
         polygon = self.polygon
         inset = min(margin_m, 0.5 * polygon.area / polygon.length)
         slack = min(speed_margin_mps, 0.25 * (self.speed_max_mps - self.speed_min_mps))
-        inner = polygon.buffer(-inset, join_style="mitre") if inset > 0 else polygon
+        inner = polygon.buffer(-inset, join_style="mitre") if inset > SHORTEST_EDGE_M else polygon
         return TargetSet(
             vertices=ring_vertices(inner),
             speed_min_mps=self.speed_min_mps + slack,

@@ -100,13 +100,16 @@ def split_stage(distance: float, epsilon: float, horizon: int) -> int:
 
 
 def single(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
-    """Problem (5): every stage is drawn to Omega_x, the last node must lie in it."""
+    """Problem (5): every stage is drawn to Omega_x, the last node must lie in it.
+
+    Departure: after a stall the node that must lie in it is counted down from the last.
+    """
+    decision = _decide(situation, shape.stages, shape.stages)
     horizon = _fixed_steps(settings, shape)
     aim = situation.aims[0].halfspaces
     for stage in range(shape.stages):
         horizon.attract(stage, aim, settings.alpha)
-    horizon.require(shape.stages, aim, settings.entry_penalty)
-    decision = Decision(target=situation.target, split=shape.stages, nearest=situation.distance)
+    horizon.require(decision.split, aim, settings.entry_penalty)
     return Proposal(horizon=horizon, decision=decision, start=_shifted(situation))
 
 
@@ -118,7 +121,8 @@ def dual(situation: Situation, settings: ControlSettings, shape: HorizonShape) -
     down from N.
     """
     n = shape.stages
-    decision = _decide(situation, settings, n)
+    planned = split_stage(situation.distance, settings.epsilon, n)
+    decision = _decide(situation, planned, n)
     split = decision.split
     horizon = _fixed_steps(settings, shape)
     aim = situation.aims[0].halfspaces
@@ -139,8 +143,8 @@ def _lead_on(horizon: Horizon, split: int, rows: NDArray, settings: ControlSetti
     horizon.require(n, rows, settings.entry_penalty)
 
 
-def _decide(situation: Situation, settings: ControlSettings, horizon: int) -> Decision:
-    """N_x by distance, or counted down from N once the approach has stalled.
+def _decide(situation: Situation, split: int, horizon: int) -> Decision:
+    """N_x as planned, or counted down from N once the approach has stalled.
 
     With N_x a function of d alone a boat can put entry off for ever: at rest in its cell it
     plans at every step to speed up N_x steps later, and facing away from the rim it has too
@@ -149,13 +153,12 @@ def _decide(situation: Situation, settings: ControlSettings, horizon: int) -> De
     is feasible for the next problem.
     """
     distance = situation.distance
-    split = split_stage(distance, settings.epsilon, horizon)
     last = situation.last
     if last is None or last.target != situation.target:
         return Decision(target=situation.target, split=split, nearest=distance)
     nearer = distance < last.nearest - LEAST_PROGRESS
     idle = 0 if nearer else last.idle + 1
-    committed = last.committed or (idle >= STALL_STEPS and split < horizon)
+    committed = last.committed or idle >= STALL_STEPS
     if committed:
         split = last.split - 1 if last.committed and last.split > 1 else horizon
     return Decision(
