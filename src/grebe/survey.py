@@ -90,7 +90,10 @@ class Survey:
     def coverage(self) -> float:
         """Share of the water that the cells cover, 0 to 1."""
         cells = [target.set.polygon for target in self.targets if target.kind == "cell"]
-        return float(shapely.union_all(cells).intersection(self.water).area / self.water.area)
+        # Without a precision grid GEOS's union can lose cells whose vertices nearly meet.
+        union = shapely.union_all(cells, grid_size=1e-6)
+        covered = shapely.intersection(union, self.water, grid_size=1e-6).area
+        return min(1.0, float(covered / self.water.area))
 
     @property
     def route_length_m(self) -> float:

@@ -150,11 +150,15 @@ class Controller:
     def _attempts(
         self, situation: Situation
     ) -> Iterator[tuple[Situation, Callable[[], Solver], StepStatus]]:
-        """What is tried in a step: from the last plan, afresh, and with the second solver."""
+        """What is tried in a step: from the last plan, afresh, and with the second solver.
+
+        The second solver is slow: where it has just failed it is not asked again at once.
+        """
         afresh = replace(situation, plan=None)
         yield situation, lambda: self._solver, StepStatus.SOLVED
         yield afresh, lambda: self._solver, StepStatus.RESTARTED
-        yield afresh, self._second_solver, StepStatus.RESTARTED
+        if not self._unsolved_in_a_row:
+            yield afresh, self._second_solver, StepStatus.RESTARTED
 
     def roll_out(self, state: NDArray[np.float64], weather: Weather = CALM) -> Plan:
         """Return a turn-and-go trajectory: turn towards Omega_x, then drive at it.

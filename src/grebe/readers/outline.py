@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
@@ -78,7 +79,9 @@ def _geometry(path: Path, feature: dict[str, Any]) -> BaseGeometry | None:
     if not isinstance(body, dict):
         return None
     try:
-        return shape(body)
+        # NaN is let through without numpy's warning: the region's own check names it.
+        with np.errstate(invalid="ignore"):
+            return shape(body)
     except (KeyError, TypeError, ValueError, AttributeError, shapely.GEOSException) as error:
         raise RegionError(f"{path}: a geometry cannot be read ({error}).") from None
 

@@ -88,9 +88,8 @@ def free_water(bounds: tuple[float, float, float, float], seed: int) -> Water:
     noise: dict[str, float] = {}
     for key, lake in LAKE_STATISTICS.items():
         variance = lake.structured_share * lake.sd**2
-        # A Gaussian covariance of length l has its practical range near sqrt(3) l, the
-        # Matern-3/2 that is drawn here near 2.7 l.
-        model = gs.Matern(dim=2, var=variance, len_scale=lake.range_share * extent / 2.7, nu=1.5)
+        # 95 % of the correlation of GSTools' Matern-3/2 of length l is gone at 3.87 l.
+        model = gs.Matern(dim=2, var=variance, len_scale=lake.range_share * extent / 3.87, nu=1.5)
         field = gs.SRF(model, mean=lake.mean, seed=int(rng.integers(2**31)))
         fields[key] = np.asarray(field.structured([north, east]))
         noise[key] = float(np.sqrt((1 - lake.structured_share) * lake.sd**2))
