@@ -81,7 +81,9 @@ def test_gdal_reads_the_file_while_it_is_written(path, survey_file):
     for i in range(3):
         survey_file.append_samples([sample(i)])
         # Another process, as another program would be: two SQLites in one share no locks.
-        count = "import pyogrio, sys; print(pyogrio.read_info(sys.argv[1], layer='samples')['features'])"
+        count = (
+            "import pyogrio, sys;print(pyogrio.read_info(sys.argv[1], layer='samples')['features'])"
+        )
         seen = subprocess.run(
             [sys.executable, "-c", count, str(path)], capture_output=True, text=True, check=True
         )

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from grebe.mission import Progress as MissionProgress
+if TYPE_CHECKING:
+    from grebe.mission import Progress as MissionProgress
 
 TIP = "Next: "
 

@@ -1,0 +1,73 @@
+"""What a researcher writes first: the paper's problem with hard sets, built anew each step.
+
+CasADi Opti with IPOPT, problem (8) with the constraints on x_{N_x} and x_N as they are
+printed, the same vessel, weights and integration as Grebe's `dual`. It is the baseline of
+all ratios and shares no code with Grebe's solvers.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from benchmarks.flights import Pilot
+from grebe.control.rules import split_stage
+from grebe.control.settings import ControlSettings
+from grebe.dynamics import rates, rk4
+
+
+class RebuiltPilot(Pilot):
+    def __init__(self, vessel, targets, settings: ControlSettings, substeps: int) -> None:
+        self.vessel, self.targets, self.settings = vessel, targets, settings
+        self.substeps = substeps
+        self.step_s = settings.step_s
+        self.aims = [t.shrunk(settings.margin_m, settings.speed_margin_mps) for t in targets]
+        self.guess = None
+
+    def decide(self, state, reached, weather):
+        n, vessel, settings = self.settings.horizon, self.vessel, self.settings
+        distance = self.targets[reached].distance(state)
+        split = split_stage(distance, settings.epsilon, n)
+        current = self.aims[reached].halfspaces
+        following = self.aims[reached + 1].halfspaces if reached + 1 < len(self.aims) else None
+        opti = ca.Opti()
+        x, f = opti.variable(6, n + 1), opti.variable(2, n)
+        opti.subject_to(x[:, 0] == np.asarray(state))
+        opti.subject_to(opti.bounded(vessel.thrust_min_n, ca.vec(f), vessel.thrust_max_n))
+        cost = 0
+        for k in range(n):
+            inputs = ca.vertsplit(f[:, k])
+            predicted = rk4(
+                lambda z, u=inputs: rates(vessel, z, u, cos=ca.cos, sin=ca.sin),
+                ca.vertsplit(x[:, k]),
+                self.step_s,
+                self.substeps,
+            )
+            opti.subject_to(x[:, k + 1] == ca.vertcat(*predicted))
+            rows = current if k < split else following
+            if rows is not None:
+                outside = ca.fmax(rows[:, :3] @ x[[0, 1, 3], k] - rows[:, 3], 0)
+                cost += settings.alpha * ca.sumsqr(outside)
+            cost += settings.beta * ca.sumsqr(f[:, k] / vessel.thrust_max_n)
+        if split > 0:
+            opti.subject_to(current[:, :3] @ x[[0, 1, 3], split] <= current[:, 3])
+        if following is not None and split < n:
+            opti.subject_to(following[:, :3] @ x[[0, 1, 3], n] <= following[:, 3])
+        opti.minimize(cost)
+        opti.solver(
+            "ipopt",
+            {"print_time": False, "expand": True},
+            {"print_level": 0, "sb": "yes", "max_iter": 300},
+        )
+        if self.guess is not None:
+            opti.set_initial(x, np.hstack([self.guess[0][:, 1:], self.guess[0][:, -1:]]))
+            opti.set_initial(f, np.hstack([self.guess[1][:, 1:], self.guess[1][:, -1:]]))
+        try:
+            opti.solve()
+            solved, read = True, opti.value
+        except RuntimeError:
+            solved, read = False, opti.debug.value
+        states, thrusts = np.array(read(x)), np.array(read(f))
+        self.guess = (states, thrusts) if solved else None
+        first = tuple(np.clip(thrusts[:, 0], vessel.thrust_min_n, vessel.thrust_max_n).tolist())
+        return (lambda _: first), solved
