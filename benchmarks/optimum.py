@@ -7,6 +7,8 @@ any time it could save. FATROP solves it from a flown track.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
@@ -52,10 +54,7 @@ def _flown(vessel, targets, flight) -> Plan:
             entries.append(max(t, entries[-1] + 0.1))
             reached += 1
     moments = np.concatenate(
-        [
-            np.linspace(a, b, STAGES_A_LEG, endpoint=False)
-            for a, b in zip(entries[:-1], entries[1:], strict=True)
-        ]
+        [np.linspace(a, b, STAGES_A_LEG, endpoint=False) for a, b in pairwise(entries)]
         + [[entries[-1]]]
     )
     sampled = np.column_stack([np.interp(moments, times, column) for column in states.T])

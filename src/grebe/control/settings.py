@@ -61,7 +61,7 @@ class ControlSettings:
 
 def paper_settings(rule: RuleName = "dual", **changes: Any) -> ControlSettings:
     """Return the paper's settings (section 6.3): N = 15, T = 1 s, with `changes` to any."""
-    return ControlSettings(**({"rule": rule, "horizon": 15, "step_s": 1.0} | changes))
+    return replace(ControlSettings(), **({"rule": rule, "horizon": 15, "step_s": 1.0} | changes))
 
 
 def settings_for(

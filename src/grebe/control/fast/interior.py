@@ -11,6 +11,9 @@ inputs:
 Everything local to a node is eliminated, so that each iteration is one Riccati recursion.
 """
 
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
 from __future__ import annotations
 
 import numpy as np

@@ -6,6 +6,9 @@ seven directions p = (psi, u, v, r, F_1, F_2, T) only. Duration is handled by in
 T f over unit time, which makes T a parameter like the thrusts.
 """
 
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

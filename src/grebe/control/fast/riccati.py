@@ -7,6 +7,9 @@ with nine variables a stage: six states and three inputs (F_1, F_2, share of dur
 `factorise` depends on the matrices alone, so that one factorisation serves several vectors.
 """
 
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
 from __future__ import annotations
 
 import numpy as np

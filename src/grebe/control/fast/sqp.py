@@ -6,6 +6,9 @@ in full where the reduced problem stays convex and left out (Gauss-Newton) where
 Steps are accepted by an exact penalty function that may rise for a few steps.
 """
 
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
