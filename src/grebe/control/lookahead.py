@@ -41,8 +41,8 @@ PACING = 2.0
 def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
     """Legs to the next sets in minimum time, each entry held by an L1 slack.
 
-    The window of each leg's set also bounds the surge on the way, at a price, so that the
-    boat does not race between sets and can measure all along.
+    The upper end of the window also bounds the surge on the way, at a price, so that the boat
+    does not race between sets; the lower end is asked at entry alone, for turns are slow.
     """
     arrivals = _arrivals(situation)
     stages = _deal_out(arrivals, shape.stages)
@@ -51,9 +51,9 @@ def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonSha
     horizon.time_weights[:] = 1.0
     horizon.effort_weights[:] = EFFORT
     node = 0
-    for aim, count in zip(situation.aims, stages, strict=False):
+    for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
         for stage in range(node, node + count):
-            horizon.attract(stage, aim.halfspaces[-2:], settings.hold)
+            horizon.attract(stage, target.halfspaces[-1:], settings.hold)
         node += count
         horizon.require(node, aim.halfspaces, ENTRY_PENALTY)
     start = _start(situation, arrivals[: len(stages)], stages)

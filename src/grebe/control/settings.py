@@ -24,7 +24,7 @@ class ControlSettings:
     target (Eq. 7). `margin_m` and `speed_margin_mps` shrink the set that the controller
     aims at; whether a set is reached is judged on the set itself. `entry_penalty` is the
     price of a unit of slack (docs/theory.md shows why 1e3 is enough). `hold` is the price of
-    the squared surge outside the window on the way to a set, for `lookahead`.
+    the squared surge above the window on the way to a set, for `lookahead`.
     """
 
     rule: RuleName = "lookahead"

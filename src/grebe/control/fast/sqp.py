@@ -28,6 +28,8 @@ CONVERGED, FEASIBLE, FAILED = 0, 1, 2
 
 HALVINGS = 8
 MEMORY = 6
+# Relative spread of the remembered penalties below which a small cycle counts as an end.
+IDLE = 1e-6
 FIRST_DAMPING, MOST_DAMPING = 1.0, 1e8
 SUFFICIENT = 1e-4
 QP_TOLERANCE = 1e-5
@@ -131,7 +133,9 @@ def optimise(terms, states, inputs, most_iterations, tolerance):
         states[:] = trial_x
         inputs[:] = trial_w
         costate += alpha * (new_costate - costate)
-        if alpha == 1.0 and _step_size(dx, dw, terms.limits, terms.timing) < tolerance:
+        step = _step_size(dx, dw, terms.limits, terms.timing)
+        idle = np.max(history) - np.min(history) < IDLE * abs(history[0])
+        if (alpha == 1.0 and step < tolerance) or (idle and step < 10 * tolerance):
             return CONVERGED, iteration + 1, _merit(terms, states, inputs, 0.0)
     feasible = _largest_gap(terms, states, inputs) < FEASIBLE_GAP
     ended = FEASIBLE if feasible else FAILED
