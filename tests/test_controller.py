@@ -10,7 +10,7 @@ from grebe.control.horizon import HorizonShape, Plan
 from grebe.control.ocp import build
 from grebe.control.rules import Situation, dual
 from grebe.control.settings import paper_settings, settings_for
-from grebe.control.solve import CasadiSolver, Solution, SolverChain, Status
+from grebe.control.solve import CasadiSolver, Solution, Status
 from grebe.dynamics import rates, rk4
 from grebe.sets import rectangle
 from grebe.vessel import PRESETS
@@ -186,15 +186,6 @@ def test_when_nothing_converges_the_last_plan_is_followed_then_the_boat_stops(fa
     assert statuses[1 : PATIENCE_STEPS + 1] == [StepStatus.LAST_PLAN] * PATIENCE_STEPS
     assert set(statuses[PATIENCE_STEPS + 1 :]) == {StepStatus.STOPPING}
     assert abs(z[3]) < 0.05
-
-
-def test_a_chain_of_solvers_stops_at_the_first_that_converges(fatrop):
-    never = Failing(fatrop, lambda call: True)
-    chain = SolverChain([never, fatrop, never])
-    state = np.array([-10, 2.5, 0, 0, 0, 0.0])
-    guess = Controller(BOAT, row_of_cells(2), SETTINGS, solver=fatrop).roll_out(state)
-    assert chain.solve(state, horizon_for(tuple(state), row_of_cells(2)), CALM4, guess).solved
-    assert never.calls == 1
 
 
 def test_a_state_that_is_not_finite_is_refused():

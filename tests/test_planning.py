@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from grebe.errors import InputError, PlanError, RegionError
 from grebe.planning.mesh import MAX_SIDES, mesh_squares, target_footprint
 from grebe.planning.planner import PlanSettings, plan_survey
-from grebe.planning.region import check_convex, clean_region
+from grebe.planning.region import clean_region, convex_water
 from grebe.planning.route import boustrophedon
 from grebe.readers.outline import read_outline
 from grebe.vessel import PRESETS
@@ -167,11 +167,11 @@ def test_separate_waters_are_refused(tmp_path):
 
 def test_concave_water_and_islands_are_refused_so_far():
     with pytest.raises(PlanError, match="concave"):
-        check_convex(region_of([(0, 0), (50, 0), (50, 50), (40, 10)]))
+        convex_water(region_of([(0, 0), (50, 0), (50, 50), (40, 10)]))
     ring = region_of([(0, 0), (50, 0), (50, 50), (0, 50)])
     hole = shapely.Polygon(ring.water.exterior, [shapely.box(10, 10, 20, 20).exterior.coords])
     with pytest.raises(PlanError, match="1 islands"):
-        check_convex(type(ring)(name="x", frame=ring.frame, water=hole))
+        convex_water(type(ring)(name="x", frame=ring.frame, water=hole))
 
 
 def test_plans_that_cannot_be_are_refused():

@@ -42,11 +42,6 @@ def test_half_spaces_say_the_same_as_contains(omega, z):
         assert bool(np.all(inside <= 0)) == omega.contains(z)
 
 
-@given(target_sets(), states(), st.floats(0.1, 20))
-def test_fattening_by_a_ball(omega, z, epsilon):
-    assert omega.is_near(z, epsilon) == (omega.distance(z) <= epsilon)
-
-
 @given(target_sets(), st.floats(0, 30), st.floats(0, 3))
 def test_shrinking_moves_every_side_in_and_never_empties(omega, margin, speed_margin):
     inner = omega.shrunk(margin, speed_margin)

@@ -110,18 +110,6 @@ def rk4(
     return z
 
 
-def coriolis_power_w(vessel: Vessel, surge: float, sway: float, yaw_rate: float) -> float:
-    """Power that the Coriolis terms of Eq. (9) put into the hull [W].
-
-    Zero for every velocity with Fossen's sign; with the printed sign it is
-    2 (m22 - m11) u v r, a hull that gains energy by turning.
-    """
-    into_surge = vessel.m22_kg * sway * yaw_rate * surge
-    into_sway = -vessel.m11_kg * surge * yaw_rate * sway
-    into_yaw = vessel.yaw_coupling_kg * surge * sway * yaw_rate
-    return into_surge + into_sway + into_yaw
-
-
 def drive_power_w(
     vessel: Vessel, thrusts: Sequence[float], surge_through_water_mps: float
 ) -> float:

@@ -103,7 +103,7 @@ class Mission:
         )
 
     def _loop(self) -> None:
-        observation = self._link.observe()
+        observation = self._before = self._link.observe()
         self._give_patience(observation)
         self._event("info", "mission_started", f"{len(self._targets)} targets", observation)
         while True:

@@ -22,8 +22,8 @@ from grebe.errors import PlanError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-# A vertex may lie this far [m] on the wrong side of its neighbours' line and the polygon
-# still counts as convex: coordinates come from degrees rounded to 1e-7, about a centimetre.
+# A vertex may lie this far [m] on the wrong side of its neighbours' line and the polygon still
+# counts as convex: what a trip to degrees and back may move it.
 CONVEXITY_TOLERANCE_M = 1e-6
 SHORTEST_EDGE_M = 1e-6
 
@@ -69,8 +69,8 @@ class TargetSet:
     def _sides(self) -> NDArray[np.float64]:
         """Half-spaces of the footprint alone: (n, 4) rows (a_x, a_y, 0, b)."""
         points = np.asarray(self.vertices, dtype=float)
-        area = shapely.Polygon(points).exterior.is_ccw
-        points = points if area else points[::-1]
+        counterclockwise = shapely.Polygon(points).exterior.is_ccw
+        points = points if counterclockwise else points[::-1]
         edge = np.roll(points, -1, axis=0) - points
         length = np.hypot(edge[:, 0], edge[:, 1])
         if np.any(length < SHORTEST_EDGE_M):
@@ -123,10 +123,6 @@ class TargetSet:
     def speed_excess(self, surge_mps: float) -> float:
         """How far [m/s] a surge lies outside the window, zero inside."""
         return max(self.speed_min_mps - surge_mps, surge_mps - self.speed_max_mps, 0.0)
-
-    def is_near(self, state: Sequence[float], epsilon: float) -> bool:
-        """Tell whether the state lies in the fattened set (Omega)^epsilon, Definition 8."""
-        return self.distance(state) <= epsilon
 
     def shrunk(self, margin_m: float, speed_margin_mps: float) -> TargetSet:
         """Return the set moved inwards by a margin on every side.

@@ -15,12 +15,13 @@ from grebe.dynamics import CALM, Weather
 from grebe.errors import PlanError, SurveyFileError
 from grebe.link.simulated import SimulatedLink
 from grebe.mission import Mission, MissionReport, Progress
+from grebe.quantities import QUANTITIES
 from grebe.readers.track import read_track
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water, conditioned_water, free_water
 from grebe.store import SurveyFile
-from grebe.survey import Survey
+from grebe.survey import Flag, Survey
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,30 +42,38 @@ def simulate(
     started: datetime,
     *,
     resume: bool = False,
+    force: bool = False,
     watch: Callable[[Progress], None] | None = None,
 ) -> MissionReport:
     """Run the mission of a survey file with the simulated boat.
 
-    With `resume` the boat starts where the recorded track ends and the reached targets stay
-    reached. Raises `PlanError` for a survey without targets and `SurveyFileError` for one
-    that has been run and is not resumed.
+    With `resume` the boat starts where and when the recorded track ends and the reached
+    targets stay reached; with `force` a recorded mission is forgotten, once everything that
+    the new one needs is there. Raises `PlanError` for a survey without targets and
+    `SurveyFileError` for one that has been run and is neither resumed nor forced.
     """
     survey = survey_file.survey
     if survey.vessel is None or survey.start is None or not survey.targets:
         raise PlanError(f"{survey_file.path} has no targets to steer to; make one with grebe plan.")
     reached = survey_file.progress().reached
     track = survey_file.track()
-    if len(track) and not resume:
+    if len(track) and not (resume or force):
         raise SurveyFileError(
             f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
             "targets reached); go on with --resume, or begin anew with --force."
         )
     start = survey.start.at_rest()
-    if len(track):
+    if len(track) and resume:
         north, east, heading, surge, sway, yaw_rate = track.states[-1].tolist()
         start = (north, east, heading, surge, sway, yaw_rate)
+        # Simulated time runs ahead of the clock: the new part must not begin before the old ends.
+        started = max(started, track.times[-1])
+    elif not resume:
+        reached = 0
     water = true_water(survey, settings)
     controller = Controller(survey.vessel, survey.sets, control, reached=reached)
+    if len(track) and not resume:
+        survey_file.clear_mission()
     link = SimulatedLink(Plant(survey.vessel, start, settings.weather), Sonde(water, settings.seed))
     source = settings.water_from.name if settings.water_from else "free fields"
     survey_file.set_meta("water", f"simulated, {source}, seed {settings.seed}")
@@ -96,9 +105,18 @@ def true_water(survey: Survey, settings: SimulationSettings) -> Water:
 def _known_samples(survey: Survey, source: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     if source.suffix.lower() == ".csv":
         track = read_track(source)
-        return survey.frame.to_local(track.lonlat), dict(track.values)
+        spans = {quantity.key: quantity.span for quantity in QUANTITIES}
+        possible = {
+            key: np.where((values >= spans[key][0]) & (values <= spans[key][1]), values, np.nan)
+            for key, values in track.values.items()
+        }
+        return survey.frame.to_local(track.lonlat), possible
     with SurveyFile.open(source) as known:
         samples = known.samples()
         lonlat = known.survey.frame.to_wgs84(samples.positions)
-    present = {k: v for k, v in samples.values.items() if np.isfinite(v).any()}
+    present = {
+        key: np.where(np.isin(samples.flags[key], Flag.USABLE), values, np.nan)
+        for key, values in samples.values.items()
+        if np.isfinite(values).any()
+    }
     return survey.frame.to_local(lonlat), present

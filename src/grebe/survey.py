@@ -33,6 +33,7 @@ class Flag:
     SUSPECT = 3
     FAIL = 4
     MISSING = 9
+    USABLE = (GOOD, NOT_EVALUATED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +107,7 @@ class Survey:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackPoint:
-    """The boat at the start of a control step, and what it was told to do from there on."""
+    """The boat where it is told something, and what it is told to do from there on."""
 
     time: datetime
     state: tuple[float, float, float, float, float, float]

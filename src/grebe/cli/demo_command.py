@@ -12,7 +12,7 @@ import shapely
 
 from grebe.cli import options, output
 from grebe.cli.files import create_survey_file
-from grebe.cli.map_command import write_maps
+from grebe.cli.map_command import make_folder, write_maps
 from grebe.control.settings import ControlSettings
 from grebe.errors import IncompleteError
 from grebe.frames import LocalFrame
@@ -38,7 +38,7 @@ NOTE = "Illustrative: the outline is a stand-in and not the paper's region."
 def command(out: Path, as_json: bool) -> None:
     """Plan, steer, sample, map and report a hectare of Lac du Heron in simulation."""
     began = time.monotonic()
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     file = out / "survey.gpkg"
     region = Region(
         name="Lac du Héron (illustrative)", frame=HERON, water=shapely.Polygon(OUTLINE_M)

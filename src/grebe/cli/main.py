@@ -75,11 +75,9 @@ def main() -> None:
     except (KeyboardInterrupt, click.Abort):
         output.fail("interrupted; what was recorded is kept.")
         sys.exit(130)
-    except click.exceptions.Exit as leaving:
-        sys.exit(leaving.exit_code)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(0)
+    except OSError as error:
+        output.fail(f"{error.filename or 'a file'}: {error.strerror}.")
+        sys.exit(3)
 
 
 def _stop(signum: int, frame: FrameType | None) -> None:

@@ -46,13 +46,18 @@ def write_maps(data: ReportData, out: Path) -> list[Path]:
     """Write map.nc and the pictures; `InputError` when there is nothing to map."""
     if not data.maps:
         raise InputError(f"No quantity can be mapped: {'; '.join(data.left_out)}.")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out} cannot be made a folder: {error.strerror}.") from None
+    make_folder(out)
     netcdf = out / "map.nc"
     write_netcdf(netcdf, data.maps, data.survey.frame, _attributes(data))
     return [netcdf, *_pictures(data.maps, data, out)]
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and its parents; `InputError` says why that fails."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be made a folder: {error.strerror}.") from None
 
 
 def _pictures(maps: Sequence[QuantityMap], data: ReportData, out: Path) -> list[Path]:

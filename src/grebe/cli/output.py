@@ -76,7 +76,7 @@ class MissionBar:
         if self._lines and tenth != self._told:
             self._told = tenth
             left = _remaining_text(progress)
-            note(f"{progress.reached}/{progress.targets} sets ({tenth}0 %), {detail}{left}")
+            note(f"{progress.reached}/{progress.targets} sets ({10 * tenth} %), {detail}{left}")
 
 
 def _remaining_text(progress: MissionProgress) -> str:

@@ -47,7 +47,7 @@ DEFAULTS = ControlSettings()
     type=float,
     default=DEFAULTS.epsilon,
     show_default=True,
-    help="How far from a set its successor begins to count (Definition 8).",
+    help="For single and dual: from how far off the next set counts (Definition 8).",
 )
 @click.option("--seed", type=int, default=1, show_default=True, help="Of the simulated water.")
 @click.option(
@@ -72,7 +72,9 @@ DEFAULTS = ControlSettings()
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
 @options.force_option
 @options.json_option
+@click.pass_context
 def command(
+    ctx: click.Context,
     file: Path,
     link: str,
     rule: RuleName,
@@ -103,10 +105,14 @@ def command(
         seed=seed,
     )
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
-        if force and not resume:
-            survey_file.clear_mission()
         report = simulate(
-            survey_file, control, world, datetime.now(UTC), resume=resume, watch=bar.update
+            survey_file,
+            control,
+            world,
+            datetime.now(UTC),
+            resume=resume,
+            force=force,
+            watch=bar.update,
         )
     output.result(asdict(report), as_json=as_json, next_command=f"grebe map {file} --out maps")
     if not report.complete:

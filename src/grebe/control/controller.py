@@ -17,7 +17,7 @@ import numpy as np
 
 from grebe.control.fast.solver import FastSolver
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
-from grebe.control.lookahead import lookahead
+from grebe.control.lookahead import LONGEST_STAGE_S, lookahead
 from grebe.control.ocp import build
 from grebe.control.rules import Decision, Rule, Situation, dual, reached_count, single
 from grebe.control.settings import ControlSettings, RuleName
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # Steps for which an old plan is followed before the boat is brought to rest.
 PATIENCE_STEPS = 5
 LOOK_AHEAD_SETS = 16
-RULES: dict[RuleName, Rule] = {"single": single, "dual": dual, "lookahead": lookahead}
+RULE_NAMED: dict[RuleName, Rule] = {"single": single, "dual": dual, "lookahead": lookahead}
 # Largest product of a Runge-Kutta step and the boat's fastest rate; RK4 is unstable at 2.8.
 SUBSTEP_STIFFNESS = 1.2
 
@@ -100,15 +100,15 @@ class Controller:
         )
         self._solver = solver or self._first_solver()
         self._second = second_solver
-        self._rule = RULES[self.settings.rule]
+        self._rule = RULE_NAMED[self.settings.rule]
         self._plan: Plan | None = None
         self._decision: Decision | None = None
         self._unsolved_in_a_row = 0
 
     @property
     def _stage_s(self) -> float:
-        """What a stage usually spans: the model's integration is made for it."""
-        return 1.0 if self.settings.rule == "lookahead" else self.settings.step_s
+        """What a stage may span: the model's integration is made for it."""
+        return LONGEST_STAGE_S if self.settings.rule == "lookahead" else self.settings.step_s
 
     def _first_solver(self) -> Solver:
         if self.settings.solver == "fast":
@@ -245,7 +245,12 @@ class Controller:
     ) -> NDArray[np.float64]:
         wind = weather.as_tuple()
         return np.array(
-            rk4(lambda z: rates(self.vessel, z, thrusts, wind), state.tolist(), step_s, 4)
+            rk4(
+                lambda z: rates(self.vessel, z, thrusts, wind),
+                state.tolist(),
+                step_s,
+                model_substeps(self.vessel, step_s),
+            )
         )
 
 

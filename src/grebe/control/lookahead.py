@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# What a stage should span, and what it may [s].
-STAGE_S = 0.8
+# What a stage should at most span when stages are dealt out, and what it may span [s].
+STAGE_S = 1.2
 SHORTEST_STAGE_S = 0.02
 LONGEST_STAGE_S = 1.6
 FEWEST_STAGES = 4
@@ -111,11 +111,11 @@ def _pace(target: TargetSet) -> float:
 
 
 def _deal_out(arrivals: Sequence[float], total: int) -> list[int]:
-    """Stages for each leg, about `STAGE_S` each; the last leg takes what is left over."""
+    """Stages for each leg, `STAGE_S` each at most; the last leg takes what is left over."""
     stages: list[int] = []
     before = 0.0
     for arrival in arrivals:
-        wanted = max(FEWEST_STAGES, math.ceil((arrival - before) / (1.5 * STAGE_S)))
+        wanted = max(FEWEST_STAGES, math.ceil((arrival - before) / STAGE_S))
         left = total - sum(stages)
         if wanted > left:
             break

@@ -36,7 +36,6 @@ STATES, THRUSTS, WEATHER = 6, 2, 4
 
 # Keeps the share of a duration whose bounds coincide in the middle; far below any cost.
 DURATION_REGULARISATION = 1e-4
-SPEED_LIMIT_FACTOR = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,13 +18,15 @@ class ControlSettings:
     """What a field team or a researcher may turn.
 
     `rule` names the rule and `solver` the solver; `horizon` is N, in stages; `step_s` is T, the
-    time between two solves and, for the paper's rules, the duration of a stage;
-    `epsilon` fattens the current target (Definition 8; metres beside metres per second);
-    `alpha` weighs distance and `beta` effort (Eq. 2), `p` and `q` the current and the next
-    target (Eq. 7). `margin_m` and `speed_margin_mps` shrink the set that the controller
-    aims at; whether a set is reached is judged on the set itself. `entry_penalty` is the
-    price of a unit of slack (docs/theory.md shows why 1e3 is enough). `hold` is the price of
-    the squared surge above the window on the way to a set, for `lookahead`.
+    time between two solves and, for the paper's rules, the duration of a stage. `margin_m` and
+    `speed_margin_mps` shrink the set that the controller aims at; whether a set is reached is
+    judged on the set itself.
+
+    For `single` and `dual` alone: `epsilon` fattens the current target (Definition 8; metres
+    beside metres per second), `alpha` weighs distance and `beta` effort (Eq. 2), `p` and `q`
+    the current and the next target (Eq. 7), `entry_penalty` is the price of a unit of slack
+    (docs/theory.md says why 1e3 is enough). For `lookahead` alone: `hold` is the price of the
+    squared surge above the window on the way to a set.
     """
 
     rule: RuleName = "lookahead"
@@ -36,7 +38,7 @@ class ControlSettings:
     beta: float = 0.4
     p: float = 1.0
     q: float = 1.0
-    margin_m: float = 0.15
+    margin_m: float = 0.1
     speed_margin_mps: float = 0.05
     entry_penalty: float = 1e3
     hold: float = 5.0
@@ -55,8 +57,9 @@ class ControlSettings:
         for name in ("epsilon", "alpha", "beta", "p", "q", "entry_penalty"):
             if not getattr(self, name) > 0:
                 raise UsageError(f"{name} is {getattr(self, name)}; it must be positive.")
-        if self.margin_m < 0 or self.speed_margin_mps < 0:
-            raise UsageError("Margins must not be negative.")
+        for name in ("margin_m", "speed_margin_mps", "hold"):
+            if not getattr(self, name) >= 0:
+                raise UsageError(f"{name} is {getattr(self, name)}; it must not be negative.")
 
 
 def paper_settings(rule: RuleName = "dual", **changes: Any) -> ControlSettings:

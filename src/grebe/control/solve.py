@@ -110,35 +110,3 @@ class CasadiSolver:
             cost=float(answer["f"]),
             iterations=int(stats["iter_count"]),
         )
-
-
-class SolverChain:
-    """Tries solvers in turn until one converges; the iterations of all are counted."""
-
-    def __init__(self, solvers: list[Solver]) -> None:
-        self.name = " > ".join(solver.name for solver in solvers)
-        self._solvers = solvers
-
-    def solve(
-        self,
-        state: NDArray[np.float64],
-        horizon: Horizon,
-        weather: NDArray[np.float64],
-        guess: Plan,
-    ) -> Solution:
-        """Return the first solution that converged, or else the last one."""
-        iterations = 0
-        solution: Solution | None = None
-        for solver in self._solvers:
-            solution = solver.solve(state, horizon, weather, guess)
-            iterations += solution.iterations
-            if solution.solved:
-                break
-        if solution is None:
-            raise ValueError("a chain needs a solver")
-        return Solution(
-            plan=solution.plan,
-            status=solution.status,
-            cost=solution.cost,
-            iterations=iterations,
-        )

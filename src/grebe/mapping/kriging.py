@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import LinAlgError, lu_factor, lu_solve
+from scipy.linalg import lu_factor, lu_solve
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
@@ -69,7 +69,12 @@ def krige(
 
 
 def merge_places(positions: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Average samples of one place; return positions, values and how many each stands for."""
+    """Average samples of one place; return positions, values and how many each stands for.
+
+    Equal values at one place are one reading, recorded for several sets that overlap there.
+    """
+    _, once = np.unique(np.column_stack([positions, values]), axis=0, return_index=True)
+    positions, values = positions[np.sort(once)], values[np.sort(once)]
     cells = np.round(positions / SAME_PLACE_M).astype(np.int64)
     _, first, inverse = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     inverse = inverse.ravel()
@@ -83,10 +88,7 @@ def _exact(
 ) -> Estimate:
     n = len(values)
     system = _system(model.covariance(cdist(positions, positions)), noise)
-    try:
-        factor = lu_factor(system, check_finite=False)
-    except LinAlgError as error:
-        raise ValueError(f"the kriging system is singular ({error})") from None
+    factor = lu_factor(system, check_finite=False)
     dual = lu_solve(factor, np.append(values, 0.0), check_finite=False)
     mean, variance = np.empty(len(targets)), np.empty(len(targets))
     for start in range(0, len(targets), TARGETS_AT_ONCE):

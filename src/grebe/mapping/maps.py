@@ -85,6 +85,10 @@ def make_grid(water: shapely.Polygon, resolution_m: float | None = None) -> Grid
     north = (north0 + north1) / 2 + resolution_m * (np.arange(rows) - (rows - 1) / 2)
     east = (east0 + east1) / 2 + resolution_m * (np.arange(columns) - (columns - 1) / 2)
     inside = shapely.contains_xy(water, *np.meshgrid(north, east, indexing="ij"))
+    if not inside.any():
+        raise InputError(
+            f"A map at {resolution_m:g} m has no node in the water; choose a finer resolution."
+        )
     return Grid(north=north, east=east, inside=inside)
 
 
@@ -96,7 +100,7 @@ def map_quantity(
     Raises `InputError` when fewer than `FEWEST_SAMPLES` good samples are left.
     """
     present = np.isfinite(values)
-    good = present & np.isin(flags, (Flag.GOOD, Flag.NOT_EVALUATED))
+    good = present & np.isin(flags, Flag.USABLE)
     if good.sum() < FEWEST_SAMPLES:
         raise InputError(
             f"{quantity.label}: {int(good.sum())} good samples; a map needs {FEWEST_SAMPLES}."
@@ -105,7 +109,7 @@ def map_quantity(
     try:
         fit = fit_variogram(at, data)
     except ValueError as error:
-        raise InputError(f"{quantity.label}: {error}; the samples lie too close.") from None
+        raise InputError(f"{quantity.label}: {error}.") from None
     estimate = krige(at, data, grid.nodes, fit.model)
     return QuantityMap(
         quantity=quantity,

@@ -21,6 +21,8 @@ MAX_SIDES = 8
 # A clipped piece smaller than this share of a full cell joins a neighbour.
 SMALLEST_SHARE = 0.25
 MAX_CELLS = 200_000
+# Of the grid over the region's bounds, most of which may be land.
+MAX_GRID = 2_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +55,12 @@ def mesh_squares(water: shapely.Polygon, cell_m: float, angle_deg: float = 0.0) 
             f"{MAX_CELLS:,}; choose larger cells."
         )
     upright = affinity.rotate(water, -angle_deg, origin=(0, 0))
+    x0, y0, x1, y1 = upright.bounds
+    if (x1 - x0) * (y1 - y0) / cell_m**2 > MAX_GRID:
+        raise PlanError(
+            f"The region's bounds hold {(x1 - x0) * (y1 - y0) / cell_m**2:,.0f} cells of "
+            f"{cell_m:g} m, more than {MAX_GRID:,}; choose larger cells or another angle."
+        )
     pieces = _join_small(_clip(upright, cell_m), SMALLEST_SHARE * cell_m**2)
     return [
         Cell(row=row, column=column, footprint=affinity.rotate(piece, angle_deg, origin=(0, 0)))

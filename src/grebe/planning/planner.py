@@ -9,7 +9,7 @@ import shapely
 
 from grebe.errors import PlanError
 from grebe.planning.mesh import mesh_squares, target_footprint
-from grebe.planning.region import Region, check_convex
+from grebe.planning.region import Region, convex_water
 from grebe.planning.route import boustrophedon
 from grebe.sets import TargetSet
 from grebe.survey import Pose, Survey, Target
@@ -49,9 +49,9 @@ def plan_survey(
     Without a start the boat begins at the south-western corner of the region's bounds'
     nearest water.
     """
-    check_convex(region)
+    water = convex_water(region)
     check_speed(settings, vessel)
-    cells = mesh_squares(region.water, settings.cell_m, settings.angle_deg)
+    cells = mesh_squares(water, settings.cell_m, settings.angle_deg)
     position = _start_position(region, start_lonlat)
     ordered = boustrophedon(cells, position)
     targets = tuple(
@@ -71,7 +71,7 @@ def plan_survey(
     return Survey(
         name=region.name,
         frame=region.frame,
-        water=region.water,
+        water=water,
         targets=targets,
         vessel=vessel,
         start=Pose(north_m=position[0], east_m=position[1], heading_rad=heading),

@@ -10,9 +10,11 @@ from shapely.geometry.base import BaseGeometry
 
 from grebe.errors import PlanError, RegionError
 from grebe.frames import LocalFrame, frame_at
+from grebe.sets import hull_of
 
-# A region this much smaller than its convex hull counts as convex: rounding of coordinates.
-CONVEX_SHARE = 1 - 1e-6
+# Water that comes this near to its convex hull everywhere counts as convex: coordinates in
+# degrees are rounded to 1e-7, about a centimetre.
+CONVEXITY_M = 0.05
 LARGEST_EXTENT_M = 200_000.0
 HIGHEST_LATITUDE = 85.0
 
@@ -90,16 +92,21 @@ def _check_validity(geometry: BaseGeometry, name: str) -> None:
             )
 
 
-def check_convex(region: Region) -> None:
-    """Refuse a region with islands or bays; planning of such lakes is a later step."""
+def convex_water(region: Region) -> shapely.Polygon:
+    """Return the water as a convex polygon.
+
+    Raises `PlanError` for islands or bays; planning of such lakes is a later step.
+    """
     if region.water.interiors:
         raise PlanError(
             f"The region {region.name!r} has {len(region.water.interiors)} islands; only convex "
             "water without islands can be planned so far: cut out a convex part of it."
         )
-    share = region.water.area / region.water.convex_hull.area
-    if share < CONVEX_SHARE:
+    hull = hull_of(region.water.exterior.coords)
+    bay = shapely.hausdorff_distance(hull.exterior, region.water.exterior, densify=0.02)
+    if bay > CONVEXITY_M:
         raise PlanError(
-            f"The region {region.name!r} is concave (it fills {share:.1%} of its convex hull); "
+            f"The region {region.name!r} is concave (it leaves its convex hull by {bay:.1f} m); "
             "only convex water can be planned so far: cut out a convex part of it."
         )
+    return hull

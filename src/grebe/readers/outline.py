@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from shapely.errors import ShapelyError
 from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
@@ -70,7 +71,9 @@ def _read_geojson(path: Path) -> Outline:
 
 def _features(document: dict[str, Any]) -> list[dict[str, Any]]:
     if document.get("type") == "FeatureCollection":
-        return [f for f in document.get("features") or [] if isinstance(f, dict)]
+        features = document.get("features")
+        listed = features if isinstance(features, list) else []
+        return [feature for feature in listed if isinstance(feature, dict)]
     return [document]
 
 
@@ -82,7 +85,7 @@ def _geometry(path: Path, feature: dict[str, Any]) -> BaseGeometry | None:
         # NaN is let through without numpy's warning: the region's own check names it.
         with np.errstate(invalid="ignore"):
             return shape(body)
-    except (KeyError, TypeError, ValueError, AttributeError, shapely.GEOSException) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ShapelyError) as error:
         raise RegionError(f"{path}: a geometry cannot be read ({error}).") from None
 
 
@@ -95,7 +98,8 @@ def _name(document: dict[str, Any], features: list[dict[str, Any]]) -> str:
 
 def _refuse_other_crs(path: Path, document: dict[str, Any]) -> None:
     crs = document.get("crs")
-    name = str(crs.get("properties", {}).get("name", "")) if isinstance(crs, dict) else ""
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
     if name and not name.endswith(WGS84_NAMES):
         raise InputError(
             f"{path}: its coordinates are in {name}; reproject it to WGS 84 longitude and "

@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 JUMP_SPEED_MPS = 10.0
 # Without times, a step this many times the median step is a jump.
 JUMP_FACTOR = 50.0
+LATEST_S = 1e11
 
+# Columns that speak about another one.
+_NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|units)$")
 # What a column may be called, first match wins; matched on lower-case letters and digits.
 _PATTERNS: dict[str, tuple[str, ...]] = {
     "time": (r"gpstimestamp", r"timestamp", r"time.*", r"datetime.*", r"unix.*"),
@@ -109,6 +112,8 @@ def read_track(
 
 def _read_csv(path: Path, header_from: Path | None) -> tuple[list[str], list[list[str]]]:
     rows = _rows(path)
+    if not rows:
+        raise TrackError(f"{path}: the file holds no values.")
     header = [cell.strip() for cell in rows[0]]
     if header_from is not None:
         return [cell.strip() for cell in _rows(header_from)[0]], rows
@@ -142,7 +147,10 @@ def _is_number(text: str) -> bool:
 
 def _find_columns(path: Path, header: list[str], given: TrackColumns) -> dict[str, str]:
     found: dict[str, str] = {}
-    plain = {re.sub(r"[^a-z0-9°µμ]", "", name.lower()): name for name in reversed(header)}
+    plain: dict[str, str] = {}
+    for name in header:
+        if not _NOT_A_VALUE.search(name.lower()):
+            plain.setdefault(re.sub(r"[^a-z0-9°µμ]", "", name.lower()), name)
     for field in fields(given):
         name = getattr(given, field.name)
         if name is not None:
@@ -181,6 +189,8 @@ def _times(rows: Sequence[Sequence[str]], index: int) -> NDArray[np.float64] | N
     if np.isnan(values).all():
         for i, row in enumerate(rows):
             values[i] = _iso_seconds(row[index]) if index < len(row) else np.nan
+    # Milliseconds since 1970 are beyond any survey's seconds.
+    values = np.where(values > LATEST_S, values / 1000.0, values)
     return values if np.isfinite(values).mean() >= 0.5 else None
 
 

@@ -41,8 +41,8 @@ class ReportData:
         ):
             if seq > 0:
                 target = self.survey.targets[seq - 1].set
-                on_rim = target.footprint_distance(*position) < 1e-3
-                inside += on_rim and target.allows(speed)
+                covered = target.footprint_distance(*position) < 1e-3
+                inside += covered and target.allows(speed)
         return inside
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import shapely
 
+from grebe.dynamics import STATE_NAMES
 from grebe.errors import SurveyFileError
 from grebe.frames import LocalFrame
 from grebe.quantities import QUANTITY_KEYS
@@ -22,7 +23,7 @@ from grebe.survey import Pose, Survey, Target
 from grebe.vessel import Vessel
 
 VERSION = 1
-STATE_COLUMNS = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
+STATE_COLUMNS = STATE_NAMES
 
 _LAYERS: dict[str, tuple[str | None, str]] = {
     "region": ("POLYGON", "role TEXT NOT NULL, name TEXT"),
@@ -147,6 +148,15 @@ def check(path: Path, connection: sqlite3.Connection) -> None:
         raise SurveyFileError(
             f"{path} has schema {version}, and this Grebe reads up to {VERSION}; update Grebe."
         )
+
+
+def unavailable(path: Path, error: sqlite3.OperationalError) -> SurveyFileError:
+    """Return the error for a file that is sound but cannot be had: locked, or read-only."""
+    if "locked" in str(error):
+        return SurveyFileError(f"{path} is being written by another program; close it there first.")
+    if "readonly" in str(error):
+        return SurveyFileError(f"{path} is read-only; make it and its folder writable.")
+    return damaged(path, str(error))
 
 
 def damaged(path: Path, detail: str) -> SurveyFileError:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sqlite3
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -97,9 +97,8 @@ class SurveyFile:
         part = path.with_name(path.name + ".part")
         try:
             part.unlink(missing_ok=True)
-            with sqlite3.connect(part) as connection:
+            with closing(sqlite3.connect(part)) as connection, connection:
                 schema.create(connection, survey, meta)
-            connection.close()
             for suffix in ("-wal", "-shm"):
                 path.with_name(path.name + suffix).unlink(missing_ok=True)
             os.replace(part, path)
@@ -126,7 +125,11 @@ class SurveyFile:
             except BaseException:
                 connection.close()
                 raise
-        except sqlite3.Error as error:
+        except sqlite3.OperationalError as error:
+            raise schema.unavailable(path, error) from None
+        except OSError as error:
+            raise SurveyFileError(f"{path} cannot be read: {error.strerror}.") from None
+        except (sqlite3.Error, LookupError, TypeError, ValueError, shapely.GEOSException) as error:
             raise schema.damaged(path, str(error)) from None
 
     def __enter__(self) -> Self:
@@ -251,7 +254,9 @@ class SurveyFile:
             f"SELECT geom, time, target_seq, speed_mps, {values} FROM samples ORDER BY fid"
         )
         lonlat = shapely.get_coordinates([geopackage.from_blob(row[0]) for row in rows])
-        numbers = np.array([row[4:] for row in rows], dtype=float).reshape(len(rows), -1)
+        numbers = np.array([row[4:] for row in rows], dtype=float).reshape(
+            len(rows), 2 * len(QUANTITY_KEYS)
+        )
         flags = np.nan_to_num(numbers[:, 1::2], nan=Flag.MISSING).astype(np.int64)
         return SampleTable(
             times=tuple(parse_time(row[1]) for row in rows),
@@ -304,9 +309,7 @@ class SurveyFile:
         try:
             self._connection.execute(sql, values)
         except sqlite3.Error as error:
-            raise SurveyFileError(
-                f"{self.path} cannot be written ({error}); what was recorded before is kept."
-            ) from None
+            raise _unwritten(self.path, error) from None
 
     def _query(self, sql: str) -> list[Any]:
         try:
@@ -323,7 +326,10 @@ class _Transaction:
         self._connection = connection
 
     def __enter__(self) -> None:
-        self._connection.execute("BEGIN IMMEDIATE")
+        try:
+            self._connection.execute("BEGIN IMMEDIATE")
+        except sqlite3.Error as failure:
+            raise _unwritten(self._path, failure) from None
 
     def __exit__(
         self,
@@ -340,6 +346,8 @@ class _Transaction:
         except sqlite3.Error as failure:
             with suppress(sqlite3.Error):
                 self._connection.execute("ROLLBACK")
-            raise SurveyFileError(
-                f"{self._path} cannot be written ({failure}); what was recorded before is kept."
-            ) from None
+            raise _unwritten(self._path, failure) from None
+
+
+def _unwritten(path: Path, error: sqlite3.Error) -> SurveyFileError:
+    return SurveyFileError(f"{path} cannot be written ({error}); what was recorded before is kept.")

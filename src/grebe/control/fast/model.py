@@ -21,8 +21,6 @@ from grebe.vessel import Vessel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-DIRECTIONS = 7
-
 # Order of the vessel's numbers in the parameter vector.
 _M11, _M22, _M33, _XU, _YV, _NR, _XUU, _YVV, _NRR, _ARM, _YAW = range(11)
 _CN, _CE, _FN, _FE = range(11, 15)

@@ -2,7 +2,8 @@
 
 Multiple shooting: the iterate holds states and inputs, the quadratic problem closes the gaps
 between them. The Hessian is that of the Lagrangian, with the curvature of the dynamics taken
-in full where the reduced problem stays convex and left out (Gauss-Newton) where it does not.
+in full where the reduced problem stays convex; where it does not it is left out (Gauss-Newton), or
+mirrored where durations are free.
 Steps are accepted by an exact penalty function that may rise for a few steps.
 """
 
