@@ -1,8 +1,8 @@
 """What a researcher writes first: the paper's problem with hard sets, built anew each step.
 
-CasADi Opti with IPOPT, problem (8) with the constraints on x_{N_x} and x_N as they are
-printed, the same vessel, weights and integration as Grebe's `dual`. It is the baseline of
-all ratios and shares no code with Grebe's solvers.
+CasADi Opti with IPOPT, the model a function that is made once; problem (8) with the constraints
+on x_{N_x} and x_N as they are printed, the same vessel, weights and integration as Grebe's
+`dual`. It is the baseline of all ratios and shares no code with Grebe's solvers.
 """
 
 from __future__ import annotations
@@ -19,10 +19,17 @@ from grebe.dynamics import rates, rk4
 class RebuiltPilot(Pilot):
     def __init__(self, vessel, targets, settings: ControlSettings, substeps: int) -> None:
         self.vessel, self.targets, self.settings = vessel, targets, settings
-        self.substeps = substeps
         self.step_s = settings.step_s
         self.aims = [t.shrunk(settings.margin_m, settings.speed_margin_mps) for t in targets]
         self.guess = None
+        z, inputs = ca.SX.sym("z", 6), ca.SX.sym("F", 2)
+        after = rk4(
+            lambda s: rates(vessel, s, ca.vertsplit(inputs), cos=ca.cos, sin=ca.sin),
+            ca.vertsplit(z),
+            self.step_s,
+            substeps,
+        )
+        self.model = ca.Function("model", [z, inputs], [ca.vertcat(*after)])
 
     def decide(self, state, reached, weather):
         n, vessel, settings = self.settings.horizon, self.vessel, self.settings
@@ -36,14 +43,7 @@ class RebuiltPilot(Pilot):
         opti.subject_to(opti.bounded(vessel.thrust_min_n, ca.vec(f), vessel.thrust_max_n))
         cost = 0
         for k in range(n):
-            inputs = ca.vertsplit(f[:, k])
-            predicted = rk4(
-                lambda z, u=inputs: rates(vessel, z, u, cos=ca.cos, sin=ca.sin),
-                ca.vertsplit(x[:, k]),
-                self.step_s,
-                self.substeps,
-            )
-            opti.subject_to(x[:, k + 1] == ca.vertcat(*predicted))
+            opti.subject_to(x[:, k + 1] == self.model(x[:, k], f[:, k]))
             rows = current if k < split else following
             if rows is not None:
                 outside = ca.fmax(rows[:, :3] @ x[[0, 1, 3], k] - rows[:, 3], 0)
@@ -56,7 +56,7 @@ class RebuiltPilot(Pilot):
         opti.minimize(cost)
         opti.solver(
             "ipopt",
-            {"print_time": False, "expand": True},
+            {"print_time": False},
             {"print_level": 0, "sb": "yes", "max_iter": 300},
         )
         if self.guess is not None:

@@ -65,6 +65,15 @@ def test_the_whole_way_from_a_lake_to_a_report(flown):
     assert shown["samples"] == report["samples"]
 
 
+def test_a_planned_survey_without_samples_is_no_crash(tmp_path):
+    lake(tmp_path)
+    grebe("plan", "lake.geojson", "-o", "s.gpkg", "--cell", 7, cwd=tmp_path, check=0)
+    shown = grebe("show", "s.gpkg", cwd=tmp_path, check=0)
+    assert "grebe run s.gpkg" in shown.stdout
+    assert "not measured" in grebe("map", "s.gpkg", "--out", "m", cwd=tmp_path, check=3).stderr
+    grebe("report", "s.gpkg", "-o", "r.html", cwd=tmp_path, check=0)
+
+
 def test_flying_again_needs_a_word(flown):
     folder, _ = flown
     assert "--resume" in grebe("run", "s.gpkg", cwd=folder, check=3).stderr
@@ -109,6 +118,12 @@ TINY = [[3.171, 50.636], [3.17105, 50.636], [3.17105, 50.63603], [3.171, 50.6360
         (["run", "lake.geojson"], 3, "no SQLite"),
         (["run", "none.gpkg", "--link", "radio"], 5, "'simulated'"),
         (["run", "none.gpkg", "--horizon", "1"], 2, "2 to 100"),
+        (["plan", "lake.geojson", "-o", "lake.geojson", "--force"], 3, "being read"),
+        (["plan", "lake.geojson", "-o", "no/x.gpkg"], 3, "no folder"),
+        (["run", "none.gpkg", "--seed", "-1"], 2, "--seed"),
+        (["run", "none.gpkg", "--resume", "--force"], 2, "one of them"),
+        (["show", "."], 3, "a folder"),
+        (["demo", "--out", "taken.gpkg/x"], 3, "folder"),
         (["dance"], 2, "No such command"),
     ],
 )

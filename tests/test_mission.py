@@ -7,7 +7,7 @@ from conftest import NOON, square_survey
 from grebe.control.controller import Controller, model_substeps
 from grebe.control.settings import ControlSettings, settings_for
 from grebe.dynamics import Weather, rates, rk4
-from grebe.errors import LinkError, PlanError, SurveyFileError
+from grebe.errors import InputError, LinkError, PlanError, SurveyFileError
 from grebe.link.simulated import SimulatedLink
 from grebe.mission import Mission
 from grebe.simulated_mission import SimulationSettings, simulate
@@ -124,6 +124,40 @@ def test_a_mission_that_is_cut_off_can_be_resumed(tmp_path):
         assert report.complete
         assert file.progress().reached == 9
         assert len(file.samples()) > samples
+        assert np.all(np.diff(file.track().seconds) > 0)
+
+
+def test_a_complete_mission_is_not_prolonged_by_resuming(flown):
+    file, _ = flown
+    samples, events = len(file.samples()), len(file.events())
+    report = simulate(file, ControlSettings(), SimulationSettings(), NOON, resume=True)
+    assert report.complete
+    assert (len(file.samples()), len(file.events())) == (samples, events)
+
+
+def test_two_missions_cannot_share_a_file(tmp_path):
+    with new_file(tmp_path) as first, SurveyFile.open(first.path) as second:
+        first.claim()
+        with pytest.raises(SurveyFileError, match="another mission"):
+            second.claim()
+
+
+def test_most_of_the_way_is_measured(flown):
+    """One reading a second, and the boat is within its window for most of them."""
+    _, report = flown
+    assert report.samples > 0.6 * report.duration_s
+
+
+def test_force_forgets_nothing_before_the_new_mission_can_start(tmp_path):
+    with new_file(tmp_path) as file:
+        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+        samples = len(file.samples())
+        lost = SimulationSettings(water_from=tmp_path / "none.csv")
+        with pytest.raises(InputError):
+            simulate(file, ControlSettings(), lost, NOON, force=True)
+        assert len(file.samples()) == samples > 0
+        again = simulate(file, ControlSettings(), SimulationSettings(), NOON, force=True)
+        assert again.samples == len(file.samples()) == samples
 
 
 def test_an_unreachable_target_ends_the_mission_as_incomplete(tmp_path):

@@ -63,6 +63,38 @@ def test_the_plan_comes_back_as_it_was(survey_file):
         assert a.set.polygon.symmetric_difference(b.set.polygon).area < 1e-4
 
 
+def test_a_planned_file_has_empty_tables(survey_file):
+    assert len(survey_file.samples()) == 0
+    assert len(survey_file.track()) == 0
+
+
+def test_a_second_writer_is_named(path, survey_file):
+    with sqlite3.connect(path, timeout=0.1) as other:
+        other.execute("BEGIN IMMEDIATE")
+        survey_file._connection.execute("PRAGMA busy_timeout = 10")
+        with pytest.raises(SurveyFileError, match="locked"):
+            survey_file.append_samples([sample()])
+        other.execute("ROLLBACK")
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [
+        "DELETE FROM meta WHERE key = 'vessel'",
+        "UPDATE meta SET value = '{' WHERE key = 'settings'",
+        "DELETE FROM region",
+        "UPDATE targets SET geom = NULL",
+    ],
+)
+def test_a_file_whose_plan_is_broken_is_refused(path, survey_file, harm):
+    survey_file.close()
+    with sqlite3.connect(path) as connection:
+        connection.execute(harm)
+    connection.close()
+    with pytest.raises(SurveyFileError, match=r"s\.gpkg is damaged"):
+        SurveyFile.open(path)
+
+
 def test_samples_and_track_come_back(survey_file):
     survey_file.append_samples([sample(i) for i in range(3)])
     survey_file.append_track(point())

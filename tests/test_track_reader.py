@@ -32,6 +32,21 @@ def test_columns_are_found_by_their_names(tmp_path):
     assert track.notes == ()
 
 
+def test_flags_and_zones_are_not_taken_for_values(tmp_path):
+    header = "time,time_zone,lat,lon,water_temp,water_temp_qc"
+    lines = [f"{1000 + i},0,{50 + 1e-5 * i},{3 + 1e-7 * i * i},20.5,1" for i in range(10)]
+    track = read_track(write(tmp_path, lines, header))
+    assert track.columns["time"] == "time"
+    assert track.columns["temperature_degc"] == "water_temp"
+
+
+def test_milliseconds_are_read_as_such(tmp_path):
+    lines = [f"17600000{row}" for row in rows()]
+    lines = [line.replace(",", "0,", 1) for line in lines]
+    track = read_track(write(tmp_path, lines))
+    assert track.times[0] == pytest.approx(1760000010.0)
+
+
 def test_columns_can_be_given(tmp_path):
     path = write(tmp_path, rows(), "when,a,b,c,d")
     with pytest.raises(TrackError, match="--lat-column"):

@@ -95,7 +95,8 @@ class Mission:
     def run(self) -> MissionReport:
         """Steer until every target is reached, or one cannot be; the boat is left at rest."""
         try:
-            self._loop()
+            if not self._controller.done:
+                self._loop()
         finally:
             self._link.close()
         return self._statistics.report(

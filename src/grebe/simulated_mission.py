@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from grebe.control.controller import Controller
 from grebe.control.settings import ControlSettings
 from grebe.dynamics import CALM, Weather
 from grebe.errors import PlanError, SurveyFileError
-from grebe.link.simulated import SimulatedLink
+from grebe.link.simulated import OBSERVATION_PERIOD_S, SimulatedLink
 from grebe.mission import Mission, MissionReport, Progress
 from grebe.quantities import QUANTITIES
 from grebe.readers.track import read_track
@@ -67,9 +67,10 @@ def simulate(
         north, east, heading, surge, sway, yaw_rate = track.states[-1].tolist()
         start = (north, east, heading, surge, sway, yaw_rate)
         # Simulated time runs ahead of the clock: the new part must not begin before the old ends.
-        started = max(started, track.times[-1])
+        started = max(started, track.times[-1] + timedelta(seconds=OBSERVATION_PERIOD_S))
     elif not resume:
         reached = 0
+    survey_file.claim()
     water = true_water(survey, settings)
     controller = Controller(survey.vessel, survey.sets, control, reached=reached)
     if len(track) and not resume:

@@ -28,6 +28,7 @@ def command(
     **columns: str | None,
 ) -> None:
     """Import the data of TRACK (CSV); its convex hull becomes the region."""
+    options.refuse_same(track, options.checked_output(path))
     raw = read_track(track, options.track_columns(columns), header_from)
     missing = [q.label for q in QUANTITIES if q.key in raw.missing]
     for text in (*raw.notes, *(f"no column for {label}: left out" for label in missing)):

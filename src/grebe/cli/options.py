@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from grebe.errors import InputError
 from grebe.readers.track import TrackColumns
 
 EXISTING = click.Path(path_type=Path)
@@ -45,6 +46,22 @@ class Pair(click.ParamType):
 LON_LAT = Pair("LON", "LAT")
 NORTH_EAST = Pair("NORTH", "EAST")
 SPEED_WINDOW = Pair("LO", "HI", ":")
+
+
+def refuse_same(given: Path | None, output: Path) -> None:
+    """Refuse to write over what is being read, even where --force would allow it."""
+    if given is not None and given.exists() and output.exists() and given.samefile(output):
+        raise InputError(f"{output} is what is being read; give the output another name.")
+
+
+def checked_output(path: Path) -> Path:
+    """Return a path that can be written to, as far as that can be told before the work."""
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}; make it first.")
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; give the name of a file.")
+    return path
+
 
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print the result as one JSON object."

@@ -32,6 +32,8 @@ def result(values: Mapping[str, Any], *, as_json: bool, next_command: str) -> No
         return
     width = max(len(key) for key in values)
     for key, value in values.items():
+        if value in ([], None):
+            continue
         text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else value
         click.echo(f"  {key.replace('_', ' '):<{width}}  {text}")
     if next_command:

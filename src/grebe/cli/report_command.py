@@ -23,6 +23,7 @@ def command(
 ) -> None:
     """Write one self-contained HTML page about FILE."""
     path = path or file.with_suffix(".html")
+    options.refuse_same(file, options.checked_output(path))
     if path.exists() and not force:
         raise InputError(f"{path} exists already; give another name with -o, or --force.")
     with SurveyFile.open(file) as survey_file:

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from grebe.cli import options, output
 from grebe.control.settings import (
     RULES,
     SOLVERS,
     ControlSettings,
-    RuleName,
-    SolverName,
     settings_for,
 )
 from grebe.dynamics import Weather
-from grebe.errors import IncompleteError, LinkError
+from grebe.errors import IncompleteError, LinkError, UsageError
 from grebe.simulated_mission import SimulationSettings, simulate
 from grebe.store import SurveyFile
 
@@ -49,7 +50,13 @@ DEFAULTS = ControlSettings()
     show_default=True,
     help="For single and dual: from how far off the next set counts (Definition 8).",
 )
-@click.option("--seed", type=int, default=1, show_default=True, help="Of the simulated water.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="Of the simulated water.",
+)
 @click.option(
     "--current",
     type=options.NORTH_EAST,
@@ -74,37 +81,22 @@ DEFAULTS = ControlSettings()
 @options.json_option
 @click.pass_context
 def command(
-    ctx: click.Context,
-    file: Path,
-    link: str,
-    rule: RuleName,
-    solver: SolverName,
-    horizon: int | None,
-    step_s: float | None,
-    epsilon: float,
-    seed: int,
-    current: tuple[float, float],
-    wind: tuple[float, float],
-    water: Path | None,
-    resume: bool,
-    force: bool,
-    as_json: bool,
+    ctx: click.Context, file: Path, link: str, resume: bool, force: bool, as_json: bool, **run: Any
 ) -> None:
-    """Steer the boat through every target set of FILE and record what it measures."""
+    """Steer the boat through every target set of FILE and record what it measures.
+
+    With --resume, what is not said again is as it was in the run that is gone on with.
+    """
+    if resume and force:
+        raise UsageError("--resume goes on and --force begins anew; give one of them.")
     if link != "simulated":
         raise LinkError(f"There is no boat link {link!r}; 'simulated' is the only one so far.")
-    control = settings_for(rule, horizon, step_s, solver=solver, epsilon=epsilon)
-    world = SimulationSettings(
-        weather=Weather(
-            current_north_mps=current[0],
-            current_east_mps=current[1],
-            wind_force_north_n=wind[0],
-            wind_force_east_n=wind[1],
-        ),
-        water_from=water,
-        seed=seed,
-    )
+    _settings(run)
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
+        if resume:
+            run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
+        control, world = _settings(run)
+        survey_file.set_meta("run", json.dumps(run, default=str))
         report = simulate(
             survey_file,
             control,
@@ -120,3 +112,32 @@ def command(
             f"{report.targets - report.reached} of {report.targets} target sets were not reached; "
             f"go on with: grebe run {file} --resume"
         )
+
+
+def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]:
+    """Turn the options of a run into the controller's and the world's settings."""
+    (north, east), (force_north, force_east) = run["current"], run["wind"]
+    control = settings_for(
+        run["rule"], run["horizon"], run["step_s"], solver=run["solver"], epsilon=run["epsilon"]
+    )
+    world = SimulationSettings(
+        weather=Weather(
+            current_north_mps=north,
+            current_east_mps=east,
+            wind_force_north_n=force_north,
+            wind_force_east_n=force_east,
+        ),
+        water_from=None if run["water"] is None else Path(run["water"]),
+        seed=run["seed"],
+    )
+    return control, world
+
+
+def _as_before(ctx: click.Context, run: dict[str, Any], recorded: str) -> dict[str, Any]:
+    """The recorded options of a run, but for those that were typed now."""
+    typed = {
+        name: value
+        for name, value in run.items()
+        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
+    }
+    return run | json.loads(recorded) | typed

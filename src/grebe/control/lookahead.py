@@ -33,6 +33,8 @@ FEWEST_STAGES = 4
 ENTRY_PENALTY = 100.0
 EFFORT = 0.005
 HALF_TURN_S = 4.0
+# How far below the window's upper end the boat is held: the price of `hold` yields a little.
+HOLD_MARGIN_MPS = 0.02
 # Price of a stage's squared departure from the last plan's pace [1/s^2]. Stages of one leg
 # would otherwise trade time among each other at no cost; at rest it costs nothing.
 PACING = 2.0
@@ -53,7 +55,8 @@ def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonSha
     node = 0
     for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
         for stage in range(node, node + count):
-            horizon.attract(stage, target.halfspaces[-1:], settings.hold)
+            ceiling = target.halfspaces[-1:] - [[0.0, 0.0, 0.0, HOLD_MARGIN_MPS]]
+            horizon.attract(stage, ceiling, settings.hold)
         node += count
         horizon.require(node, aim.halfspaces, ENTRY_PENALTY)
     start = _start(situation, arrivals[: len(stages)], stages)

@@ -41,7 +41,7 @@ class ControlSettings:
     margin_m: float = 0.1
     speed_margin_mps: float = 0.05
     entry_penalty: float = 1e3
-    hold: float = 5.0
+    hold: float = 50.0
 
     def __post_init__(self) -> None:
         if self.rule not in RULES:

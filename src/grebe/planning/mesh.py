@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -16,6 +17,9 @@ from shapely import affinity
 
 from grebe.errors import PlanError
 from grebe.sets import ring_vertices
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 MAX_SIDES = 8
 # A clipped piece smaller than this share of a full cell joins a neighbour.
@@ -71,18 +75,25 @@ def mesh_squares(water: shapely.Polygon, cell_m: float, angle_deg: float = 0.0) 
 def _clip(water: shapely.Polygon, cell_m: float) -> dict[tuple[int, int], shapely.Polygon]:
     """Intersect the water with a grid that is centred on its bounds; x is along a row."""
     x0, y0, x1, y1 = water.bounds
-    columns = max(1, math.ceil((x1 - x0) / cell_m - 1e-9))
-    rows = max(1, math.ceil((y1 - y0) / cell_m - 1e-9))
-    left = (x0 + x1 - columns * cell_m) / 2
-    bottom = (y0 + y1 - rows * cell_m) / 2
-    row, column = (index.ravel() for index in np.indices((rows, columns)))
-    x, y = left + column * cell_m, bottom + row * cell_m
-    pieces = shapely.intersection(shapely.box(x, y, x + cell_m, y + cell_m), water)
+    across, up = _lines(x0, x1, cell_m), _lines(y0, y1, cell_m)
+    row, column = (index.ravel() for index in np.indices((len(up) - 1, len(across) - 1)))
+    boxes = shapely.box(across[column], up[row], across[column + 1], up[row + 1])
+    pieces = shapely.intersection(boxes, water)
     return {
         (int(r), int(c)): piece
         for r, c, piece in zip(row, column, pieces, strict=True)
         if isinstance(piece, shapely.Polygon) and piece.area > 0
     }
+
+
+def _lines(low: float, high: float, cell_m: float) -> NDArray[np.floating]:
+    """Grid lines centred on [low, high]; an excess of less than a fiftieth of a cell is no new
+    row: the outermost cells take it.
+    """
+    count = max(1, math.ceil((high - low) / cell_m - 0.02))
+    lines = (low + high - count * cell_m) / 2 + cell_m * np.arange(count + 1)
+    lines[0], lines[-1] = min(lines[0], low), max(lines[-1], high)
+    return lines
 
 
 def _join_small(

@@ -99,7 +99,7 @@ def convex_water(region: Region) -> shapely.Polygon:
     """
     if region.water.interiors:
         raise PlanError(
-            f"The region {region.name!r} has {len(region.water.interiors)} islands; only convex "
+            f"The region {region.name!r} has islands ({len(region.water.interiors)}); only convex "
             "water without islands can be planned so far: cut out a convex part of it."
         )
     hull = hull_of(region.water.exterior.coords)

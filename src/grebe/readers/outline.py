@@ -44,6 +44,8 @@ def read_outline(
         return Outline(geometry=hull_of(track.lonlat), name=path.stem, notes=track.notes)
     if path.suffix.lower() in (".geojson", ".json"):
         return _read_geojson(path)
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file.")
     raise InputError(
         f"{path}: cannot read a region from a {path.suffix or 'nameless'} file; "
         "give GeoJSON (.geojson, .json) or a track (.csv)."

@@ -163,5 +163,5 @@ def damaged(path: Path, detail: str) -> SurveyFileError:
     """Return the error for a file that SQLite cannot read to its end."""
     return SurveyFileError(
         f"{path} is damaged or cut off ({' '.join(detail.split())[:120]}); restore it from a "
-        "backup, or save what is left with 'sqlite3 FILE .recover'."
+        f"backup, or save what is left with: sqlite3 {path.name} .recover"
     )

@@ -6,6 +6,7 @@ that the loop has seen is on the disk. Other programs may read the file meanwhil
 
 from __future__ import annotations
 
+import fcntl
 import os
 import sqlite3
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TextIO
 
 import numpy as np
 import shapely
@@ -83,6 +84,7 @@ class SurveyFile:
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self.path = path
         self._connection = connection
+        self._lock: TextIO | None = None
         self.survey = schema.read_survey(connection)
 
     @classmethod
@@ -111,6 +113,8 @@ class SurveyFile:
     @classmethod
     def open(cls, path: Path) -> Self:
         """Open an existing survey file; `SurveyFileError` says why it cannot be used."""
+        if path.is_dir():
+            raise SurveyFileError(f"{path} is a folder, not a survey file.")
         if not path.is_file():
             raise SurveyFileError(f"{path}: there is no such survey file.")
         if path.stat().st_size == 0:
@@ -143,11 +147,29 @@ class SurveyFile:
     ) -> None:
         self.close()
 
+    def claim(self) -> None:
+        """Keep other missions off this file until it is closed; readers are not disturbed.
+
+        A lock on a file of its own beside it, which the system lifts when the process ends.
+        """
+        lock = self.path.with_name(self.path.name + ".lock")
+        self._lock = lock.open("w")
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._lock.close()
+            self._lock = None
+            raise SurveyFileError(f"{self.path} is being written by another mission.") from None
+
     def close(self) -> None:
         """Fold the write-ahead log into the file and close it."""
         with suppress(sqlite3.Error):
             self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         self._connection.close()
+        if self._lock is not None:
+            self.path.with_name(self.path.name + ".lock").unlink(missing_ok=True)
+            self._lock.close()
+            self._lock = None
 
     # -- writing ---------------------------------------------------------------------
 
