@@ -152,6 +152,8 @@ class SurveyFile:
 
         A lock on a file of its own beside it, which the system lifts when the process ends.
         """
+        if self._lock is not None:
+            return
         lock = self.path.with_name(self.path.name + ".lock")
         self._lock = lock.open("w")
         try:
