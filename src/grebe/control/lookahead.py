@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.rules import Decision, Proposal, Situation
+from grebe.control.rules import LEAST_PROGRESS, Decision, Proposal, Situation
 from grebe.control.settings import ControlSettings
 from grebe.sets import TargetSet
 
@@ -26,15 +27,22 @@ if TYPE_CHECKING:
 
 # What a stage should at most span when stages are dealt out, and what it may span [s].
 STAGE_S = 1.2
-SHORTEST_STAGE_S = 0.02
+# A leg must be able to end well before the next solve: one that cannot lets the plan put off
+# what could be done at once, and each solve puts it off again.
+SHORTEST_LEG_S = 0.06
 LONGEST_STAGE_S = 1.6
 FEWEST_STAGES = 4
 # Cost of a second is 1; a unit of slack costs more than any second it could save.
 ENTRY_PENALTY = 100.0
 EFFORT = 0.005
 HALF_TURN_S = 4.0
+# Steps without coming nearer after which the last plan is dropped: a loop takes less, a solver
+# that is caught in a plan which pays its slack takes for ever.
+STALL_STEPS = 24
 # How far below the window's upper end the boat is held: the price of `hold` yields a little.
 HOLD_MARGIN_MPS = 0.02
+# Backing out of a corner is seamanship; backing all the way to the next set is not.
+BACKWARDS_MPS = 0.4
 # Price of a stage's squared departure from the last plan's pace [1/s^2]. Stages of one leg
 # would otherwise trade time among each other at no cost; at rest it costs nothing.
 PACING = 2.0
@@ -46,17 +54,20 @@ def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonSha
     The upper end of the window also bounds the surge on the way, at a price, so that the boat
     does not race between sets; the lower end is asked at entry alone, for turns are slow.
     """
+    idle, nearest = _progress(situation)
+    if idle >= STALL_STEPS:
+        situation, idle = replace(situation, plan=None), 0
     arrivals = _arrivals(situation)
     stages = _deal_out(arrivals, shape.stages)
     horizon = Horizon(shape=shape)
-    horizon.duration_bounds[:] = (SHORTEST_STAGE_S, LONGEST_STAGE_S)
+    horizon.duration_bounds[:, 1] = LONGEST_STAGE_S
     horizon.time_weights[:] = 1.0
     horizon.effort_weights[:] = EFFORT
     node = 0
     for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
+        horizon.duration_bounds[node : node + count, 0] = SHORTEST_LEG_S / count
         for stage in range(node, node + count):
-            ceiling = target.halfspaces[-1:] - [[0.0, 0.0, 0.0, HOLD_MARGIN_MPS]]
-            horizon.attract(stage, ceiling, settings.hold)
+            horizon.attract(stage, _pace_rows(target), settings.hold)
         node += count
         horizon.require(node, aim.halfspaces, ENTRY_PENALTY)
     start = _start(situation, arrivals[: len(stages)], stages)
@@ -66,10 +77,27 @@ def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonSha
     decision = Decision(
         target=situation.target,
         split=int(nodes[0]),
-        nearest=situation.distance,
+        nearest=nearest,
+        idle=idle,
         entries=tuple(int(k) for k in nodes),
     )
     return Proposal(horizon=horizon, decision=decision, start=start)
+
+
+def _pace_rows(target: TargetSet) -> Array:
+    """Half-spaces of the surge on the way: not above the window, and hardly backwards."""
+    ceiling = target.speed_max_mps - HOLD_MARGIN_MPS
+    return np.array([[0.0, 0.0, 1.0, ceiling], [0.0, 0.0, -1.0, BACKWARDS_MPS]])
+
+
+def _progress(situation: Situation) -> tuple[int, float]:
+    """Steps since the boat last came nearer to Omega_x, and how near it has been."""
+    last, distance = situation.last, situation.distance
+    if last is None or last.target != situation.target:
+        return 0, distance
+    if distance < last.nearest - LEAST_PROGRESS:
+        return 0, distance
+    return last.idle + 1, last.nearest
 
 
 def _arrivals(situation: Situation) -> list[float]:
@@ -79,7 +107,7 @@ def _arrivals(situation: Situation) -> list[float]:
     now = 0.0
     for i, target in enumerate(situation.aims):
         if i < len(planned):
-            now = max(planned[i], now + 2 * SHORTEST_STAGE_S)
+            now = max(planned[i], now + SHORTEST_LEG_S)
         elif i == 0:
             now = _first_leg_s(situation.state, target)
         else:
