@@ -24,6 +24,22 @@ from grebe.simulated_mission import SimulationSettings, simulate
 from grebe.store import SurveyFile
 
 DEFAULTS = ControlSettings()
+WEIGHTS = {
+    "alpha": "Weight of the squared distance (Eq. 2), for single and dual.",
+    "beta": "Weight of the squared thrusts (Eq. 2), for single and dual.",
+    "p": "Weight of the current set (Eq. 7), for dual.",
+    "q": "Weight of the next set (Eq. 7), for dual.",
+}
+
+
+def _weight_options(command: Any) -> Any:
+    for name, what in reversed(WEIGHTS.items()):
+        default = getattr(DEFAULTS, name)
+        option = click.option(
+            f"--{name}", type=float, default=default, show_default=True, help=what
+        )
+        command = option(command)
+    return command
 
 
 @click.command(name="run")
@@ -50,6 +66,7 @@ DEFAULTS = ControlSettings()
     show_default=True,
     help="For single and dual: from how far off the next set counts (Definition 8).",
 )
+@_weight_options
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -118,7 +135,12 @@ def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]
     """Turn the options of a run into the controller's and the world's settings."""
     (north, east), (force_north, force_east) = run["current"], run["wind"]
     control = settings_for(
-        run["rule"], run["horizon"], run["step_s"], solver=run["solver"], epsilon=run["epsilon"]
+        run["rule"],
+        run["horizon"],
+        run["step_s"],
+        solver=run["solver"],
+        epsilon=run["epsilon"],
+        **{name: run[name] for name in WEIGHTS},
     )
     world = SimulationSettings(
         weather=Weather(
