@@ -104,7 +104,7 @@ def single(situation: Situation, settings: ControlSettings, shape: HorizonShape)
 
     Departure: after a stall the node that must lie in it is counted down from the last.
     """
-    decision = _decide(situation, shape.stages, shape.stages)
+    decision = _decide(situation, shape.stages, settings.epsilon, shape.stages)
     horizon = _fixed_steps(settings, shape)
     aim = situation.aims[0].halfspaces
     for stage in range(shape.stages):
@@ -122,7 +122,7 @@ def dual(situation: Situation, settings: ControlSettings, shape: HorizonShape) -
     """
     n = shape.stages
     planned = split_stage(situation.distance, settings.epsilon, n)
-    decision = _decide(situation, planned, n)
+    decision = _decide(situation, planned, settings.epsilon, n)
     split = decision.split
     horizon = _fixed_steps(settings, shape)
     aim = situation.aims[0].halfspaces
@@ -143,7 +143,7 @@ def _lead_on(horizon: Horizon, split: int, rows: NDArray, settings: ControlSetti
     horizon.require(n, rows, settings.entry_penalty)
 
 
-def _decide(situation: Situation, split: int, horizon: int) -> Decision:
+def _decide(situation: Situation, split: int, epsilon: float, horizon: int) -> Decision:
     """N_x as planned, or counted down from N once the approach has stalled.
 
     With N_x a function of d alone a boat can put entry off for ever: at rest in its cell it
@@ -158,7 +158,8 @@ def _decide(situation: Situation, split: int, horizon: int) -> Decision:
         return Decision(target=situation.target, split=split, nearest=distance)
     nearer = distance < last.nearest - LEAST_PROGRESS
     idle = 0 if nearer else last.idle + 1
-    committed = last.committed or idle >= STALL_STEPS
+    # From afar N steps may not be enough: there the count would end before the way does.
+    committed = distance <= epsilon and (last.committed or idle >= STALL_STEPS)
     if committed:
         split = last.split - 1 if last.committed and last.split > 1 else horizon
     return Decision(
