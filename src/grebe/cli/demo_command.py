@@ -46,6 +46,7 @@ def command(out: Path, as_json: bool) -> None:
     survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=5.0))
     figures.save(figures.plan_figure(survey), out / "plan.png")
     output.note(f"{NOTE} {len(survey.targets)} target sets of 25 m2; steering through them:")
+    output.note_compilation()
     with (
         create_survey_file(file, survey, force=True, note=NOTE) as survey_file,
         output.MissionBar(quiet=as_json) as bar,

@@ -25,6 +25,14 @@ def fail(text: str) -> None:
     click.echo(f"grebe: {text}", err=True)
 
 
+def note_compilation() -> None:
+    """Say why the first run is slow to start, where it will be."""
+    from grebe.control.fast.compiled import is_compiled
+
+    if not is_compiled():
+        note("compiling the controller, once: about half a minute")
+
+
 def result(values: Mapping[str, Any], *, as_json: bool, next_command: str) -> None:
     """Print a result as a table or as one JSON object, and name the next command."""
     if as_json:

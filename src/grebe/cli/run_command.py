@@ -109,6 +109,7 @@ def command(
     if link != "simulated":
         raise LinkError(f"There is no boat link {link!r}; 'simulated' is the only one so far.")
     _settings(run)
+    output.note_compilation()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         if resume:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))

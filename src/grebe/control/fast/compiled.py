@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -15,3 +16,8 @@ _FASTMATH = {"contract", "reassoc", "arcp", "nsz"}
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel on first use; later processes load it from the cache."""
     return numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy")(function)
+
+
+def is_compiled() -> bool:
+    """Whether the solver lies in the cache beside its source, so that it starts at once."""
+    return any(Path(__file__).parent.glob("__pycache__/sqp.optimise*.nbi"))
