@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.rules import LEAST_PROGRESS, Decision, Proposal, Situation
+from grebe.control.rules import Decision, Proposal, Situation, progress
 from grebe.control.settings import ControlSettings
 from grebe.sets import TargetSet
 
@@ -54,7 +54,7 @@ def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonSha
     The upper end of the window also bounds the surge on the way, at a price, so that the boat
     does not race between sets; the lower end is asked at entry alone, for turns are slow.
     """
-    idle, nearest = _progress(situation)
+    idle, nearest = progress(situation)
     if idle >= STALL_STEPS:
         situation, idle = replace(situation, plan=None), 0
     arrivals = _arrivals(situation)
@@ -88,16 +88,6 @@ def _pace_rows(target: TargetSet) -> Array:
     """Half-spaces of the surge on the way: not above the window, and hardly backwards."""
     ceiling = target.speed_max_mps - HOLD_MARGIN_MPS
     return np.array([[0.0, 0.0, 1.0, ceiling], [0.0, 0.0, -1.0, BACKWARDS_MPS]])
-
-
-def _progress(situation: Situation) -> tuple[int, float]:
-    """Steps since the boat last came nearer to Omega_x, and how near it has been."""
-    last, distance = situation.last, situation.distance
-    if last is None or last.target != situation.target:
-        return 0, distance
-    if distance < last.nearest - LEAST_PROGRESS:
-        return 0, distance
-    return last.idle + 1, last.nearest
 
 
 def _arrivals(situation: Situation) -> list[float]:

@@ -152,23 +152,26 @@ def _decide(situation: Situation, split: int, epsilon: float, horizon: int) -> D
     set to N and then counted down: time enough to turn, and each plan, shifted by a step,
     is feasible for the next problem.
     """
-    distance = situation.distance
+    idle, nearest = progress(situation)
     last = situation.last
-    if last is None or last.target != situation.target:
-        return Decision(target=situation.target, split=split, nearest=distance)
-    nearer = distance < last.nearest - LEAST_PROGRESS
-    idle = 0 if nearer else last.idle + 1
+    counting = last is not None and last.target == situation.target and last.committed
     # From afar N steps may not be enough: there the count would end before the way does.
-    committed = distance <= epsilon and (last.committed or idle >= STALL_STEPS)
+    committed = situation.distance <= epsilon and (counting or idle >= STALL_STEPS)
     if committed:
-        split = last.split - 1 if last.committed and last.split > 1 else horizon
+        split = last.split - 1 if last is not None and counting and last.split > 1 else horizon
     return Decision(
-        target=situation.target,
-        split=split,
-        nearest=distance if nearer else last.nearest,
-        idle=idle,
-        committed=committed,
+        target=situation.target, split=split, nearest=nearest, idle=idle, committed=committed
     )
+
+
+def progress(situation: Situation) -> tuple[int, float]:
+    """Steps since the boat last came nearer to Omega_x, and how near it has been."""
+    last, distance = situation.last, situation.distance
+    if last is None or last.target != situation.target:
+        return 0, distance
+    if distance < last.nearest - LEAST_PROGRESS:
+        return 0, distance
+    return last.idle + 1, last.nearest
 
 
 def _shifted(situation: Situation) -> Plan | None:
