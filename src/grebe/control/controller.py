@@ -21,7 +21,7 @@ from grebe.control.lookahead import LONGEST_STAGE_S, lookahead
 from grebe.control.ocp import build
 from grebe.control.rules import Decision, Rule, Situation, dual, reached_count, single
 from grebe.control.settings import ControlSettings, RuleName
-from grebe.control.solve import CasadiSolver, Solution, Solver
+from grebe.control.solve import CasadiSolver, Solution, Solver, Status
 from grebe.dynamics import CALM, Weather, rates, rk4
 from grebe.sets import TargetSet
 from grebe.vessel import Vessel
@@ -42,13 +42,14 @@ class StepStatus(enum.Enum):
 
     SOLVED = "solved"
     RESTARTED = "solved on a second start"
+    IMPROVED = "improved"
     LAST_PLAN = "last plan"
     STOPPING = "stopping"
 
     @property
     def is_solved(self) -> bool:
         """Whether the thrusts come from a plan that converged in this step."""
-        return self in (StepStatus.SOLVED, StepStatus.RESTARTED)
+        return self in (StepStatus.SOLVED, StepStatus.RESTARTED, StepStatus.IMPROVED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +146,8 @@ class Controller:
             self._decision = proposal.decision
             if solution.solved:
                 return self._accept(solution, status)
+            if solution.status is Status.FEASIBLE:
+                return self._accept(solution, StepStatus.IMPROVED)
         return self._fall_back(z)
 
     def _attempts(

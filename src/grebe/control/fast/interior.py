@@ -83,14 +83,15 @@ def start_box(low, high, t, lam):
 @compiled
 def minimise(
     hess, grad, a, b, c, rows, count, base, compliance, price, low, high,
-    t, lam, s, nu, box_t, box_lam, dx, dw, costate, tolerance,
+    t, lam, s, nu, box_t, box_lam, dx, dw, costate, gain, tolerance,
 ):  # fmt: skip
     """Solve the quadratic problem; returns the iterations, negative where it failed.
 
     In: `hess` (N, 9, 9) positive semidefinite, `grad` (N, 9), dynamics `a`, `b`, `c`; `rows`
     (3, N + 1, R, 4) with `count` (3, N + 1) of them in use and `base` their value at the
     iterate; `compliance` (N + 1,), `price` (3, N + 1); the box `low`, `high` (N, 3) of dw.
-    In and out: slacks and multipliers. Out: `dx`, `dw`, `costate`.
+    In and out: slacks and multipliers. Out: `dx`, `dw`, `costate`, and `gain` (N, 3, 6), by which
+    the inputs answer a departure of the state from the solution.
     """
     n = hess.shape[0]
     width = rows.shape[2]
@@ -99,7 +100,6 @@ def minimise(
     end_hess = np.zeros((NX, NX))
     end_grad = np.zeros(NX)
     p = np.empty((n + 1, NX, NX))
-    gain = np.empty((n, NW, NX))
     chol = np.zeros((n, NW, NW))
     new_dx = np.zeros((n + 1, NX))
     new_dw = np.zeros((n, NW))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MOST_ITERATIONS = 30
 # Largest change in the last step: metres, radians, shares of the thrust range.
-TOLERANCE = 2e-3
+TOLERANCE = 1e-2
 
 _STATUS = {
     sqp.CONVERGED: Status.SOLVED,

@@ -28,13 +28,14 @@ if TYPE_CHECKING:
 CONVERGED, FEASIBLE, FAILED = 0, 1, 2
 
 HALVINGS = 8
-MEMORY = 6
+MEMORY = 4
 # Relative spread of the remembered penalties below which a small cycle counts as an end.
-IDLE = 1e-6
+IDLE = 1e-4
 FIRST_DAMPING, MOST_DAMPING = 1.0, 1e8
+COST_SHARE = 1e-2
 SUFFICIENT = 1e-4
 QP_TOLERANCE = 1e-5
-FEASIBLE_GAP = 1e-3
+SMALL_GAP = 0.05
 
 
 class Terms(NamedTuple):
@@ -94,10 +95,12 @@ def optimise(terms, states, inputs, most_iterations, tolerance):
     box_t, box_lam = np.ones((2, n, NW)), np.zeros((2, n, NW))
     low, high = np.empty((n, NW)), np.empty((n, NW))
     dx, dw = np.zeros((n + 1, NX)), np.zeros((n, NW))
+    gain = np.zeros((n, NW, NX))
     costate, new_costate = np.zeros((n + 1, NX)), np.zeros((n + 1, NX))
     trial_x, trial_w = np.empty((n + 1, NX)), np.empty((n, NW))
     history = np.full(MEMORY, -np.inf)
     penalty, damping = 1.0, 0.0
+    first_cost, first_gaps = -np.inf, 0.0
     # Without curvature a problem of minimum time is linear: Gauss-Newton would not do.
     free = np.max(terms.timing[1]) > 0.0
     for iteration in range(most_iterations):
@@ -113,22 +116,26 @@ def optimise(terms, states, inputs, most_iterations, tolerance):
             solved = minimise(
                 hess, grad, shooting.a, shooting.b, shooting.gap, terms.rows, terms.count, base,
                 compliance, terms.price, low, high, t, lam, s, nu, box_t, box_lam,
-                dx, dw, new_costate, QP_TOLERANCE,
+                dx, dw, new_costate, gain, QP_TOLERANCE,
             )  # fmt: skip
             if solved >= 0:
                 break
         if solved < 0:
             break
         penalty = max(1.1 * np.max(np.abs(new_costate[1:])), 0.5 * penalty)
-        history[iteration % MEMORY] = _merit(terms, states, inputs, penalty)
+        cost, gaps = _cost(terms, states, inputs), np.sum(np.abs(shooting.gap))
+        if iteration == 0:
+            first_cost, first_gaps = cost, gaps
+        history[iteration % MEMORY] = cost + penalty * gaps
         promise = _promise(hess, dx, dw, shooting.gap, penalty)
         alpha = _search(
-            terms, states, inputs, dx, dw, np.max(history), promise, penalty, trial_x, trial_w
-        )
+            terms, states, inputs, dx, dw, gain, np.max(np.abs(shooting.gap)) < SMALL_GAP,
+            np.max(history), promise, penalty, trial_x, trial_w,
+        )  # fmt: skip
         if alpha == 0.0:
             if damping > MOST_DAMPING:
                 break
-            damping = max(10.0 * damping, FIRST_DAMPING)
+            damping = max(10.0 * damping, FIRST_DAMPING * max(1.0, COST_SHARE * np.max(history)))
             continue
         damping = _eased(damping, alpha)
         states[:] = trial_x
@@ -137,10 +144,23 @@ def optimise(terms, states, inputs, most_iterations, tolerance):
         step = _step_size(dx, dw, terms.limits, terms.timing)
         idle = np.max(history) - np.min(history) < IDLE * abs(history[0])
         if (alpha == 1.0 and step < tolerance) or (idle and step < 10 * tolerance):
-            return CONVERGED, iteration + 1, _merit(terms, states, inputs, 0.0)
-    feasible = _largest_gap(terms, states, inputs) < FEASIBLE_GAP
-    ended = FEASIBLE if feasible else FAILED
-    return ended, most_iterations, _merit(terms, states, inputs, 0.0)
+            return CONVERGED, iteration + 1, _cost(terms, states, inputs)
+    return _unfinished(
+        terms, gain, states, inputs, first_cost + penalty * first_gaps, iteration + 1
+    )
+
+
+@compiled
+def _unfinished(terms, gain, states, inputs, first, iterations):
+    """End an optimisation that has not converged: drive its plan, and judge what comes of it."""
+    driven_x, driven_w = states.copy(), inputs.copy()
+    _drive(terms, gain, driven_x, driven_w)
+    cost = _cost(terms, driven_x, driven_w)
+    if not cost <= first:
+        return FAILED, iterations, cost
+    states[:] = driven_x
+    inputs[:] = driven_w
+    return FEASIBLE, iterations, cost
 
 
 @compiled
@@ -181,17 +201,48 @@ def _box(terms, inputs, low, high):
 
 
 @compiled
-def _search(terms, states, inputs, dx, dw, reference, promise, penalty, trial_x, trial_w):
-    """Halve the step until the penalty function is low enough; 0 where it never is."""
-    alpha = 1.0
-    for _ in range(HALVINGS):
-        trial_x[:] = states + alpha * dx
-        trial_w[:] = inputs + alpha * dw
-        trial = _merit(terms, trial_x, trial_w, penalty)
-        if trial <= reference + 1e-9 * abs(reference) + SUFFICIENT * alpha * min(promise, 0.0):
-            return alpha
-        alpha *= 0.5
+def _search(
+    terms, states, inputs, dx, dw, gain, closed, reference, promise, penalty, trial_x, trial_w
+):
+    """Halve the step until the penalty function is low enough; 0 where it never is.
+
+    The straight step is tried first. Where the boat turns fast its small gaps in the dynamics grow
+    without bound along the horizon; then the step is driven, with the problem's own feedback.
+    """
+    ways = 2 if closed else 1
+    for driven in range(ways):
+        alpha = 1.0
+        for _ in range(HALVINGS):
+            trial_x[:] = states + alpha * dx
+            trial_w[:] = inputs + alpha * dw
+            if driven:
+                _drive(terms, gain, trial_x, trial_w)
+            trial = _cost(terms, trial_x, trial_w) + penalty * _gaps(terms, trial_x, trial_w)
+            if trial <= reference + 1e-9 * abs(reference) + SUFFICIENT * alpha * min(promise, 0.0):
+                return alpha
+            alpha *= 0.5
     return 0.0
+
+
+@compiled
+def _drive(terms, gain, states, inputs):
+    """Replace a trial by what the boat does when it follows it with the gains: no gaps."""
+    off, following = np.zeros(NX), np.empty(NX)
+    low, high = terms.limits
+    for k in range(inputs.shape[0]):
+        for i in range(NW):
+            answer = 0.0
+            for j in range(NX):
+                answer += gain[k, i, j] * off[j]
+            inputs[k, i] += answer
+        inputs[k, 0] = min(max(inputs[k, 0], low), high)
+        inputs[k, 1] = min(max(inputs[k, 1], low), high)
+        inputs[k, 2] = min(max(inputs[k, 2], 0.0), 1.0)
+        advance(
+            terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following
+        )
+        off[:] = following - states[k + 1]
+        states[k + 1] = following
 
 
 @compiled
@@ -247,10 +298,9 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
 
 
 @compiled
-def _merit(terms, states, inputs, penalty):
-    """Cost with its L1 slacks, plus `penalty` times the gaps in the dynamics."""
+def _cost(terms, states, inputs):
+    """Cost with its L1 slacks."""
     total = 0.0
-    following = np.empty(NX)
     timing = terms.timing
     for k in range(inputs.shape[0]):
         w = inputs[k]
@@ -258,10 +308,6 @@ def _merit(terms, states, inputs, penalty):
         total += terms.effort[k] * (w[0] * w[0] + w[1] * w[1])
         total += timing[2, k] * duration + terms.regularisation * (w[2] - 0.5) ** 2
         total += timing[4, k] * (duration - timing[3, k]) ** 2
-        if penalty > 0.0:
-            advance(terms.p, states[k], w, duration, terms.substeps, following)
-            for i in range(NX):
-                total += penalty * abs(following[i] - states[k + 1, i])
     for group in range(3):
         for k in range(states.shape[0]):
             total += _row_cost(terms, group, k, states[k])
@@ -282,15 +328,17 @@ def _row_cost(terms, group, k, z):
 
 
 @compiled
-def _largest_gap(terms, states, inputs):
+def _gaps(terms, states, inputs):
+    """Sum of the gaps in the dynamics."""
     following = np.empty(NX)
-    worst = 0.0
+    total = 0.0
     for k in range(inputs.shape[0]):
         advance(
             terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following
         )
-        worst = max(worst, np.max(np.abs(following - states[k + 1])))
-    return worst
+        for i in range(NX):
+            total += abs(following[i] - states[k + 1, i])
+    return total
 
 
 @compiled
