@@ -31,6 +31,8 @@ SAMPLE_PERIOD_S = 1.0
 SHORTEST_PATIENCE_S = 180.0
 PATIENCE_FACTOR = 10.0
 SLOWEST_MPS = 0.2
+# Time without a usable estimate after which the thrusters are stopped.
+BLIND_S = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +106,7 @@ class Mission:
         )
 
     def _loop(self) -> None:
-        observation = self._before = self._link.observe()
+        observation = self._before = self._observe()
         self._give_patience(observation)
         self._event("info", "mission_started", f"{len(self._targets)} targets", observation)
         while True:
@@ -123,8 +125,24 @@ class Mission:
                 self._follow_plan(observation)
             observation = self._advance()
 
+    def _observe(self) -> Observation:
+        """The next estimate that can be used.
+
+        What is not a number is reported and passed over; a boat that is blind for longer than
+        `BLIND_S` is left without thrust until it sees again.
+        """
+        while True:
+            observation = self._link.observe()
+            if all(map(math.isfinite, observation.state)):
+                return observation
+            text = f"an estimate is not a number and is passed over: {observation.state}"
+            self._event("warning", "estimate_invalid", text, observation)
+            if self._before and observation.time_s - self._before.time_s > BLIND_S:
+                self._thrusts = (0.0, 0.0)
+                self._link.command(self._thrusts)
+
     def _advance(self) -> Observation:
-        observation = self._link.observe()
+        observation = self._observe()
         if self._before is not None:
             self._statistics.travel(self._controller, self._before, observation, self._thrusts)
             self._observer.update(
@@ -183,7 +201,8 @@ class Mission:
 
     def _steer(self, observation: Observation) -> None:
         began = time.perf_counter()
-        command = self._controller.step(observation.state, self._observer.weather)
+        elapsed = None if self._command is None else observation.time_s - self._command[0]
+        command = self._controller.step(observation.state, self._observer.weather, elapsed)
         solve_ms = 1e3 * (time.perf_counter() - began)
         self._command = (observation.time_s, command)
         self._apply(observation, command.thrusts_at(0.0), solve_ms)

@@ -12,12 +12,12 @@ import numpy as np
 from grebe.control.controller import Controller
 from grebe.control.settings import ControlSettings
 from grebe.dynamics import CALM, Weather
-from grebe.errors import PlanError, SurveyFileError
-from grebe.link.simulated import OBSERVATION_PERIOD_S, SimulatedLink
+from grebe.errors import PlanError, SurveyFileError, UsageError
+from grebe.link.simulated import EXACT, OBSERVATION_PERIOD_S, EstimateErrors, SimulatedLink
 from grebe.mission import Mission, MissionReport, Progress
 from grebe.quantities import QUANTITIES
 from grebe.readers.track import read_track
-from grebe.simulation.plant import Plant
+from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water, conditioned_water, free_water
 from grebe.store import SurveyFile
@@ -26,13 +26,22 @@ from grebe.survey import Flag, Survey
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationSettings:
-    """The true world of a simulation: `weather`, which the controller is not told; `water_from`
-    a survey file or a CSV track whose samples condition the water (None: free fields); `seed`.
+    """The true world of a simulation, of which the controller is told nothing.
+
+    `weather`; `mismatch`, the share by which the boat may differ from its model; `errors` of the
+    state estimates; `water_from` a survey file or a CSV track whose samples condition the water
+    (None: free fields); `seed`.
     """
 
     weather: Weather = CALM
+    mismatch: float = 0.0
+    errors: EstimateErrors = EXACT
     water_from: Path | None = None
     seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mismatch < 1:
+            raise UsageError(f"A boat cannot differ by {self.mismatch} from its model; give 0-1.")
 
 
 def simulate(
@@ -75,7 +84,9 @@ def simulate(
     controller = Controller(survey.vessel, survey.sets, control, reached=reached)
     if len(track) and not resume:
         survey_file.clear_mission()
-    link = SimulatedLink(Plant(survey.vessel, start, settings.weather), Sonde(water, settings.seed))
+    boat = mismatched(survey.vessel, settings.mismatch, settings.seed)
+    plant = Plant(boat, start, settings.weather)
+    link = SimulatedLink(plant, Sonde(water, settings.seed), settings.errors, settings.seed)
     source = settings.water_from.name if settings.water_from else "free fields"
     survey_file.set_meta("water", f"simulated, {source}, seed {settings.seed}")
     return Mission(survey_file, controller, link, started, watch).run()

@@ -22,7 +22,8 @@ class Vessel:
 
     Masses include the added mass. Drag coefficients are zero or negative: `x_u`, `y_v`
     [N s/m], `n_r` [N m s], `x_uu`, `y_vv` [N s^2/m^2], `n_rr` [N m s^2]. `arm_m` is b, half
-    the distance between the thrusters. Thrust limits hold for each thruster.
+    the distance between the thrusters. Thrust limits hold for each thruster; a thrust smaller than
+    the dead band comes to nothing.
     Propeller diameter and drive efficiency only serve the energy estimate; their defaults are
     assumptions, no source gives them.
     `yaw_coupling` chooses the sign in the last row of Eq. (9): "fossen" is (m11 - m22) u v,
@@ -45,6 +46,7 @@ class Vessel:
     thrust_max_n: float
     thrust_min_n: float
     thruster_lag_s: float = 0.0
+    thruster_dead_band_n: float = 0.0
     propeller_diameter_m: float = 0.12
     drive_efficiency: float = 0.5
     yaw_coupling: Literal["fossen", "printed"] = "fossen"
@@ -70,6 +72,11 @@ class Vessel:
             raise VesselError(f"Vessel {self.name!r} has no drag in surge, sway or yaw.")
         if self.thruster_lag_s < 0:
             raise VesselError(f"Vessel {self.name!r}: thruster_lag_s is negative.")
+        if not 0 <= self.thruster_dead_band_n < self.thrust_max_n:
+            raise VesselError(
+                f"Vessel {self.name!r}: thruster_dead_band_n is {self.thruster_dead_band_n}; "
+                f"it must lie between 0 and thrust_max_n = {self.thrust_max_n}."
+            )
 
     @property
     def yaw_coupling_kg(self) -> float:

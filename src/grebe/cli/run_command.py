@@ -20,6 +20,7 @@ from grebe.control.settings import (
 )
 from grebe.dynamics import Weather
 from grebe.errors import IncompleteError, LinkError, UsageError
+from grebe.link.simulated import EstimateErrors
 from grebe.simulated_mission import SimulationSettings, simulate
 from grebe.store import SurveyFile
 
@@ -89,6 +90,27 @@ def _weight_options(command: Any) -> Any:
     help="True wind force [N]; the controller is not told.",
 )
 @click.option(
+    "--mismatch",
+    type=click.FloatRange(0, 1, max_open=True),
+    default=0.0,
+    show_default=True,
+    help="Share by which the simulated boat may differ from the controller's model.",
+)
+@click.option(
+    "--noise",
+    type=click.FloatRange(min=0),
+    default=0.0,
+    show_default=True,
+    help="Standard deviation of the estimated velocities [m/s].",
+)
+@click.option(
+    "--lost",
+    type=click.FloatRange(0, 1, max_open=True),
+    default=0.0,
+    show_default=True,
+    help="Share of the state estimates that never arrive.",
+)
+@click.option(
     "--water",
     type=options.EXISTING,
     help="CSV track or survey file on whose samples the simulated water is conditioned.",
@@ -150,6 +172,8 @@ def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]
             wind_force_north_n=force_north,
             wind_force_east_n=force_east,
         ),
+        mismatch=run["mismatch"],
+        errors=EstimateErrors(velocity_mps=run["noise"], lost_share=run["lost"]),
         water_from=None if run["water"] is None else Path(run["water"]),
         seed=run["seed"],
     )

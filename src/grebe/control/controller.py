@@ -130,15 +130,22 @@ class Controller:
         self.reached = reached_count(self.targets, self.reached, state)
         return self.reached - before
 
-    def step(self, state: Sequence[float], weather: Weather = CALM) -> Command:
-        """Return the thrusts to apply from `state` on for one control step."""
+    def step(
+        self, state: Sequence[float], weather: Weather = CALM, elapsed_s: float | None = None
+    ) -> Command:
+        """Return the thrusts to apply from `state` on for one control step.
+
+        `elapsed_s` is the time since the last step, where it is not the settings' own: the
+        estimate that was due may have come late.
+        """
         if self.done:
             raise ValueError("every target set is reached: there is nothing to steer to")
         z = np.asarray(state, dtype=float)
         if z.shape != (6,) or not np.all(np.isfinite(z)):
             raise ValueError(f"a state is six finite numbers, but this is {state}")
         wind = np.asarray(weather.as_tuple())
-        situation = self._situation(z)
+        elapsed = self.settings.step_s if elapsed_s is None else elapsed_s
+        situation = self._situation(z, elapsed)
         for attempt, solver, status in self._attempts(situation):
             proposal = self._rule(attempt, self.settings, self.shape)
             start = self.roll_out(z, weather) if proposal.start is None else proposal.start
@@ -148,7 +155,7 @@ class Controller:
                 return self._accept(solution, status)
             if solution.status is Status.FEASIBLE:
                 return self._accept(solution, StepStatus.IMPROVED)
-        return self._fall_back(z)
+        return self._fall_back(z, elapsed)
 
     def _attempts(
         self, situation: Situation
@@ -176,7 +183,7 @@ class Controller:
             states.append(self._predict(states[-1], inputs, step, weather))
         return Plan(states=np.array(states), thrusts=np.array(thrusts), durations=np.full(n, step))
 
-    def _situation(self, state: NDArray[np.float64]) -> Situation:
+    def _situation(self, state: NDArray[np.float64], elapsed_s: float) -> Situation:
         ahead = slice(self.reached, self.reached + LOOK_AHEAD_SETS)
         return Situation(
             state=state.tolist(),
@@ -185,7 +192,7 @@ class Controller:
             aims=self._aims[ahead],
             last=self._decision,
             plan=None if self._unsolved_in_a_row else self._plan,
-            elapsed_s=self.settings.step_s,
+            elapsed_s=elapsed_s,
             cruise_thrust_n=0.5 * self.vessel.surge_drag_n(self._pace()),
         )
 
@@ -205,11 +212,11 @@ class Controller:
         self._unsolved_in_a_row = 0
         return self._command(solution.plan.first_input, solution.plan, status)
 
-    def _fall_back(self, state: NDArray[np.float64]) -> Command:
+    def _fall_back(self, state: NDArray[np.float64], elapsed_s: float) -> Command:
         """Nothing converged: follow the last plan for a while, then stop."""
         self._unsolved_in_a_row += 1
         if self._plan is not None and self._unsolved_in_a_row <= PATIENCE_STEPS:
-            self._plan = self._plan.shifted(self.settings.step_s)
+            self._plan = self._plan.shifted(elapsed_s)
             return self._command(self._plan.first_input, self._plan, StepStatus.LAST_PLAN)
         plan = self.roll_out(state)
         return self._command(self._braking(state), plan, StepStatus.STOPPING)

@@ -28,7 +28,10 @@ class BoatLink(Protocol):
     """A boat that can be observed, commanded and asked for a measurement."""
 
     def observe(self) -> Observation:
-        """Wait for the next state estimate and return it; `LinkError` when none comes."""
+        """Wait for the next state estimate and return it; `LinkError` when none comes.
+
+        An estimate may hold numbers that are not finite: it is then passed over.
+        """
         ...
 
     def command(self, thrusts: tuple[float, float]) -> None:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+
+import numpy as np
 
 from grebe.dynamics import CALM, Weather, rates, rk4
 from grebe.vessel import Vessel
 
 PLANT_STEP_S = 0.05
+# What a boat on the water differs in from its data sheet: load, growth on the hull, propellers.
+UNCERTAIN = ("m11_kg", "m22_kg", "m33_kgm2", "x_u", "y_v", "n_r", "x_uu", "y_vv", "n_rr", "arm_m")
 
 
 class Plant:
     """A boat on the water; thrusts hold until the next command.
 
-    Thrusts are clipped to the vessel's limits and, where the vessel has a thruster lag,
-    follow the command with that time constant.
+    Thrusts are clipped to the vessel's limits, come to nothing within its dead band and, where
+    the vessel has a thruster lag, follow the command with that time constant.
     """
 
     def __init__(
@@ -32,9 +37,12 @@ class Plant:
 
     def command(self, thrusts: tuple[float, float]) -> None:
         """Set the thrusts (F_1, F_2) [N]; beyond the limits they are clipped."""
-        low, high = self.vessel.thrust_min_n, self.vessel.thrust_max_n
-        port, starboard = (min(max(thrust, low), high) for thrust in thrusts)
-        self._commanded = (port, starboard)
+        self._commanded = (self._possible(thrusts[0]), self._possible(thrusts[1]))
+
+    def _possible(self, thrust: float) -> float:
+        if abs(thrust) < self.vessel.thruster_dead_band_n:
+            return 0.0
+        return min(max(thrust, self.vessel.thrust_min_n), self.vessel.thrust_max_n)
 
     def advance(self, duration_s: float) -> None:
         """Let time pass, in equal steps of at most `PLANT_STEP_S`."""
@@ -54,3 +62,12 @@ class Plant:
         share = 1.0 - math.exp(-step_s / self.vessel.thruster_lag_s)
         (port, starboard), (to_port, to_starboard) = self.thrusts, self._commanded
         return port + share * (to_port - port), starboard + share * (to_starboard - starboard)
+
+
+def mismatched(vessel: Vessel, share: float, seed: int) -> Vessel:
+    """Return a vessel whose masses, drag and arm each differ by up to `share`, either way."""
+    factors = 1.0 + share * np.random.default_rng(seed).uniform(-1.0, 1.0, len(UNCERTAIN))
+    changes = {
+        name: getattr(vessel, name) * float(f) for name, f in zip(UNCERTAIN, factors, strict=True)
+    }
+    return replace(vessel, **changes)
