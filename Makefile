@@ -30,6 +30,7 @@ check: $(STAMP)  ## style, types, import contract
 	$(BIN)/lint-imports
 
 bench: $(STAMP)  ## benchmarks: ratios against baselines in the same run
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,bench]'
 	$(BIN)/python -m benchmarks
 
 clean:  ## remove what was made

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from benchmarks.flights import Pilot
 from grebe.control.controller import Controller
 from grebe.control.horizon import Horizon
 from grebe.control.rules import Decision, Proposal, Situation
+from grebe.flight import Steering
 
 
-class LineOfSightPilot(Pilot):
+class LineOfSightPilot:
     """Waypoints at the cells' centres, line-of-sight guidance (Fossen 2011, sec. 10.3), PID.
 
     With `stopping` the boat brakes at each waypoint and turns on the spot, as an autopilot in
@@ -51,7 +51,7 @@ class LineOfSightPilot(Pilot):
             float(np.clip(common + rate, low, high)),
             float(np.clip(common - rate, low, high)),
         )
-        return (lambda _: thrusts), True
+        return Steering(thrusts_at=lambda _: thrusts)
 
     def _course(self, state, goal) -> float:
         (x0, y0), (x1, y1) = self.previous, goal

@@ -10,13 +10,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from benchmarks.flights import Pilot
 from grebe.control.rules import split_stage
 from grebe.control.settings import ControlSettings
 from grebe.dynamics import rates, rk4
+from grebe.flight import Steering
 
 
-class RebuiltPilot(Pilot):
+class RebuiltPilot:
     def __init__(self, vessel, targets, settings: ControlSettings, substeps: int) -> None:
         self.vessel, self.targets, self.settings = vessel, targets, settings
         self.step_s = settings.step_s
@@ -70,4 +70,4 @@ class RebuiltPilot(Pilot):
         states, thrusts = np.array(read(x)), np.array(read(f))
         self.guess = (states, thrusts) if solved else None
         first = tuple(np.clip(thrusts[:, 0], vessel.thrust_min_n, vessel.thrust_max_n).tolist())
-        return (lambda _: first), solved
+        return Steering(thrusts_at=lambda _: first, solved=solved)

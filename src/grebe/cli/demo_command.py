@@ -11,8 +11,8 @@ import click
 import shapely
 
 from grebe.cli import options, output
-from grebe.cli.files import create_survey_file
-from grebe.cli.map_command import make_folder, write_maps
+from grebe.cli.files import create_survey_file, make_folder
+from grebe.cli.map_command import write_maps
 from grebe.control.settings import ControlSettings
 from grebe.errors import IncompleteError
 from grebe.frames import LocalFrame

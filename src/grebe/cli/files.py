@@ -1,4 +1,4 @@
-"""Make survey files with what their meta table must say."""
+"""Make what the commands write to: folders, and survey files with what their meta must say."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+from grebe.errors import InputError
 from grebe.store import SurveyFile
 from grebe.store.timestamps import time_text
 from grebe.survey import Survey
@@ -26,3 +27,11 @@ def create_survey_file(path: Path, survey: Survey, *, force: bool, note: str = "
         "note": note,
     }
     return SurveyFile.create(path, survey, meta=meta, force=force)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and its parents; `InputError` says why that fails."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be made a folder: {error.strerror}.") from None

@@ -19,6 +19,7 @@ COMMANDS = {
     "map": "draw the maps of what was measured",
     "report": "write one self-contained HTML page about a survey",
     "import": "turn a hand-driven track into a survey file",
+    "paper": "reproduce the paper's figures, beside the numbers they must show",
     "show": "say what a survey file holds",
 }
 

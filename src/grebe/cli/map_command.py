@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from grebe.cli import options, output
+from grebe.cli.files import make_folder
 from grebe.errors import InputError
 from grebe.export.netcdf import write_netcdf
 from grebe.mapping.maps import QuantityMap
@@ -50,14 +51,6 @@ def write_maps(data: ReportData, out: Path) -> list[Path]:
     netcdf = out / "map.nc"
     write_netcdf(netcdf, data.maps, data.survey.frame, _attributes(data))
     return [netcdf, *_pictures(data.maps, data, out)]
-
-
-def make_folder(path: Path) -> None:
-    """Make a folder and its parents; `InputError` says why that fails."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path} cannot be made a folder: {error.strerror}.") from None
 
 
 def _pictures(maps: Sequence[QuantityMap], data: ReportData, out: Path) -> list[Path]:

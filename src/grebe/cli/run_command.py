@@ -58,7 +58,7 @@ def _weight_options(command: Any) -> Any:
     show_default=True,
     help="Who solves.",
 )
-@click.option("--horizon", type=int, help="N, in stages [lookahead 32, else 15].")
+@click.option("--horizon", type=int, help="N, in stages [lookahead 24, else 15].")
 @click.option("--step", "step_s", type=float, help="T [s] [lookahead 0.5, else 1].")
 @click.option(
     "--epsilon",

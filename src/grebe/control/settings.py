@@ -31,7 +31,7 @@ class ControlSettings:
 
     rule: RuleName = "lookahead"
     solver: SolverName = "fast"
-    horizon: int = 32
+    horizon: int = 24
     step_s: float = 0.5
     epsilon: float = 15.0
     alpha: float = 1.0

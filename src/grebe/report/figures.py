@@ -47,7 +47,7 @@ STYLE: dict[str, Any] = {
 DPI = 130
 
 
-def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     """Draw within Grebe's style and leave matplotlib's settings as they were."""
 
     def wrapped(*args: Any, **options: Any) -> Figure:
@@ -58,7 +58,7 @@ def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     return wrapped
 
 
-@_styled
+@styled
 def plan_figure(survey: Survey) -> Figure:
     """The water, the cells coloured by their order, the way through them and the start."""
     figure = Figure(figsize=_size(survey))
@@ -81,7 +81,7 @@ def plan_figure(survey: Survey) -> Figure:
     return figure
 
 
-@_styled
+@styled
 def track_figure(survey: Survey, track: TrackTable, samples: SampleTable) -> Figure:
     """The boat's track over the cells, and where samples were taken."""
     figure = Figure(figsize=_size(survey))
@@ -106,7 +106,7 @@ def track_figure(survey: Survey, track: TrackTable, samples: SampleTable) -> Fig
     return figure
 
 
-@_styled
+@styled
 def series_figure(survey: Survey, track: TrackTable) -> Figure:
     """Speed and thrusts over time, the speed window shaded (the paper's Figs. 8 and 9)."""
     figure = Figure(figsize=(9.0, 4.6))
@@ -131,7 +131,7 @@ def series_figure(survey: Survey, track: TrackTable) -> Figure:
     return figure
 
 
-@_styled
+@styled
 def map_figure(survey: Survey, one: QuantityMap, samples: SampleTable) -> Figure:
     """Mean and standard deviation side by side, the samples on the second."""
     figure = Figure(figsize=(10.9, 4.0 * _aspect(survey) + 1.0))

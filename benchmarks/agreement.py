@@ -1,0 +1,76 @@
+"""The fast path against the oracle, on recorded instances of form D."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.common import BOAT, CELLS, print_head, print_row
+from grebe.control.controller import Controller
+from grebe.control.fast.solver import FastSolver
+from grebe.control.ocp import build
+from grebe.control.settings import paper_settings
+from grebe.control.solve import CasadiSolver
+from grebe.flight import FlightSettings, GrebePilot, fly
+
+# The solver was tuned on the first sample; the second was not looked at before.
+SEEDS = (7, 11)
+
+
+class Recorder:
+    """Passes on what a controller asks its solver and keeps it."""
+
+    name = "recorder"
+
+    def __init__(self, inner) -> None:
+        self.inner, self.asked = inner, []
+
+    def solve(self, state, horizon, weather, guess):
+        self.asked.append((state, horizon, weather, guess))
+        return self.inner.solve(state, horizon, weather, guess)
+
+
+def agreement(instances: int = 500) -> None:
+    """First input of the fast path against IPOPT from the same start, on recorded instances."""
+    columns = [_compared(instances, seed) for seed in SEEDS]
+    print_head(
+        f"The fast path against the oracle, form D, {instances} instances of each sample, %",
+        "", *(f"sample {seed}" for seed in SEEDS),
+    )  # fmt: skip
+    for what in columns[0]:
+        print_row(what, *(f"{100 * column[what] / instances:.1f}" for column in columns))
+
+
+def _compared(instances: int, seed: int) -> dict[str, int]:
+    rng = np.random.default_rng(seed)
+    asked = []
+    while len(asked) < 2 * instances:
+        controller = Controller(BOAT, CELLS, paper_settings())
+        recorder = Recorder(controller._solver)
+        controller._solver = recorder
+        place = rng.uniform(-60, 60, 2)
+        start = (*place, rng.uniform(-np.pi, np.pi), 0, 0, 0)
+        fly(BOAT, CELLS, GrebePilot(controller), start, FlightSettings(limit_s=80, observe=False))
+        asked += recorder.asked
+    chosen = [asked[i] for i in rng.choice(len(asked), instances, replace=False)]
+    shape = chosen[0][1].shape
+    fast, oracle = FastSolver(BOAT, shape), CasadiSolver(build(BOAT, shape), "ipopt")
+    reach = BOAT.thrust_max_n - BOAT.thrust_min_n
+    same_start, near_optimum, solved, cheaper = 0, 0, 0, 0
+    for state, horizon, weather, guess in chosen:
+        ours = fast.solve(state, horizon, weather, guess)
+        exact = oracle.solve(state, horizon, weather, guess)
+        refined = oracle.solve(state, horizon, weather, ours.plan)
+        solved += ours.solved
+        same_start += _apart(ours, exact) < 0.01 * reach
+        near_optimum += _apart(ours, refined) < 0.01 * reach
+        cheaper += ours.cost <= exact.cost * (1 + 1e-4) + 1e-4
+    return {
+        "converged": solved,
+        "first input within 1 % of the thrust range of IPOPT's, same start": same_start,
+        "the same, IPOPT started from our plan": near_optimum,
+        "cost no higher than IPOPT's from the same start": cheaper,
+    }
+
+
+def _apart(a, b) -> float:
+    return float(np.abs(np.subtract(a.plan.first_input, b.plan.first_input)).max())

@@ -1,0 +1,37 @@
+"""What the benchmarks fly, and how their tables are printed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from grebe.control.controller import Controller
+from grebe.control.settings import settings_for
+from grebe.flight import Flight, FlightSettings, GrebePilot, fly, meander
+from grebe.vessel import PRESETS
+
+BOAT = PRESETS["benchmark"]
+START = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)
+CELLS = meander()
+
+
+def grebe_flight(rule: str, solver: str = "fast", boat=BOAT, cells=CELLS, start=START) -> Flight:
+    """Fly with Grebe's controller, compiled and built beforehand."""
+    settings = settings_for(rule, solver=solver)
+    warm = GrebePilot(Controller(boat, cells[:2], settings))
+    fly(boat, cells[:2], warm, start, FlightSettings(limit_s=5.0))
+    return fly(boat, cells, GrebePilot(Controller(boat, cells, settings)), start)
+
+
+def print_row(*cells: object) -> None:
+    print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+
+
+def print_head(title: str, *names: str) -> None:
+    print(f"\n## {title}\n")
+    print_row(*names)
+    print_row(*["---"] * len(names))
+
+
+def median_p95_max(step_ms: list[float]) -> list[float]:
+    ms = np.array(step_ms)
+    return [float(np.median(ms)), float(np.percentile(ms, 95)), float(np.max(ms))]

@@ -1,0 +1,50 @@
+"""Mission time over the optimum, for Grebe's rules and the peers."""
+
+from __future__ import annotations
+
+from benchmarks.common import BOAT, CELLS, START, grebe_flight, print_head, print_row
+from benchmarks.optimum import optimum
+from benchmarks.peers import LineOfSightPilot, set_point_controller
+from grebe.control.settings import paper_settings
+from grebe.flight import GrebePilot, fly
+from grebe.paper.scenes import exploration
+
+
+def missions() -> None:
+    scene = exploration()
+    for name, boat, cells, start in (
+        ("100 cells", BOAT, CELLS, START),
+        ("Fig. 7", scene.vessel, list(scene.targets), scene.start),
+    ):
+        _table(name, boat, cells, start)
+
+
+def _table(name, boat, cells, start) -> None:
+    flights = {
+        f"Grebe `{r}`": grebe_flight(r, "fast", boat, cells, start)
+        for r in ("lookahead", "dual", "single")
+    }
+    lookahead = next(iter(flights.values()))
+    best, worst, solved = optimum(boat, cells, lookahead, 3)
+    finer, _, finer_solved = optimum(boat, cells, lookahead, 6)
+    set_point = set_point_controller(boat, cells, paper_settings())
+    flights["set-point NMPC on the centres"] = fly(boat, cells, GrebePilot(set_point), start)
+    for label, stopping in (
+        ("waypoints, line of sight, PID", False),
+        ("the same, stopping at each turn", True),
+    ):
+        flights[label] = fly(boat, cells, LineOfSightPilot(boat, cells, stopping=stopping), start)
+    print_head(
+        f"Mission time over the optimum, {name}",
+        "controller",
+        "reached",
+        "mission s",
+        "over the optimum",
+    )
+    for label, flight in flights.items():
+        over = f"{flight.duration_s / best:.3f}" if flight.complete else "-"
+        print_row(label, f"{flight.reached} of {flight.targets}", f"{flight.duration_s:.1f}", over)
+    print(
+        f"\nOptimum {best:.1f} s (converged: {solved}, largest violation of a set {worst:.1e}); "
+        f"with half the integration step {finer:.1f} s (converged: {finer_solved})."
+    )

@@ -1,0 +1,57 @@
+"""Missions from random starts in weather that the controller is not told."""
+
+from __future__ import annotations
+
+from multiprocessing import Pool
+
+import numpy as np
+
+from benchmarks.common import BOAT, print_head, print_row
+from grebe.control.controller import Controller
+from grebe.control.settings import settings_for
+from grebe.dynamics import Weather
+from grebe.flight import FlightSettings, GrebePilot, fly, meander
+
+MISSIONS = 200
+
+
+def _random_mission(job: tuple[str, float, float, int]) -> tuple[bool, int, int]:
+    rule, current, wind, seed = job
+    rng = np.random.default_rng(seed)
+    around, where, heading, wind_from = rng.uniform(0, 2 * np.pi, 4)
+    radius = 100 * np.sqrt(rng.uniform())
+    force = wind * 2 * BOAT.thrust_max_n
+    weather = Weather(
+        current_north_mps=current * np.cos(around),
+        current_east_mps=current * np.sin(around),
+        wind_force_north_n=force * np.cos(wind_from),
+        wind_force_east_n=force * np.sin(wind_from),
+    )
+    cells = meander(rows=4)
+    start = (radius * np.cos(where), radius * np.sin(where), heading, 0, 0, 0)
+    pilot = GrebePilot(Controller(BOAT, cells, settings_for(rule)))
+    flight = fly(
+        BOAT,
+        cells,
+        pilot,
+        start,
+        FlightSettings(weather=weather, velocity_noise_mps=0.02, seed=seed, limit_s=900),
+    )
+    return flight.complete, flight.unsolved, len(flight.step_ms)
+
+
+def robustness() -> None:
+    """Missions completed of 200 random starts in weather that the controller is not told."""
+    print_head(
+        f"Missions completed of {MISSIONS}, 40 cells, weather unknown, noise 0.02 m/s",
+        "rule", "current m/s", "wind force, of full thrust", "completed", "steps not solved",
+    )  # fmt: skip
+    cases = [("lookahead", 0.3, 0.0), ("lookahead", 0.5, 0.0), ("lookahead", 0.0, 0.25)]
+    cases += [("lookahead", 0.5, 0.25), ("dual", 0.3, 0.0)]
+    with Pool(2) as pool:
+        for rule, current, wind in cases:
+            jobs = [(rule, current, wind, seed) for seed in range(MISSIONS)]
+            flown = pool.map(_random_mission, jobs, chunksize=5)
+            done = sum(complete for complete, _, _ in flown)
+            unsolved, total = sum(u for _, u, _ in flown), sum(n for _, _, n in flown)
+            print_row(f"`{rule}`", current, wind, f"{done} of {MISSIONS}", f"{unsolved} of {total}")

@@ -1,0 +1,73 @@
+"""A control step: time and reliability against the baseline, and the time to get ready."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from benchmarks.common import (
+    BOAT,
+    CELLS,
+    START,
+    grebe_flight,
+    median_p95_max,
+    print_head,
+    print_row,
+)
+from benchmarks.dompc import DoMpcPilot
+from benchmarks.rebuilt import RebuiltPilot
+from grebe.control.controller import model_substeps
+from grebe.control.settings import paper_settings
+from grebe.flight import fly
+
+GET_READY = """
+import time
+began = time.perf_counter()
+from grebe.control.controller import Controller
+from grebe.sets import rectangle
+from grebe.vessel import PRESETS
+cells = [rectangle((0, 5), (5 * k, 5 * k + 5), (1, 2)) for k in range(9)]
+controller = Controller(PRESETS["benchmark"], cells)
+controller.step((-10, 2, 0, 0, 0, 0))
+print(time.perf_counter() - began)
+"""
+
+
+def steps() -> None:
+    settings, substeps = paper_settings(), model_substeps(BOAT, 1.0)
+    flights = {
+        "Opti + IPOPT, hard sets, rebuilt each step": fly(
+            BOAT, CELLS, RebuiltPilot(BOAT, CELLS, settings, substeps), START
+        ),
+        "do-mpc, the same problem": fly(
+            BOAT, CELLS, DoMpcPilot(BOAT, CELLS, settings, substeps), START
+        ),
+        "Grebe `dual`, FATROP": grebe_flight("dual", "fatrop"),
+        "Grebe `dual`, fast": grebe_flight("dual"),
+        "Grebe `lookahead`, fast": grebe_flight("lookahead"),
+    }
+    print_head(
+        "A control step, 100 cells",
+        "controller", "reached", "mission s", "median / p95 / max ms", "not solved", "ratios",
+    )  # fmt: skip
+    base = median_p95_max(next(iter(flights.values())).step_ms)
+    for name, flight in flights.items():
+        own = median_p95_max(flight.step_ms)
+        ratios = [b / o for b, o in zip(base, own, strict=True)]
+        print_row(
+            name,
+            flight.reached,
+            f"{flight.duration_s:.1f}",
+            " / ".join(f"{ms:.2f}" for ms in own),
+            f"{flight.unsolved} of {len(flight.step_ms)}",
+            " / ".join(f"{ratio:.1f}" for ratio in ratios),
+        )
+    seconds = [
+        float(
+            subprocess.run(
+                [sys.executable, "-c", GET_READY], capture_output=True, check=True
+            ).stdout
+        )
+        for _ in range(5)
+    ]
+    print(f"\nImport, build and first step in a new process: {min(seconds):.2f} s at best of five.")

@@ -1,0 +1,111 @@
+"""How the paper's figures are drawn: east to the right, north up, as Grebe's own pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from grebe.flight import Flight
+from grebe.paper import scenes
+from grebe.report.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, styled
+from grebe.sets import TargetSet
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LABELLED_SETS = 12
+
+
+@styled
+def mirrored(pair: Sequence[scenes.Scene], flights: Sequence[Flight], parting_s: float) -> Figure:
+    """Fig. 1: both paths and both tracks, and where the second mode begins."""
+    figure = Figure(figsize=(8.4, 5.2))
+    axes = figure.subplots()
+    paths = zip(pair, flights, ("\u03a9", "\u03a8"), (BLUE, VERMILLION), strict=True)
+    for scene, flight, letter, colour in paths:
+        _draw_sets(axes, scene.targets, letter, colour)
+        track = np.array(flight.track)
+        axes.plot(track[:, 2], track[:, 1], color=colour, label=f"track along {letter}")
+    first = np.array(flights[0].track)
+    place = first[np.searchsorted(first[:, 0], parting_s - 1e-9)]
+    axes.plot(place[2], place[1], "o", color=BLACK, ms=6, label="second mode begins")
+    return _finished(figure, axes, pair[0].start, "Fig. 1: two mirrored paths")
+
+
+@styled
+def paths(scene: scenes.Scene, flight: Flight) -> Figure:
+    """Fig. 2: the sets and the track through them."""
+    figure = Figure(figsize=(8.4, 4.4))
+    axes = figure.subplots()
+    _draw_sets(axes, scene.targets, "\u03a9", BLUE)
+    track = np.array(flight.track)
+    axes.plot(track[:, 2], track[:, 1], color=VERMILLION, label="track")
+    return _finished(figure, axes, scene.start, "Fig. 2: four sets, the third touched at its rim")
+
+
+@styled
+def exploration(scene: scenes.Scene, flight: Flight) -> Figure:
+    """Fig. 7: the region, its cells and the track through all of them."""
+    figure = Figure(figsize=(9.0, 6.4))
+    axes = figure.subplots()
+    ring = np.asarray(scenes.region().exterior.coords)
+    axes.fill(ring[:, 1], ring[:, 0], color=SKY, alpha=0.25, lw=0)
+    axes.plot(ring[:, 1], ring[:, 0], color=BLACK, lw=1.0)
+    _draw_sets(axes, scene.targets, "", GREY)
+    track = np.array(flight.track)
+    axes.plot(track[:, 2], track[:, 1], color=VERMILLION, lw=1.2, label="track")
+    title = f"Fig. 7: {flight.reached} of {flight.targets} sets (region: a stand-in)"
+    return _finished(figure, axes, scene.start, title)
+
+
+@styled
+def histories(
+    scene: scenes.Scene, flight: Flight, window: tuple[float, float], span_s: float
+) -> Figure:
+    """Figs. 8 and 9: thrusts within their limits and surge beside its window."""
+    track, thrusts = np.array(flight.track), np.array(flight.thrusts)
+    shown = track[:, 0] <= span_s
+    time = track[shown, 0]
+    figure = Figure(figsize=(9.0, 6.4))
+    port, starboard, speed = figure.subplots(3, 1, sharex=True)
+    low, high = scene.vessel.thrust_min_n, scene.vessel.thrust_max_n
+    sides = ((port, "F\u2081 port [N]", BLUE), (starboard, "F\u2082 starboard [N]", GREEN))
+    for column, (axes, name, colour) in enumerate(sides):
+        axes.step(time, thrusts[shown, column], where="post", color=colour, lw=1.1)
+        for limit in (low, high):
+            axes.axhline(limit, color=BLACK, lw=0.8, ls="--")
+        axes.set_ylabel(name)
+    speed.axhspan(*window, color=ORANGE, alpha=0.25, lw=0, label="window of the sets")
+    speed.plot(time, track[shown, 4], color=VERMILLION, lw=1.2, label="surge u")
+    speed.set_ylabel("u [m/s]")
+    speed.set_xlabel("time [s]")
+    speed.legend(loc="lower right", frameon=False, ncols=2)
+    port.set_title(f"Thrusts and surge, window {window[0]:g} to {window[1]:g} m/s")
+    return figure
+
+
+def _draw_sets(axes: Axes, targets: Sequence[TargetSet], letter: str, colour: str) -> None:
+    corners = [np.asarray(target.vertices)[:, ::-1] for target in targets]
+    axes.add_collection(
+        PolyCollection(corners, facecolors="none", edgecolors=colour, linewidths=0.9)
+    )
+    if not letter or len(targets) > LABELLED_SETS:
+        return
+    for i, target in enumerate(targets, start=1):
+        north, east = target.centre
+        axes.annotate(f"${letter}_{i}$", (east, north), ha="center", va="center", color=colour)
+
+
+def _finished(figure: Figure, axes: Axes, start: scenes.State, title: str) -> Figure:
+    axes.plot(start[1], start[0], "^", color=BLACK, ms=8, label="start")
+    axes.set_aspect("equal")
+    axes.margins(0.05)
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
+    axes.set_title(title)
+    axes.legend(loc="best", frameon=False)
+    return figure

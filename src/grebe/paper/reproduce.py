@@ -1,0 +1,215 @@
+"""Each figure of the paper about control: flown, drawn, and held to what it must show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.control.settings import settings_for
+from grebe.flight import Flight
+from grebe.paper import drawings, scenes
+from grebe.report.figures import save
+from grebe.sets import TargetSet
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# What counts as the same track: the solver's tolerance, carried along half a minute of flight.
+SAME_TRACK_M = 0.01
+# What counts as touching a rim: less than half-way from it to the middle of the set.
+RIM_SHARE = 0.5
+SPAN_S = 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """Something that a figure must show, the number that was found, and whether it does."""
+
+    what: str
+    found: str
+    holds: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduction:
+    """A figure that has been drawn, and its checks."""
+
+    figure: str
+    picture: Path
+    checks: tuple[Check, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the figure shows all that it must."""
+        return all(check.holds for check in self.checks)
+
+
+def fig1(out: Path) -> Reproduction:
+    """Two mirrored paths: the same track until the second mode, mirrored after it."""
+    pair = scenes.mirrored_paths()
+    flights = [scene.flown() for scene in pair]
+    first, second = (np.array(flight.track) for flight in flights)
+    parting = _second_mode_s(flights[0], pair[0].settings.horizon)
+    before = first[:, 0] <= parting + 1e-9
+    shared = min(len(first), len(second))
+    same = _apart(first[before], second[: len(first)][before])
+    mirrored = _apart(first[:shared], second[:shared] * [1, 1, -1, -1, 1, -1, -1])
+    after = _apart(first[:shared][~before[:shared]], second[:shared][~before[:shared]])
+    picture = save(drawings.mirrored(pair, flights, parting), out / "fig1.png")
+    return Reproduction(
+        figure="fig1",
+        picture=picture,
+        checks=(
+            *(
+                _all_reached(name, f)
+                for name, f in zip(("path", "its mirror"), flights, strict=True)
+            ),
+            Check(
+                what=f"largest distance of the tracks before the second mode, at {parting:.0f} s",
+                found=f"{same:.1e} m",
+                holds=same <= SAME_TRACK_M,
+            ),
+            Check(
+                what="largest distance of one track from the mirror image of the other",
+                found=f"{mirrored:.1e} m",
+                holds=mirrored <= SAME_TRACK_M,
+            ),
+            Check(
+                what="largest distance of the tracks after it",
+                found=f"{after:.1f} m",
+                holds=after > 10.0,
+            ),
+        ),
+    )
+
+
+def fig2(out: Path) -> Reproduction:
+    """Four sets, of the third of which only the rim is touched."""
+    scene = scenes.four_sets()
+    flight = scene.flown()
+    depths = [_depth(target, flight) for target in scene.targets]
+    half = 0.5 * min(np.ptp(np.array(scene.targets[2].vertices), axis=0).tolist())
+    picture = save(drawings.paths(scene, flight), out / "fig2.png")
+    rim = Check(
+        what=f"how far the track goes into the third set, {half:.0f} m from rim to middle",
+        found=f"{depths[2]:.2f} m",
+        holds=0 <= depths[2] < RIM_SHARE * half,
+    )
+    return Reproduction(figure="fig2", picture=picture, checks=(_all_reached("path", flight), rim))
+
+
+def fig7(out: Path) -> Reproduction:
+    """The region explored: every set reached at least once; beside it what `lookahead` takes."""
+    scene = scenes.exploration()
+    flight = scene.flown()
+    further = scenes.with_settings(scene, settings_for("lookahead")).flown()
+    picture = save(drawings.exploration(scene, flight), out / "fig7.png")
+    return Reproduction(
+        figure="fig7",
+        picture=picture,
+        checks=(
+            _all_reached("dual", flight),
+            _within_thrusts(scene, flight),
+            Check(
+                what="the same by `lookahead`, beyond the paper",
+                found=f"{further.reached} of {further.targets} in {further.duration_s:.0f} s",
+                holds=further.complete,
+            ),
+        ),
+    )
+
+
+def fig8(out: Path) -> Reproduction:
+    """Surge and thrusts for the window [1, 2] m/s."""
+    return _window_figure("fig8", scenes.WINDOW_1_2, out)
+
+
+def fig9(out: Path) -> Reproduction:
+    """Surge and thrusts for the window [0.5, 1.5] m/s."""
+    return _window_figure("fig9", scenes.WINDOW_HALF, out)
+
+
+FIGURES: dict[str, Callable[[Path], Reproduction]] = {
+    "fig1": fig1,
+    "fig2": fig2,
+    "fig7": fig7,
+    "fig8": fig8,
+    "fig9": fig9,
+}
+
+
+def _window_figure(name: str, window: tuple[float, float], out: Path) -> Reproduction:
+    scene = scenes.exploration(window)
+    flight = scene.flown()
+    entries = _entries(scene.targets, flight)
+    speeds = np.array([speed for _, speed in entries])
+    within = sum(when <= SPAN_S for when, _ in entries)
+    picture = save(drawings.histories(scene, flight, window, SPAN_S), out / f"{name}.png")
+    return Reproduction(
+        figure=name,
+        picture=picture,
+        checks=(
+            Check(
+                what=f"surge at the entry of each of {len(entries)} sets, window "
+                f"{window[0]:g} to {window[1]:g} m/s",
+                found=f"{speeds.min():.2f} to {speeds.max():.2f} m/s",
+                holds=len(entries) == len(scene.targets)
+                and bool(np.all((speeds >= window[0]) & (speeds <= window[1]))),
+            ),
+            Check(
+                what=f"sets reached in the first {SPAN_S:.0f} s",
+                found=str(within),
+                holds=within > 0,
+            ),
+            _within_thrusts(scene, flight),
+        ),
+    )
+
+
+def _all_reached(name: str, flight: Flight) -> Check:
+    return Check(
+        what=f"sets reached ({name})",
+        found=f"{flight.reached} of {flight.targets} in {flight.duration_s:.0f} s, "
+        f"{flight.unsolved} steps not solved",
+        holds=flight.complete and flight.unsolved == 0,
+    )
+
+
+def _within_thrusts(scene: scenes.Scene, flight: Flight) -> Check:
+    thrusts = np.array(flight.thrusts)
+    low, high = scene.vessel.thrust_min_n, scene.vessel.thrust_max_n
+    return Check(
+        what=f"thrusts, limits {low:g} to {high:g} N",
+        found=f"{thrusts.min():.2f} to {thrusts.max():.2f} N",
+        holds=bool(thrusts.min() >= low and thrusts.max() <= high),
+    )
+
+
+def _second_mode_s(flight: Flight, horizon: int) -> float:
+    """When N_x first falls below N: the second mode begins."""
+    return next(when for when, _, split in flight.decisions if split < horizon)
+
+
+def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Largest distance of two tracks at equal times [m]."""
+    return float(np.max(np.hypot(*(a[:, 1:3] - b[:, 1:3]).T)))
+
+
+def _depth(target: TargetSet, flight: Flight) -> float:
+    """How far the track goes into a footprint [m]; negative where it stays outside."""
+    sides = target.halfspaces[:-2]
+    places = np.array(flight.track)[:, 1:3]
+    return float(np.max(-np.max(places @ sides[:, :2].T - sides[:, 3], axis=1)))
+
+
+def _entries(targets: Sequence[TargetSet], flight: Flight) -> list[tuple[float, float]]:
+    """When each set was reached, and with what surge."""
+    entries: list[tuple[float, float]] = []
+    for when, *state in flight.track:
+        while len(entries) < len(targets) and targets[len(entries)].contains(state):
+            entries.append((when, state[3]))
+    return entries

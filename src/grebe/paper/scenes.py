@@ -1,0 +1,106 @@
+"""What the paper's figures are flown with: sets, starts, settings.
+
+The paper prints the starts of Figs. 2 and 7, N = 15, T = 1 s, the size of the cells and the
+windows of Figs. 8 and 9. It prints no coordinates of the sets of Figs. 1 and 2 nor of the
+region of Fig. 7: ours are stand-ins, laid out so that the same things can be seen. The boat is
+the illustrative `spyboat`, for the SPYBOAT's own parameters are not public.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import shapely
+
+from grebe.control.controller import Controller
+from grebe.control.settings import ControlSettings, paper_settings
+from grebe.flight import Flight, FlightSettings, GrebePilot, fly
+from grebe.planning.mesh import mesh_squares, target_footprint
+from grebe.planning.route import boustrophedon
+from grebe.sets import TargetSet, rectangle
+from grebe.vessel import Vessel, vessel_named
+
+State = tuple[float, float, float, float, float, float]
+
+WINDOW_1_2 = (1.0, 2.0)
+WINDOW_HALF = (0.5, 1.5)
+# Sides of the cells of Fig. 7: 25 m2.
+CELL_M = 5.0
+LIMIT_S = 1500.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Everything that a figure's flight depends on."""
+
+    targets: tuple[TargetSet, ...]
+    start: State
+    settings: ControlSettings
+    vessel: Vessel
+
+    def flown(self) -> Flight:
+        """Fly it in still water."""
+        pilot = GrebePilot(Controller(self.vessel, self.targets, self.settings))
+        return fly(self.vessel, self.targets, pilot, self.start, FlightSettings(limit_s=LIMIT_S))
+
+
+def _scene(targets: tuple[TargetSet, ...], start: State) -> Scene:
+    return Scene(
+        targets=targets,
+        start=start,
+        # FATROP to its full tolerance: a mirror image must be one to the millimetre.
+        settings=paper_settings("dual", solver="fatrop"),
+        vessel=vessel_named("spyboat"),
+    )
+
+
+def with_settings(scene: Scene, settings: ControlSettings) -> Scene:
+    """Return the scene as another rule would fly it."""
+    return replace(scene, settings=settings)
+
+
+def mirrored_paths() -> tuple[Scene, Scene]:
+    """Fig. 1: two paths of five sets, reflections of each other across the line of approach."""
+    middles = [(22.0, 0.0), (30.0, 7.0), (32.0, 16.0), (26.0, 23.0), (17.0, 25.0)]
+
+    def path(side: float) -> tuple[TargetSet, ...]:
+        return tuple(
+            rectangle((n - 2, n + 2), (side * e - 2, side * e + 2), WINDOW_1_2) for n, e in middles
+        )
+
+    start = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return _scene(path(1.0), start), _scene(path(-1.0), start)
+
+
+def four_sets() -> Scene:
+    """Fig. 2: from (0, 0, pi/2, 0, 0, 0) through four sets; the third lies off the shortest way
+    from the second to the fourth, so that it is enough to touch its rim.
+    """
+    targets = (
+        rectangle((-2.0, 2.0), (10.0, 14.0), WINDOW_1_2),
+        rectangle((4.0, 8.0), (20.0, 24.0), WINDOW_1_2),
+        rectangle((9.0, 13.0), (30.0, 34.0), WINDOW_1_2),
+        rectangle((4.0, 8.0), (40.0, 44.0), WINDOW_1_2),
+    )
+    return _scene(targets, (0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0))
+
+
+def region() -> shapely.Polygon:
+    """The stand-in for the region of Fig. 7: convex, x north and y east [m]."""
+    return shapely.Polygon([(5, 100), (30, 105), (55, 85), (60, 45), (45, 15), (20, 5), (0, 30)])
+
+
+def exploration(window: tuple[float, float] = WINDOW_1_2) -> Scene:
+    """Figs. 7 to 9: squares of 25 m2 over the region, there and back, from (20, 105, -pi/2)."""
+    start = (20.0, 105.0, -math.pi / 2, 0.0, 0.0, 0.0)
+    cells = boustrophedon(mesh_squares(region(), CELL_M), start[:2])
+    targets = tuple(
+        TargetSet(
+            vertices=target_footprint(cell.footprint),
+            speed_min_mps=window[0],
+            speed_max_mps=window[1],
+        )
+        for cell in cells
+    )
+    return _scene(targets, start)
