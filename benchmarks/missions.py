@@ -25,8 +25,8 @@ def _table(name, boat, cells, start) -> None:
         for r in ("lookahead", "dual", "single")
     }
     lookahead = next(iter(flights.values()))
-    best, worst, solved = optimum(boat, cells, lookahead, 3)
-    finer, _, finer_solved = optimum(boat, cells, lookahead, 6)
+    best, worst, solved = optimum(boat, cells, lookahead, 3, held=True)
+    finer, _, finer_solved = optimum(boat, cells, lookahead, 6, held=True)
     set_point = set_point_controller(boat, cells, paper_settings())
     flights["set-point NMPC on the centres"] = fly(boat, cells, GrebePilot(set_point), start)
     for label, stopping in (

@@ -2,7 +2,9 @@
 
 Every leg has its own stages and every stage its own duration, so that the thrusts may switch
 at any time; the entry into each set is required at the end of its leg at a price far above
-any time it could save. FATROP solves it from a flown track.
+any time it could save. With `held` the surge stays below the window's top on the way too, as
+`lookahead` keeps it, at the same price: a yardstick for the same task. Without, the boat may
+race between sets. FATROP solves it from a flown track.
 """
 
 from __future__ import annotations
@@ -12,24 +14,30 @@ from itertools import pairwise
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
+from grebe.control.lookahead import pace_rows
 from grebe.control.ocp import build
+from grebe.control.settings import ControlSettings
 from grebe.control.solve import CasadiSolver
 
 STAGES_A_LEG = 5
+MOST_ITERATIONS = 1000
 
 
-def optimum(vessel, targets, flight, substeps: int) -> tuple[float, float, bool]:
+def optimum(vessel, targets, flight, substeps: int, *, held: bool) -> tuple[float, float, bool]:
     """Minimum time [s], the largest violation of a set, and whether the solver converged."""
     legs = len(targets)
     n = STAGES_A_LEG * legs
     shape = HorizonShape(stages=n, set_rows=len(targets[0].halfspaces), substeps=substeps)
-    solver = CasadiSolver(build(vessel, shape))
+    solver = CasadiSolver(build(vessel, shape), most_iterations=MOST_ITERATIONS)
     horizon = Horizon(shape=shape)
     horizon.duration_bounds[:] = (0.01, 3.0)
     horizon.time_weights[:] = 1.0
     horizon.effort_weights[:] = 1e-5
     for leg, target in enumerate(targets):
         horizon.require(STAGES_A_LEG * (leg + 1), target.halfspaces, 1e3)
+        if held:
+            for stage in range(STAGES_A_LEG * leg, STAGES_A_LEG * (leg + 1)):
+                horizon.attract(stage, pace_rows(target), ControlSettings().hold)
     guess = _flown(vessel, targets, flight)
     state = guess.states[0]
     solution = None

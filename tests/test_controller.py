@@ -9,7 +9,7 @@ from grebe.control.controller import PATIENCE_STEPS, Controller, StepStatus
 from grebe.control.horizon import HorizonShape, Plan
 from grebe.control.ocp import build
 from grebe.control.rules import Situation, dual
-from grebe.control.settings import paper_settings, settings_for
+from grebe.control.settings import ControlSettings, paper_settings, settings_for
 from grebe.control.solve import CasadiSolver, Solution, Status
 from grebe.dynamics import rates, rk4
 from grebe.sets import rectangle
@@ -186,6 +186,44 @@ def test_when_nothing_converges_the_last_plan_is_followed_then_the_boat_stops(fa
     assert statuses[1 : PATIENCE_STEPS + 1] == [StepStatus.LAST_PLAN] * PATIENCE_STEPS
     assert set(statuses[PATIENCE_STEPS + 1 :]) == {StepStatus.STOPPING}
     assert abs(z[3]) < 0.05
+
+
+def test_the_second_solver_is_asked_when_two_steps_in_a_row_have_failed(fatrop):
+    broken = Failing(fatrop, lambda call: call > 1)
+    second = Failing(fatrop, lambda call: False)
+    controller = Controller(BOAT, row_of_cells(40), SETTINGS, solver=broken, second_solver=second)
+    _, statuses = drive(controller, (-10, 2.5, 0, 0, 0, 0), 3)
+    assert statuses == [StepStatus.SOLVED, StepStatus.LAST_PLAN, StepStatus.RESTARTED]
+    assert second.calls == 1
+
+
+class Answering:
+    """Answers with plans at rest in the given places, each with its status and cost."""
+
+    name = "answering"
+
+    def __init__(self, *answers):
+        self.answers = list(answers)
+
+    def solve(self, state, horizon, weather, guess):
+        north, status, cost = self.answers.pop(0)
+        states = np.tile([north, 2.5, 0.0, 1.5, 0.0, 0.0], (len(guess.states), 1))
+        plan = Plan(states=states, thrusts=guess.thrusts, durations=guess.durations)
+        return Solution(plan=plan, status=status, cost=cost, iterations=1)
+
+
+def test_a_feasible_plan_is_followed_and_said_to_be_improved_only():
+    inside = Answering((2.5, Status.FEASIBLE, 1.0))
+    controller = Controller(BOAT, row_of_cells(2), ControlSettings(), solver=inside)
+    assert controller.step((-10, 2.5, 0, 0, 0, 0)).status is StepStatus.IMPROVED
+
+
+@pytest.mark.parametrize(("afresh", "chosen"), [(5.0, 2.5), (9.9, 8.0), (20.0, 8.0)])
+def test_a_plan_that_misses_its_set_gives_way_to_a_cheaper_one_made_afresh(afresh, chosen):
+    """The first plan ends at 8 m, beyond the set, at cost 10; the second one in the set."""
+    solver = Answering((8.0, Status.SOLVED, 10.0), (2.5, Status.SOLVED, afresh))
+    controller = Controller(BOAT, row_of_cells(1), ControlSettings(), solver=solver)
+    assert controller.step((-10, 2.5, 0, 0, 0, 0)).plan.states[-1, 0] == chosen
 
 
 def test_a_state_that_is_not_finite_is_refused():

@@ -19,7 +19,15 @@ from grebe.control.fast.solver import FastSolver
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
 from grebe.control.lookahead import LONGEST_STAGE_S, lookahead
 from grebe.control.ocp import build
-from grebe.control.rules import Decision, Rule, Situation, dual, reached_count, single
+from grebe.control.rules import (
+    Decision,
+    Proposal,
+    Rule,
+    Situation,
+    dual,
+    reached_count,
+    single,
+)
 from grebe.control.settings import ControlSettings, RuleName
 from grebe.control.solve import CasadiSolver, Solution, Solver, Status
 from grebe.dynamics import CALM, Weather, rates, rk4
@@ -35,6 +43,11 @@ LOOK_AHEAD_SETS = 16
 RULE_NAMED: dict[RuleName, Rule] = {"single": single, "dual": dual, "lookahead": lookahead}
 # Largest product of a Runge-Kutta step and the boat's fastest rate; RK4 is unstable at 2.8.
 SUBSTEP_STIFFNESS = 1.2
+# Metres or metres per second by which a plan may miss a set and still count as entering it; the
+# controller aims inside by a larger margin.
+LARGEST_MISS = 0.03
+# Seconds that a plan made afresh must save to be followed instead of the last one.
+WORTH_A_CHANGE = 0.2
 
 
 class StepStatus(enum.Enum):
@@ -67,6 +80,33 @@ class Command:
         if self.status is StepStatus.STOPPING:
             return self.thrusts
         return self.plan.thrusts_at(elapsed_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Answer:
+    """A solution that could be followed, and what it answers."""
+
+    solution: Solution
+    proposal: Proposal
+    status: StepStatus
+
+    @property
+    def misses(self) -> bool:
+        """Whether a plan of legs does not enter its first set where it says so.
+
+        A boat that has just missed a set can be caught in a plan that pays for the miss, more
+        at every step, where turning back would be cheaper: a plan made afresh finds that.
+        """
+        entries = self.proposal.decision.entries
+        if not entries:
+            return False
+        rows = self.proposal.horizon.entry_sets[entries[0]]
+        at_entry = self.solution.plan.states[entries[0]][[0, 1, 3]]
+        return bool(np.max(rows[:, :3] @ at_entry - rows[:, 3]) > LARGEST_MISS)
+
+    def or_cheaper(self, other: _Answer) -> _Answer:
+        """The other answer where it is cheaper by more than `WORTH_A_CHANGE`, else this one."""
+        return other if other.solution.cost < self.solution.cost - WORTH_A_CHANGE else self
 
 
 class Controller:
@@ -146,28 +186,34 @@ class Controller:
         wind = np.asarray(weather.as_tuple())
         elapsed = self.settings.step_s if elapsed_s is None else elapsed_s
         situation = self._situation(z, elapsed)
+        best: _Answer | None = None
         for attempt, solver, status in self._attempts(situation):
+            if best is not None and solver == self._second_solver:
+                break
             proposal = self._rule(attempt, self.settings, self.shape)
             start = self.roll_out(z, weather) if proposal.start is None else proposal.start
             solution = solver().solve(z, proposal.horizon, wind, start)
             self._decision = proposal.decision
-            if solution.solved:
-                return self._accept(solution, status)
-            if solution.status is Status.FEASIBLE:
-                return self._accept(solution, StepStatus.IMPROVED)
-        return self._fall_back(z, elapsed)
+            if solution.status is not Status.NOT_CONVERGED:
+                own = status if solution.solved else StepStatus.IMPROVED
+                answer = _Answer(solution=solution, proposal=proposal, status=own)
+                best = answer if best is None else best.or_cheaper(answer)
+                if not best.misses:
+                    break
+        return self._fall_back(z, elapsed) if best is None else self._accept(best)
 
     def _attempts(
         self, situation: Situation
     ) -> Iterator[tuple[Situation, Callable[[], Solver], StepStatus]]:
         """What is tried in a step: from the last plan, afresh, and with the second solver.
 
-        The second solver is slow: where it has just failed it is not asked again at once.
+        The second solver is slow, and a step that fails can follow the last plan: it is asked
+        where there is none, or when the step before has failed too, and then not again at once.
         """
         afresh = replace(situation, plan=None)
         yield situation, lambda: self._solver, StepStatus.SOLVED
         yield afresh, lambda: self._solver, StepStatus.RESTARTED
-        if not self._unsolved_in_a_row:
+        if self._plan is None or self._unsolved_in_a_row == 1:
             yield afresh, self._second_solver, StepStatus.RESTARTED
 
     def roll_out(self, state: NDArray[np.float64], weather: Weather = CALM) -> Plan:
@@ -207,10 +253,11 @@ class Controller:
             self._second = CasadiSolver(build(self.vessel, self.shape), "ipopt")
         return self._second
 
-    def _accept(self, solution: Solution, status: StepStatus) -> Command:
-        self._plan = solution.plan
+    def _accept(self, answer: _Answer) -> Command:
+        self._plan = plan = answer.solution.plan
+        self._decision = answer.proposal.decision
         self._unsolved_in_a_row = 0
-        return self._command(solution.plan.first_input, solution.plan, status)
+        return self._command(plan.first_input, plan, answer.status)
 
     def _fall_back(self, state: NDArray[np.float64], elapsed_s: float) -> Command:
         """Nothing converged: follow the last plan for a while, then stop."""

@@ -67,7 +67,7 @@ def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonSha
     for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
         horizon.duration_bounds[node : node + count, 0] = SHORTEST_LEG_S / count
         for stage in range(node, node + count):
-            horizon.attract(stage, _pace_rows(target), settings.hold)
+            horizon.attract(stage, pace_rows(target), settings.hold)
         node += count
         horizon.require(node, aim.halfspaces, ENTRY_PENALTY)
     start = _start(situation, arrivals[: len(stages)], stages)
@@ -84,7 +84,7 @@ def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonSha
     return Proposal(horizon=horizon, decision=decision, start=start)
 
 
-def _pace_rows(target: TargetSet) -> Array:
+def pace_rows(target: TargetSet) -> Array:
     """Half-spaces of the surge on the way: not above the window, and hardly backwards."""
     ceiling = target.speed_max_mps - HOLD_MARGIN_MPS
     return np.array([[0.0, 0.0, 1.0, ceiling], [0.0, 0.0, -1.0, BACKWARDS_MPS]])

@@ -140,7 +140,7 @@ def _lead_on(horizon: Horizon, split: int, rows: NDArray, settings: ControlSetti
     n = horizon.shape.stages
     for stage in range(split, n):
         horizon.attract(stage, rows, settings.q * settings.alpha)
-    horizon.require(n, rows, settings.entry_penalty)
+    horizon.require(n, rows, settings.successor_penalty)
 
 
 def _decide(situation: Situation, split: int, epsilon: float, horizon: int) -> Decision:

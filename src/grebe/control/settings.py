@@ -9,6 +9,7 @@ from grebe.errors import UsageError
 
 RuleName = Literal["single", "dual", "lookahead"]
 SolverName = Literal["fast", "fatrop", "ipopt"]
+SINGLE_BETA = 0.01
 RULES: tuple[RuleName, ...] = get_args(RuleName)
 SOLVERS: tuple[SolverName, ...] = get_args(SolverName)
 
@@ -25,8 +26,9 @@ class ControlSettings:
     For `single` and `dual` alone: `epsilon` fattens the current target (Definition 8; metres
     beside metres per second), `alpha` weighs distance and `beta` effort (Eq. 2), `p` and `q`
     the current and the next target (Eq. 7), `entry_penalty` is the price of a unit of slack
-    (docs/theory.md says why 1e3 is enough). For `lookahead` alone: `hold` is the price of the
-    squared surge above the window on the way to a set.
+    on the current set and `successor_penalty` on the next one (docs/theory.md says why they
+    suffice, and why the second must be far below the first). For `lookahead` alone: `hold` is
+    the price of the squared surge above the window on the way to a set.
     """
 
     rule: RuleName = "lookahead"
@@ -41,6 +43,7 @@ class ControlSettings:
     margin_m: float = 0.1
     speed_margin_mps: float = 0.05
     entry_penalty: float = 1e3
+    successor_penalty: float = 100.0
     hold: float = 50.0
 
     def __post_init__(self) -> None:
@@ -54,7 +57,7 @@ class ControlSettings:
             raise UsageError(f"The horizon is {self.horizon} steps; give 2 to 100.")
         if not 0.05 <= self.step_s <= 10.0:
             raise UsageError(f"The control step is {self.step_s} s; give 0.05 to 10 s.")
-        for name in ("epsilon", "alpha", "beta", "p", "q", "entry_penalty"):
+        for name in ("epsilon", "alpha", "beta", "p", "q", "entry_penalty", "successor_penalty"):
             if not getattr(self, name) > 0:
                 raise UsageError(f"{name} is {getattr(self, name)}; it must be positive.")
         for name in ("margin_m", "speed_margin_mps", "hold"):
@@ -63,8 +66,15 @@ class ControlSettings:
 
 
 def paper_settings(rule: RuleName = "dual", **changes: Any) -> ControlSettings:
-    """Return the paper's settings (section 6.3): N = 15, T = 1 s, with `changes` to any."""
-    return replace(ControlSettings(), **({"rule": rule, "horizon": 15, "step_s": 1.0} | changes))
+    """Return the paper's settings (section 6.3): N = 15, T = 1 s, with `changes` to any.
+
+    `single` knows no next set: an effort that weighs more than a small distance would let it
+    hover just below the window, so its weight is smaller.
+    """
+    own = {"rule": rule, "horizon": 15, "step_s": 1.0}
+    if rule == "single":
+        own["beta"] = SINGLE_BETA
+    return replace(ControlSettings(), **(own | changes))
 
 
 def settings_for(

@@ -71,7 +71,9 @@ IPOPT_OPTIONS: dict[str, Any] = {
 class CasadiSolver:
     """A solver from CasADi's wheel: FATROP, which uses the stages, or IPOPT, the oracle."""
 
-    def __init__(self, problem: Problem, name: str = "fatrop") -> None:
+    def __init__(
+        self, problem: Problem, name: str = "fatrop", most_iterations: int | None = None
+    ) -> None:
         self.name = name
         self._problem = problem
         options: dict[str, Any] = {"expand": True, "print_time": False, "error_on_fail": False}
@@ -79,6 +81,8 @@ class CasadiSolver:
             options |= FATROP_OPTIONS | {"equality": problem.equality}
         else:
             options |= IPOPT_OPTIONS
+        if most_iterations is not None:
+            options[name] = options[name] | {"max_iter": most_iterations}
         self._solver = ca.nlpsol("solver", name, problem.nlp, options)
         self._bounds = {
             "lbx": problem.lower_x,
