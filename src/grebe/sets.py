@@ -158,6 +158,12 @@ def rectangle(
     )
 
 
+def polygon_rows(polygon: shapely.Polygon) -> NDArray[np.float64]:
+    """Half-space rows (a_x, a_y, 0, b) of a convex polygon on the water, for a corridor."""
+    whole = TargetSet(vertices=ring_vertices(polygon), speed_min_mps=0.0, speed_max_mps=1.0)
+    return whole.halfspaces[:-2]
+
+
 def hull_of(points: ArrayLike) -> shapely.Polygon:
     """Return the convex hull of (n, 2) points; `PlanError` when it has no area."""
     hull = shapely.MultiPoint(np.asarray(points, dtype=float)).convex_hull

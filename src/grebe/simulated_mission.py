@@ -17,6 +17,7 @@ from grebe.link.simulated import EXACT, OBSERVATION_PERIOD_S, EstimateErrors, Si
 from grebe.mission import Mission, MissionReport, Progress
 from grebe.quantities import QUANTITIES
 from grebe.readers.track import read_track
+from grebe.sets import polygon_rows
 from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water, conditioned_water, free_water
@@ -81,7 +82,13 @@ def simulate(
         reached = 0
     survey_file.claim()
     water = true_water(survey, settings)
-    controller = Controller(survey.vessel, survey.sets, control, reached=reached)
+    controller = Controller(
+        survey.vessel,
+        survey.sets,
+        control,
+        reached=reached,
+        corridors=[polygon_rows(corridor) for corridor in survey.corridors],
+    )
     if len(track) and not resume:
         survey_file.clear_mission()
     boat = mismatched(survey.vessel, settings.mismatch, settings.seed)

@@ -63,8 +63,9 @@ class Survey:
     """A region of water and the targets in it, in the order in which they are visited.
 
     `water` is a local polygon (x north, y east). A survey that was imported from a track
-    has no targets, no vessel and no start. Raises `InputError` when targets are not
-    numbered 1 to K.
+    has no targets, no vessel and no start. `corridors`, where there are any, holds for each
+    target the convex polygon to stay in on the way to it. Raises `InputError` when targets are
+    not numbered 1 to K or a corridor is missing.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Survey:
     water: shapely.Polygon
     no_go: tuple[shapely.Polygon, ...] = ()
     targets: tuple[Target, ...] = ()
+    corridors: tuple[shapely.Polygon, ...] = ()
     vessel: Vessel | None = None
     start: Pose | None = None
     settings: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
@@ -79,6 +81,8 @@ class Survey:
     def __post_init__(self) -> None:
         if [target.seq for target in self.targets] != list(range(1, len(self.targets) + 1)):
             raise InputError("The survey's targets are not numbered 1 to K in their order.")
+        if self.corridors and len(self.corridors) != len(self.targets):
+            raise InputError("The survey has corridors for some of its targets, but not for all.")
         if self.water.is_empty or not self.water.is_valid:
             raise InputError("The survey's water is not a valid polygon.")
 

@@ -27,7 +27,7 @@ def fail(text: str) -> None:
 
 def note_compilation() -> None:
     """Say why the first run is slow to start, where it will be."""
-    from grebe.control.fast.compiled import is_compiled
+    from grebe.compiled import is_compiled
 
     if not is_compiled():
         note("compiling the controller, once: about half a minute")

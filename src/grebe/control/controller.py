@@ -114,6 +114,8 @@ class Controller:
 
     `reached` counts the sets reached so far (Definition 5); `targets[reached]` is the
     current target set Omega_x (Definition 6) and `done` says that there is none left.
+    `corridors` holds for each target the rows of the polygon to stay in on the way to it, or
+    is empty.
     """
 
     def __init__(
@@ -123,6 +125,7 @@ class Controller:
         settings: ControlSettings | None = None,
         *,
         reached: int = 0,
+        corridors: Sequence[NDArray[np.float64]] = (),
         solver: Solver | None = None,
         second_solver: Solver | None = None,
     ) -> None:
@@ -130,6 +133,7 @@ class Controller:
         self.targets = tuple(targets)
         self.settings = settings or ControlSettings()
         self.reached = reached
+        self._corridors = tuple(corridors)
         self._aims = [
             target.shrunk(self.settings.margin_m, self.settings.speed_margin_mps)
             for target in self.targets
@@ -137,6 +141,7 @@ class Controller:
         self.shape = HorizonShape(
             stages=self.settings.horizon,
             set_rows=rows_needed([len(aim.vertices) for aim in self._aims]),
+            corridor_rows=max(map(len, self._corridors), default=0),
             substeps=model_substeps(vessel, self._stage_s),
         )
         self._solver = solver or self._first_solver()
@@ -240,6 +245,7 @@ class Controller:
             plan=None if self._unsolved_in_a_row else self._plan,
             elapsed_s=elapsed_s,
             cruise_thrust_n=0.5 * self.vessel.surge_drag_n(self._pace()),
+            corridors=self._corridors[ahead],
         )
 
     def _pace(self) -> float:

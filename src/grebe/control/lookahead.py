@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.rules import Decision, Proposal, Situation, progress
+from grebe.control.rules import Decision, Proposal, Situation, confine, progress
 from grebe.control.settings import ControlSettings
 from grebe.sets import TargetSet
 
@@ -34,6 +34,8 @@ LONGEST_STAGE_S = 1.6
 FEWEST_STAGES = 4
 # Cost of a second is 1; a unit of slack costs more than any second it could save.
 ENTRY_PENALTY = 100.0
+# Land is worse than a missed set.
+CORRIDOR_PENALTY = 300.0
 EFFORT = 0.005
 HALF_TURN_S = 4.0
 # Steps without coming nearer after which the last plan is dropped: a loop takes less, a solver
@@ -74,6 +76,8 @@ def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonSha
     horizon.duration_nominal[:] = start.durations
     horizon.duration_weights[:] = PACING
     nodes = np.cumsum(stages)
+    confine(horizon, situation, nodes.tolist())
+    horizon.corridor_penalty = CORRIDOR_PENALTY
     decision = Decision(
         target=situation.target,
         split=int(nodes[0]),

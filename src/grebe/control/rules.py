@@ -17,6 +17,7 @@ from grebe.control.settings import ControlSettings
 from grebe.sets import TargetSet
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
 
@@ -50,7 +51,9 @@ class Situation:
     `state` (6,); `target` the index of Omega_x; `ahead` the sets from Omega_x on, at least
     one; `aims` the same sets shrunk by the margins, which the controller aims at;
     `last` and `plan` the decision and the plan of the last step, which was `elapsed_s` ago;
-    `cruise_thrust_n` what each thruster gives at the pace of the window.
+    `cruise_thrust_n` what each thruster gives at the pace of the window; `corridors` for each
+    of the sets ahead the half-space rows of the polygon to stay in on the way to it, empty where
+    all is open water.
     """
 
     state: Sequence[float]
@@ -61,6 +64,7 @@ class Situation:
     plan: Plan | None = None
     elapsed_s: float = 0.0
     cruise_thrust_n: float = 0.0
+    corridors: Sequence[NDArray[np.float64]] = ()
 
     @property
     def distance(self) -> float:
@@ -110,7 +114,17 @@ def single(situation: Situation, settings: ControlSettings, shape: HorizonShape)
     for stage in range(shape.stages):
         horizon.attract(stage, aim, settings.alpha)
     horizon.require(decision.split, aim, settings.entry_penalty)
+    confine(horizon, situation, [shape.stages])
     return Proposal(horizon=horizon, decision=decision, start=_shifted(situation))
+
+
+def confine(horizon: Horizon, situation: Situation, entries: Sequence[int]) -> None:
+    """Keep each node in the corridor of its leg; `entries` are the nodes where legs end."""
+    node = 1
+    for rows, end in zip(situation.corridors, entries, strict=False):
+        for k in range(node, end + 1):
+            horizon.confine(k, rows)
+        node = end + 1
 
 
 def dual(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
@@ -132,6 +146,7 @@ def dual(situation: Situation, settings: ControlSettings, shape: HorizonShape) -
         horizon.require(split, aim, settings.entry_penalty)
     if len(situation.aims) > 1 and split < n:
         _lead_on(horizon, split, situation.aims[1].halfspaces, settings)
+    confine(horizon, situation, [split, n])
     return Proposal(horizon=horizon, decision=decision, start=_shifted(situation))
 
 

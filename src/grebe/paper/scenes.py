@@ -16,8 +16,9 @@ import shapely
 from grebe.control.controller import Controller
 from grebe.control.settings import ControlSettings, paper_settings
 from grebe.flight import Flight, FlightSettings, GrebePilot, fly
-from grebe.planning.mesh import mesh_squares, target_footprint
-from grebe.planning.route import boustrophedon
+from grebe.planning.mesh import mesh_water, target_footprint
+from grebe.planning.network import connect
+from grebe.planning.orders import sweeps
 from grebe.sets import TargetSet, rectangle
 from grebe.vessel import Vessel, vessel_named
 
@@ -94,7 +95,9 @@ def region() -> shapely.Polygon:
 def exploration(window: tuple[float, float] = WINDOW_1_2) -> Scene:
     """Figs. 7 to 9: squares of 25 m2 over the region, there and back, from (20, 105, -pi/2)."""
     start = (20.0, 105.0, -math.pi / 2, 0.0, 0.0, 0.0)
-    cells = boustrophedon(mesh_squares(region(), CELL_M), start[:2])
+    meshed = mesh_water(region(), CELL_M)
+    order, _ = sweeps(meshed, connect(meshed, region(), CELL_M), start[:2])
+    cells = [meshed[i] for i in order]
     targets = tuple(
         TargetSet(
             vertices=target_footprint(cell.footprint),

@@ -1,14 +1,16 @@
 """Mesh a region into cells: the target sets' footprints (section 6.2 of the paper).
 
-Squares of any size and orientation, clipped to the water. The cells are disjoint and cover
-the region; the targets made of them have at most eight sides and may lose a sliver.
+Tiles of any shape, size and orientation, clipped to the water. What the shore leaves of a
+tile is cut into convex pieces; small pieces join a neighbour where the union stays convex,
+and what is too small even for that is no target, but may be passed through. The cells are
+disjoint and cover the water; the targets made of them have at most eight sides and may lose
+a sliver.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,36 +18,70 @@ import shapely
 from shapely import affinity
 
 from grebe.errors import PlanError
+from grebe.planning import lattice
+from grebe.planning.convex import convex_pieces, convex_union, shared_edge_m
+from grebe.planning.lattice import Shape
 from grebe.sets import ring_vertices
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
 MAX_SIDES = 8
-# A clipped piece smaller than this share of a full cell joins a neighbour.
+# A clipped piece smaller than this share of a full cell joins a neighbour ...
 SMALLEST_SHARE = 0.25
+# ... and one that cannot is no target below this share.
+SPECK_SHARE = 0.04
 MAX_CELLS = 200_000
-# Of the grid over the region's bounds, most of which may be land.
+# Of the lattice over the region's bounds, most of which may be land.
 MAX_GRID = 2_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """One cell of a mesh: its place in the grid and its convex footprint (x north, y east)."""
+    """One cell of a mesh: its place in the lattice and its convex footprint (x north, y east).
+
+    `whole` says that the shore took nothing of its tile; `is_speck` that it is too small to be
+    a target, and only a way between others.
+    """
 
     row: int
     column: int
     footprint: shapely.Polygon
+    whole: bool = False
+    is_speck: bool = False
 
 
-def mesh_squares(water: shapely.Polygon, cell_m: float, angle_deg: float = 0.0) -> list[Cell]:
-    """Cut convex water into squares of side `cell_m`.
+def mesh_water(
+    water: shapely.Polygon, cell_m: float, *, shape: Shape = "square", angle_deg: float = 0.0
+) -> list[Cell]:
+    """Cut water, concave and with islands as it may be, into convex cells of area cell_m^2.
 
-    Rows run along `angle_deg`, clockwise from north. Pieces at the shore that are small
-    join the neighbour they share the longest edge with; in convex water the union of two
-    neighbours of a row or a column is convex again. Raises `PlanError` when the region is
+    Rows run along `angle_deg`, clockwise from north. Raises `PlanError` when the region is
     smaller than a cell or holds too many.
     """
+    _check_size(water, cell_m, angle_deg)
+    upright = affinity.rotate(water, -angle_deg, origin=(0, 0))
+    _check_grid(upright, cell_m)
+    row, column, corners = lattice.tiles(shape, upright.bounds, cell_m)
+    boxes = lattice.polygons(corners)
+    shapely.prepare(upright)
+    inside = shapely.covers(upright, boxes)
+    cells = [
+        Cell(row=r, column=c, footprint=box, whole=True)
+        for r, c, box in zip(
+            row[inside].tolist(), column[inside].tolist(), boxes[inside], strict=True
+        )
+    ]
+    cut = ~inside & shapely.intersects(upright, boxes)
+    for r, c, piece in zip(
+        row[cut].tolist(), column[cut].tolist(),
+        shapely.intersection(boxes[cut], upright), strict=True,
+    ):  # fmt: skip
+        cells += [Cell(row=r, column=c, footprint=part) for part in _polygons(piece)]
+    return _turned(_tidy(cells, cell_m**2), angle_deg)
+
+
+def _check_size(water: shapely.Polygon, cell_m: float, angle_deg: float) -> None:
     if not (math.isfinite(cell_m) and cell_m > 0 and math.isfinite(angle_deg)):
         raise PlanError(f"A cell of {cell_m} m at {angle_deg} degrees is no cell; give metres.")
     if water.area < cell_m**2:
@@ -58,79 +94,65 @@ def mesh_squares(water: shapely.Polygon, cell_m: float, angle_deg: float = 0.0) 
             f"Cells of {cell_m:g} m would be {water.area / cell_m**2:,.0f}, more than "
             f"{MAX_CELLS:,}; choose larger cells."
         )
-    upright = affinity.rotate(water, -angle_deg, origin=(0, 0))
+
+
+def _check_grid(upright: shapely.Polygon, cell_m: float) -> None:
     x0, y0, x1, y1 = upright.bounds
     if (x1 - x0) * (y1 - y0) / cell_m**2 > MAX_GRID:
         raise PlanError(
             f"The region's bounds hold {(x1 - x0) * (y1 - y0) / cell_m**2:,.0f} cells of "
             f"{cell_m:g} m, more than {MAX_GRID:,}; choose larger cells or another angle."
         )
-    pieces = _join_small(_clip(upright, cell_m), SMALLEST_SHARE * cell_m**2)
+
+
+def _polygons(piece: shapely.Geometry) -> list[shapely.Polygon]:
+    """The convex pieces of what the shore leaves of a tile."""
+    parts = [p for p in shapely.get_parts(piece) if isinstance(p, shapely.Polygon) and p.area > 0]
+    return [convex for part in parts for convex in convex_pieces(part)]
+
+
+def _turned(cells: list[Cell], angle_deg: float) -> list[Cell]:
+    """Turn cells from the lattice's axes to north and east, all at once."""
+    if angle_deg == 0:
+        return cells
+    turn = math.radians(angle_deg)
+    matrix = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    footprints = shapely.transform([cell.footprint for cell in cells], lambda xy: xy @ matrix)
     return [
-        Cell(row=row, column=column, footprint=affinity.rotate(piece, angle_deg, origin=(0, 0)))
-        for (row, column), piece in pieces.items()
+        replace(cell, footprint=footprint)
+        for cell, footprint in zip(cells, footprints, strict=True)
     ]
 
 
-def _clip(water: shapely.Polygon, cell_m: float) -> dict[tuple[int, int], shapely.Polygon]:
-    """Intersect the water with a grid that is centred on its bounds; x is along a row."""
-    x0, y0, x1, y1 = water.bounds
-    across, up = _lines(x0, x1, cell_m), _lines(y0, y1, cell_m)
-    row, column = (index.ravel() for index in np.indices((len(up) - 1, len(across) - 1)))
-    boxes = shapely.box(across[column], up[row], across[column + 1], up[row + 1])
-    pieces = shapely.intersection(boxes, water)
-    return {
-        (int(r), int(c)): piece
-        for r, c, piece in zip(row, column, pieces, strict=True)
-        if isinstance(piece, shapely.Polygon) and piece.area > 0
-    }
-
-
-def _lines(low: float, high: float, cell_m: float) -> NDArray[np.floating]:
-    """Grid lines centred on [low, high]; an excess of less than a fiftieth of a cell is no new
-    row: the outermost cells take it.
-    """
-    count = max(1, math.ceil((high - low) / cell_m - 0.02))
-    lines = (low + high - count * cell_m) / 2 + cell_m * np.arange(count + 1)
-    lines[0], lines[-1] = min(lines[0], low), max(lines[-1], high)
-    return lines
-
-
-def _join_small(
-    pieces: dict[tuple[int, int], shapely.Polygon], smallest_m2: float
-) -> dict[tuple[int, int], shapely.Polygon]:
-    """Join each piece below `smallest_m2` to a neighbour, smallest first."""
-    joined = dict(pieces)
-    for place in sorted(pieces, key=lambda key: pieces[key].area):
-        piece = joined[place]
-        if piece.area >= smallest_m2:
+def _tidy(cells: list[Cell], full_m2: float) -> list[Cell]:
+    """Join each small piece to a neighbour, smallest first; what stays tiny is a speck."""
+    footprints: list[shapely.Polygon | None] = [cell.footprint for cell in cells]
+    whole = [cell.whole for cell in cells]
+    areas = np.array([cell.footprint.area for cell in cells])
+    tree = shapely.STRtree(footprints)
+    for i in np.argsort(areas).tolist():
+        piece = footprints[i]
+        if areas[i] >= SMALLEST_SHARE * full_m2:
+            break
+        if piece is None or piece.area >= SMALLEST_SHARE * full_m2:
             continue
-        neighbours = [n for n in _neighbours(place) if n in joined]
-        convex = {n: u for n in neighbours if (u := _convex_union(joined[n], piece)) is not None}
-        if convex:
-            best = max(convex, key=lambda n: shared_edge_m(joined[n], piece))
-            joined[best] = convex[best]
-            del joined[place]
-    return joined
-
-
-def _neighbours(place: tuple[int, int]) -> Iterable[tuple[int, int]]:
-    row, column = place
-    return (row, column - 1), (row, column + 1), (row - 1, column), (row + 1, column)
-
-
-def shared_edge_m(a: shapely.Polygon, b: shapely.Polygon) -> float:
-    """Return the length of the border that two touching cells share."""
-    return float(shapely.intersection(a, b).length)
-
-
-def _convex_union(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | None:
-    """The union of two cells where it is convex, without the vertices of their seam."""
-    union = shapely.union(a, b)
-    hull = union.convex_hull
-    if isinstance(hull, shapely.Polygon) and union.area >= hull.area * (1 - 1e-9):
-        return hull
-    return None
+        near = [j for j in tree.query(piece).tolist() if j != i and footprints[j] is not None]
+        unions = {j: u for j in near if (u := convex_union(footprints[j], piece)) is not None}
+        if unions:
+            best = max(unions, key=lambda j: shared_edge_m(footprints[j], piece))
+            footprints[best], whole[best] = unions[best], False
+            footprints[i] = None
+    return [
+        Cell(
+            row=cell.row,
+            column=cell.column,
+            footprint=footprint,
+            whole=own,
+            is_speck=footprint.area < SPECK_SHARE * full_m2,
+        )
+        for cell, footprint, own in zip(cells, footprints, whole, strict=True)
+        if footprint is not None
+    ]
 
 
 def target_footprint(cell: shapely.Polygon) -> tuple[tuple[float, float], ...]:

@@ -1,34 +1,68 @@
-"""From a region to a survey: mesh, order, targets, start, and the checks between."""
+"""From a region to a survey: water, mesh, links, order, transits, corridors, and its numbers."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
+import numpy as np
 import shapely
 
+from grebe.dynamics import CALM, Weather
 from grebe.errors import PlanError
-from grebe.planning.mesh import mesh_squares, target_footprint
-from grebe.planning.region import Region, convex_water
-from grebe.planning.route import boustrophedon
+from grebe.planning.bounds import lower_bound_m
+from grebe.planning.check import PlanCheck, check_plan
+from grebe.planning.corridors import Stop, Waterways
+from grebe.planning.lattice import SHAPES, Shape
+from grebe.planning.mesh import Cell, mesh_water, target_footprint
+from grebe.planning.network import Network, connect, reachable
+from grebe.planning.region import Region, navigable_water
+from grebe.planning.route import Route, best_route
+from grebe.planning.travel import Travel, travel_of
 from grebe.sets import TargetSet
 from grebe.survey import Pose, Survey, Target
 from grebe.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 # A window whose lower end needs more than this share of the top speed leaves no thrust to
 # steer with.
 SPEED_RESERVE = 0.9
 FARTHEST_START_M = 5000.0
+# Directions of the rows that `auto` tries [deg]; for large plans only every third of them.
+ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+MANY_CELLS = 5_000
+# How near a plan must come to the budget of time or energy, and in how many trials.
+BUDGET_SHARE, BUDGET_TRIALS = 0.95, 8
+# A turn on the way that is counted as one [rad].
+TURN_RAD = math.radians(30)
+# Footprint of the start, for the hull with the first target [m].
+START_RADIUS_M = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanSettings:
-    """What a plan is made with: side of the cells, direction of the rows, speed window."""
+    """What a plan is made with.
 
-    cell_m: float = 5.0
-    angle_deg: float = 0.0
+    `cell_m` is the side of a square of the cells' area, whatever their `shape`; None with a
+    budget of `minutes` or `energy_wh`. `angle_deg` is the direction of the rows (None: the best
+    one is looked for). `returns`: the way back to the start belongs to the survey. `weather` is
+    what the plan reckons with.
+    """
+
+    cell_m: float | None = 5.0
+    shape: Shape = "square"
+    angle_deg: float | None = 0.0
     speed_min_mps: float = 1.0
     speed_max_mps: float = 2.0
+    shore_margin_m: float = 0.0
+    returns: bool = False
+    weather: Weather = CALM
+    minutes: float | None = None
+    energy_wh: float | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.speed_min_mps < self.speed_max_mps:
@@ -36,6 +70,53 @@ class PlanSettings:
                 f"The speed window {self.speed_min_mps:g}:{self.speed_max_mps:g} m/s is empty or "
                 "negative; give LO:HI with 0 <= LO < HI."
             )
+        if self.shape not in SHAPES:
+            raise PlanError(f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.")
+        if not 0 <= self.shore_margin_m < math.inf:
+            raise PlanError(f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.")
+        budgets = [b for b in (self.minutes, self.energy_wh) if b is not None]
+        if len(budgets) + (self.cell_m is not None) != 1:
+            raise PlanError("Give one of: the cells' size, the minutes, the watt-hours.")
+        if budgets and not 0 < budgets[0] < math.inf:
+            raise PlanError(f"A budget of {budgets[0]} is none; it must be positive.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanNumbers:
+    """What a plan reports of itself; `gap` is length over lower bound, less one.
+
+    Length, turns, time and energy are those of the way through the centres of all targets.
+    """
+
+    length_m: float
+    turns: int
+    time_s: float
+    energy_wh: float
+    lower_bound_m: float
+    gap: float
+    method: str
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planned:
+    """A survey, its numbers, and what an independent check found."""
+
+    survey: Survey
+    numbers: PlanNumbers
+    check: PlanCheck
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Draft:
+    """A meshed and ordered region, before transits and corridors."""
+
+    cells: list[Cell]
+    network: Network
+    route: Route
+    start: tuple[float, float]
+    cell_m: float
+    angle_deg: float
 
 
 def plan_survey(
@@ -43,45 +124,232 @@ def plan_survey(
     vessel: Vessel,
     settings: PlanSettings,
     start_lonlat: tuple[float, float] | None = None,
+    no_go: Sequence[shapely.Polygon] = (),
 ) -> Survey:
-    """Plan a survey of convex water; `PlanError` says why there is none.
+    """Plan a survey; see `plan`."""
+    return plan(region, vessel, settings, start_lonlat, no_go).survey
 
-    Without a start the boat begins at the south-western corner of the region's bounds'
-    nearest water.
+
+def plan(
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    start_lonlat: tuple[float, float] | None = None,
+    no_go: Sequence[shapely.Polygon] = (),
+) -> Planned:
+    """Plan a survey of a region; `PlanError` says why there is none.
+
+    `no_go` are local polygons that the boat must stay out of. Without a start the boat
+    begins in the cell that is nearest to the region's south-western corner.
     """
-    water = convex_water(region)
     check_speed(settings, vessel)
-    cells = mesh_squares(water, settings.cell_m, settings.angle_deg)
-    position = _start_position(region, start_lonlat)
-    ordered = boustrophedon(cells, position)
-    targets = tuple(
-        Target(
-            seq=i + 1,
-            kind="cell",
+    given = _start_position(region, start_lonlat)
+    water, notes = navigable_water(region, no_go, settings.shore_margin_m, given)
+    return _Planner(region, vessel, settings, tuple(no_go), water, given).planned(notes)
+
+
+@dataclass(frozen=True)
+class _Planner:
+    region: Region
+    vessel: Vessel
+    settings: PlanSettings
+    no_go: tuple[shapely.Polygon, ...]
+    water: shapely.Polygon
+    given_start: tuple[float, float] | None
+    travel: Travel = field(init=False)
+
+    def __post_init__(self) -> None:
+        window = (self.settings.speed_min_mps, self.settings.speed_max_mps)
+        travel = travel_of(self.vessel, window, self.settings.weather)
+        object.__setattr__(self, "travel", travel)
+
+    def planned(self, notes: tuple[str, ...]) -> Planned:
+        cell_m = self.settings.cell_m or self._affordable_cell_m()
+        draft = self._draft(cell_m, self._angle(cell_m), quick=False)
+        ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
+        stops = self._stops(draft, ways)
+        survey = self._survey(draft, stops, self._corridors(draft, stops, ways))
+        return Planned(
+            survey=survey,
+            numbers=self._numbers(draft, stops, notes),
+            check=check_plan(survey, self.water),
+        )
+
+    def _draft(self, cell_m: float, angle_deg: float, *, quick: bool) -> _Draft:
+        cells = mesh_water(self.water, cell_m, shape=self.settings.shape, angle_deg=angle_deg)
+        corner = self.given_start or _south_west(self.water)
+        network = connect(cells, self.water, cell_m)
+        kept = reachable(network, cells, corner)
+        if len(kept) < len(cells):
+            cells, network = kept, connect(kept, self.water, cell_m)
+        start = self.given_start or self._nearest_centre(network, corner)
+        route = best_route(
+            cells, network, self.travel, start, returns=self.settings.returns, quick=quick
+        )
+        return _Draft(
+            cells=cells, network=network, route=route, start=start, cell_m=cell_m,
+            angle_deg=angle_deg,
+        )  # fmt: skip
+
+    @staticmethod
+    def _nearest_centre(network: Network, place: tuple[float, float]) -> tuple[float, float]:
+        i = int(np.argmin(np.hypot(*(network.centres - place).T)))
+        north, east = network.centres[i].tolist()
+        return north, east
+
+    def _angle(self, cell_m: float) -> float:
+        """The direction asked for, or the one whose quick plan is fastest for what it covers."""
+        if self.settings.angle_deg is not None:
+            return self.settings.angle_deg
+        many = self.water.area / cell_m**2 > MANY_CELLS
+        angles = [*ANGLES_DEG[:: 3 if many else 1], _long_side_deg(self.water)]
+
+        def time_s(angle: float) -> float:
+            return self._draft(cell_m, angle, quick=True).route.time_s
+
+        return min(angles, key=time_s)
+
+    def _affordable_cell_m(self) -> float:
+        """The smallest cells whose plan keeps the budget, to within `BUDGET_SHARE`."""
+        budget_s = self._budget_s()
+        pace = 1 / float(np.mean(self.travel.slowness))
+        cell_m = max(self.water.area / (pace * budget_s), 0.5)
+        largest = math.sqrt(self.water.area)
+        best: float | None = None
+        for _ in range(BUDGET_TRIALS):
+            cell_m = min(cell_m, largest)
+            time_s = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=True).route.time_s
+            if time_s <= budget_s:
+                best = cell_m if best is None else min(best, cell_m)
+                if time_s >= BUDGET_SHARE * budget_s or cell_m <= 0.5:
+                    break
+            cell_m *= max(time_s / (0.98 * budget_s), 0.5)
+        if best is None:
+            raise PlanError(
+                f"No plan of this water takes less than {budget_s / 60:.1f} minutes; "
+                "give more time or energy, or a part of the water."
+            )
+        return best
+
+    def _budget_s(self) -> float:
+        if self.settings.minutes is not None:
+            return 60.0 * self.settings.minutes
+        return 3600.0 * (self.settings.energy_wh or 0.0) / self.travel.power_w
+
+    def _stops(self, draft: _Draft, ways: Waterways) -> list[Stop]:
+        """Cells and transits: from the start, through all cells, and back where that is asked."""
+        stops = ways.stops(draft.route.order)
+        home = int(np.argmin(np.hypot(*(draft.network.centres - draft.start).T)))
+        pair = np.array([self._start_footprint(draft)], dtype=object)
+        if not ways.straight(pair, np.array([stops[0].footprint], dtype=object))[0]:
+            gate = Stop(footprint=draft.cells[home].footprint, cell=None)
+            first = int(draft.route.order[0])
+            stops = [*([gate] if home != first else []), *self._way(ways, home, first), *stops]
+        if self.settings.returns:
+            last = int(draft.route.order[-1])
+            back = Stop(footprint=draft.cells[home].footprint, cell=None)
+            stops = [*stops, *self._way(ways, last, home), *([back] if home != last else [])]
+        return stops
+
+    @staticmethod
+    def _way(ways: Waterways, a: int, b: int) -> list[Stop]:
+        return [] if a == b else ways.around(a, b)
+
+    @staticmethod
+    def _start_footprint(draft: _Draft) -> shapely.Polygon:
+        return shapely.Point(draft.start).buffer(START_RADIUS_M, quad_segs=1)
+
+    def _corridors(
+        self, draft: _Draft, stops: list[Stop], ways: Waterways
+    ) -> list[shapely.Polygon]:
+        footprints = [self._start_footprint(draft), *(stop.footprint for stop in stops)]
+        return ways.corridors(footprints)
+
+    def _survey(self, draft: _Draft, stops: list[Stop], corridors: list[shapely.Polygon]) -> Survey:
+        targets = tuple(self._target(i + 1, stop) for i, stop in enumerate(stops))
+        north, east = targets[0].set.centre
+        heading = math.atan2(east - draft.start[1], north - draft.start[0])
+        weather = self.settings.weather.as_tuple()
+        return Survey(
+            name=self.region.name,
+            frame=self.region.frame,
+            water=self.region.water,
+            no_go=self.no_go,
+            targets=targets,
+            corridors=tuple(corridors),
+            vessel=self.vessel,
+            start=Pose(north_m=draft.start[0], east_m=draft.start[1], heading_rad=heading),
+            settings={
+                "cell_m": draft.cell_m,
+                "shape": self.settings.shape,
+                "angle_deg": draft.angle_deg,
+                "speed_min_mps": self.settings.speed_min_mps,
+                "speed_max_mps": self.settings.speed_max_mps,
+                "shore_margin_m": self.settings.shore_margin_m,
+                "current_north_mps": weather[0],
+                "current_east_mps": weather[1],
+                "wind_force_north_n": weather[2],
+                "wind_force_east_n": weather[3],
+            },
+        )
+
+    def _target(self, seq: int, stop: Stop) -> Target:
+        slowest = 0.0 if stop.cell is None else self.settings.speed_min_mps
+        return Target(
+            seq=seq,
+            kind="transit" if stop.cell is None else "cell",
             set=TargetSet(
-                vertices=target_footprint(cell.footprint),
-                speed_min_mps=settings.speed_min_mps,
-                speed_max_mps=settings.speed_max_mps,
+                vertices=target_footprint(stop.footprint),
+                speed_min_mps=slowest,
+                speed_max_mps=self.settings.speed_max_mps,
             ),
         )
-        for i, cell in enumerate(ordered)
-    )
-    north, east = targets[0].set.centre
-    heading = math.atan2(east - position[1], north - position[0])
-    return Survey(
-        name=region.name,
-        frame=region.frame,
-        water=water,
-        targets=targets,
-        vessel=vessel,
-        start=Pose(north_m=position[0], east_m=position[1], heading_rad=heading),
-        settings={
-            "cell_m": settings.cell_m,
-            "angle_deg": settings.angle_deg,
-            "speed_min_mps": settings.speed_min_mps,
-            "speed_max_mps": settings.speed_max_mps,
-        },
-    )
+
+    def _numbers(self, draft: _Draft, stops: list[Stop], notes: tuple[str, ...]) -> PlanNumbers:
+        centroids = [stop.footprint.centroid for stop in stops]
+        points = np.array([draft.start, *((c.x, c.y) for c in centroids)])
+        first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
+        last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
+        within = points[first + 1 : last + 2]
+        targets = [cell for cell in draft.cells if not cell.is_speck]
+        bound = lower_bound_m(targets, self.settings.shape, draft.cell_m)
+        length = _length(within)
+        time_s = self.travel.path_s(points)
+        return PlanNumbers(
+            length_m=_length(points),
+            turns=_turns(points),
+            time_s=time_s,
+            energy_wh=self.travel.power_w * time_s / 3600,
+            lower_bound_m=bound,
+            gap=length / bound - 1 if bound > 0 else 0.0,
+            method=draft.route.method,
+            notes=notes,
+        )
+
+
+def _length(points: NDArray[np.float64]) -> float:
+    return float(np.sum(np.hypot(*np.diff(points, axis=0).T)))
+
+
+def _turns(points: NDArray[np.float64]) -> int:
+    way = np.diff(points, axis=0)
+    way = way[np.hypot(*way.T) > 1e-9]
+    bearing = np.arctan2(way[:, 1], way[:, 0])
+    turned = np.abs((np.diff(bearing) + math.pi) % (2 * math.pi) - math.pi)
+    return int(np.sum(turned > TURN_RAD))
+
+
+def _south_west(water: shapely.Polygon) -> tuple[float, float]:
+    north, east = min(water.exterior.coords[:-1], key=lambda corner: corner[0] + corner[1])[:2]
+    return north, east
+
+
+def _long_side_deg(water: shapely.Polygon) -> float:
+    """Direction of the longer side of the smallest rectangle around the water, in [0, 180)."""
+    ring = shapely.get_coordinates(shapely.oriented_envelope(water).exterior)
+    way = np.diff(ring[:3], axis=0)
+    north, east = way[int(np.argmax(np.hypot(*way.T)))]
+    return math.degrees(math.atan2(east, north)) % 180.0
 
 
 def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
@@ -94,11 +362,11 @@ def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
         )
 
 
-def _start_position(region: Region, lonlat: tuple[float, float] | None) -> tuple[float, float]:
+def _start_position(
+    region: Region, lonlat: tuple[float, float] | None
+) -> tuple[float, float] | None:
     if lonlat is None:
-        corners = region.water.exterior.coords[:-1]
-        north, east = min(corners, key=lambda corner: corner[0] + corner[1])[:2]
-        return north, east
+        return None
     north, east = region.frame.to_local(lonlat).tolist()
     away = region.water.distance(shapely.Point(north, east))
     if not away <= FARTHEST_START_M:

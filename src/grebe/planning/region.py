@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,21 +93,48 @@ def _check_validity(geometry: BaseGeometry, name: str) -> None:
             )
 
 
-def convex_water(region: Region) -> shapely.Polygon:
-    """Return the water as a convex polygon.
+def navigable_water(
+    region: Region,
+    no_go: Sequence[shapely.Polygon],
+    shore_margin_m: float,
+    start: tuple[float, float] | None = None,
+) -> tuple[shapely.Polygon, tuple[str, ...]]:
+    """Return the water that the boat may use, and notes on what was left out.
 
-    Raises `PlanError` for islands or bays; planning of such lakes is a later step.
+    No-go zones are taken away and the shore is kept off by a margin. Of separate parts the
+    one with the start is used, or the largest. Raises `PlanError` when nothing is left.
     """
-    if region.water.interiors:
+    water = _straightened(region.water)
+    if no_go:
+        water = water.difference(shapely.union_all(list(no_go)))
+    if shore_margin_m > 0:
+        water = water.buffer(-shore_margin_m, quad_segs=2)
+    parts = [part for part in _parts(water) if isinstance(part, shapely.Polygon) and part.area > 0]
+    if not parts:
         raise PlanError(
-            f"The region {region.name!r} has islands ({len(region.water.interiors)}); only convex "
-            "water without islands can be planned so far: cut out a convex part of it."
+            f"Nothing of the region {region.name!r} is left: no-go zones and the shore margin of "
+            f"{shore_margin_m:g} m take all of its {region.area_m2:.0f} m2."
         )
-    hull = hull_of(region.water.exterior.coords)
-    bay = shapely.hausdorff_distance(hull.exterior, region.water.exterior, densify=0.02)
-    if bay > CONVEXITY_M:
-        raise PlanError(
-            f"The region {region.name!r} is concave (it leaves its convex hull by {bay:.1f} m); "
-            "only convex water can be planned so far: cut out a convex part of it."
+    parts.sort(key=lambda part: -part.area)
+    if start is not None:
+        place = shapely.Point(start)
+        parts.sort(key=lambda part: not part.buffer(shore_margin_m).covers(place))
+    left = sum(part.area for part in parts[1:])
+    notes = (
+        (
+            f"{len(parts) - 1} parts of the water, {left:.0f} m2 together, cannot be reached "
+            "from the rest of it and were left out",
         )
-    return hull
+        if left >= 1.0
+        else ()
+    )
+    return shapely.normalize(parts[0]), notes
+
+
+def _straightened(water: shapely.Polygon) -> shapely.Polygon:
+    """Return the convex hull where the water is convex but for the rounding of its vertices."""
+    if water.interiors:
+        return water
+    hull = hull_of(water.exterior.coords)
+    bay = shapely.hausdorff_distance(hull.exterior, water.exterior, densify=0.02)
+    return hull if bay <= CONVEXITY_M else water

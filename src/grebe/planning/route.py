@@ -1,58 +1,72 @@
-"""Put the cells in order: the ordered sequence Omega_1 ... Omega_K of remark 12."""
+"""Put the cells in order: the sequence Omega_1 ... Omega_K of remark 12, by a portfolio.
+
+Sweeps along rows and columns, a tour around a spanning tree and a greedy walk are each made
+locally as fast as may be; the best of them is improved further. What counts is predicted time:
+legs at the speed over ground that current and wind leave, and turns.
+"""
 
 from __future__ import annotations
 
-import itertools
-from collections import defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.planning.mesh import Cell
+from grebe.planning.network import Network
+from grebe.planning.orders import greedy, spanning_tree_tour, sweeps
+from grebe.planning.polish import Costs, costs_of, polished
+from grebe.planning.travel import Travel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Order = NDArray[np.int64]
+
+# Kicks of the final improvement: so many a cell, within limits that keep planning quick.
+KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKS = 3, 1_000, 6_000
 
 
-def boustrophedon(cells: list[Cell], start: tuple[float, float]) -> list[Cell]:
-    """Order cells row by row, there and back, beginning at the corner nearest the start.
+@dataclass(frozen=True, kw_only=True)
+class Route:
+    """An order of the cells, its predicted time [s], and the sweep or tour it grew from."""
 
-    Rows or columns, from either end, first there or first back: of these eight sweeps the
-    one whose way from `start` (north, east) [m] through all centres is shortest, among
-    those that begin within half a cell of the nearest corner.
-    """
-    sweeps = [
-        _sweep(cells, by_column=by_column, rows_reversed=rows, first_reversed=first)
-        for by_column, rows, first in itertools.product((False, True), repeat=3)
+    order: Order
+    time_s: float
+    method: str
+
+
+def first_orders(
+    cells: list[Cell], network: Network, start: tuple[float, float]
+) -> dict[str, Order]:
+    """Return the portfolio's first orders by name."""
+    rows, columns = sweeps(cells, network, start)
+    orders = {"rows": rows, "columns": columns, "greedy": greedy(cells, network, start)}
+    tour = spanning_tree_tour(cells, network, start)
+    return orders if tour is None else orders | {"spanning tree": tour}
+
+
+def best_route(
+    cells: list[Cell],
+    network: Network,
+    travel: Travel,
+    start: tuple[float, float],
+    *,
+    returns: bool,
+    quick: bool = False,
+) -> Route:
+    """Order the cells for the shortest predicted time; `quick` leaves the last polish out."""
+    costs = costs_of(network, travel, start, returns=returns)
+    tried = [
+        _route(name, costs, order, 0) for name, order in first_orders(cells, network, start).items()
     ]
-    leads = [_distance(start, _centre(sweep[0])) for sweep in sweeps]
-    half_cell = 0.5 * np.sqrt(np.median([cell.footprint.area for cell in cells]))
-    near = [s for s, lead in zip(sweeps, leads, strict=True) if lead <= min(leads) + half_cell]
-    return min(near, key=lambda sweep: _length(start, sweep))
+    best = min(tried, key=lambda route: route.time_s)
+    if quick:
+        return best
+    kicks = int(np.clip(KICKS_PER_CELL * len(cells), FEWEST_KICKS, MOST_KICKS))
+    return _route(best.method, costs, best.order, kicks)
 
 
-def _sweep(
-    cells: list[Cell], *, by_column: bool, rows_reversed: bool, first_reversed: bool
-) -> list[Cell]:
-    lanes: dict[int, list[Cell]] = defaultdict(list)
-    for cell in cells:
-        lanes[cell.column if by_column else cell.row].append(cell)
-    order: list[Cell] = []
-    for i, lane in enumerate(sorted(lanes, reverse=rows_reversed)):
-        backwards = (i % 2 == 1) != first_reversed
-        order += sorted(
-            lanes[lane],
-            key=lambda cell: cell.row if by_column else cell.column,
-            reverse=backwards,
-        )
-    return order
-
-
-def _centre(cell: Cell) -> tuple[float, float]:
-    point = cell.footprint.centroid
-    return point.x, point.y
-
-
-def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:
-    return float(np.hypot(b[0] - a[0], b[1] - a[1]))
-
-
-def _length(start: tuple[float, float], sweep: list[Cell]) -> float:
-    points = np.array([start, *map(_centre, sweep)])
-    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+def _route(name: str, costs: Costs, order: Order, kicks: int) -> Route:
+    improved, time_s = polished(costs, order, kicks)
+    return Route(order=improved, time_s=time_s, method=name)

@@ -22,7 +22,7 @@ from grebe.store import geopackage
 from grebe.survey import Pose, Survey, Target
 from grebe.vessel import Vessel
 
-VERSION = 1
+VERSION = 2
 STATE_COLUMNS = STATE_NAMES
 
 _LAYERS: dict[str, tuple[str | None, str]] = {
@@ -33,6 +33,7 @@ _LAYERS: dict[str, tuple[str | None, str]] = {
         "speed_max_mps DOUBLE NOT NULL, reached_at DATETIME, "
         "sample_count INTEGER NOT NULL DEFAULT 0",
     ),
+    "corridors": ("POLYGON", "seq INTEGER NOT NULL UNIQUE"),
     "track": (
         "POINT",
         "time DATETIME NOT NULL, "
@@ -59,6 +60,7 @@ def create(connection: sqlite3.Connection, survey: Survey, meta: dict[str, str])
         geopackage.create_layer(connection, table, columns, geometry=geometry, bounds=water.bounds)
     _write_region(connection, survey)
     _write_targets(connection, survey)
+    _write_corridors(connection, survey)
     entries = {
         "name": survey.name,
         "frame_origin_lon_deg": repr(survey.frame.origin_lon_deg),
@@ -87,6 +89,16 @@ def _write_targets(connection: sqlite3.Connection, survey: Survey) -> None:
             "VALUES (?, ?, ?, ?, ?)",
             (blob, target.seq, target.kind, target.set.speed_min_mps, target.set.speed_max_mps),
         )
+
+
+def _write_corridors(connection: sqlite3.Connection, survey: Survey) -> None:
+    connection.executemany(
+        "INSERT INTO corridors (geom, seq) VALUES (?, ?)",
+        (
+            (geopackage.to_blob(survey.frame.geometry_to_wgs84(corridor)), seq)
+            for seq, corridor in enumerate(survey.corridors, start=1)
+        ),
+    )
 
 
 def read_survey(connection: sqlite3.Connection) -> Survey:
@@ -119,10 +131,21 @@ def read_survey(connection: sqlite3.Connection) -> Survey:
         water=parts["water"][0],
         no_go=tuple(parts["no_go"]),
         targets=targets,
+        corridors=_read_corridors(connection, frame),
         vessel=Vessel(**json.loads(meta["vessel"])) if meta["vessel"] else None,
         start=Pose(**json.loads(meta["start"])) if meta["start"] else None,
         settings=json.loads(meta["settings"]),
     )
+
+
+def _read_corridors(
+    connection: sqlite3.Connection, frame: LocalFrame
+) -> tuple[shapely.Polygon, ...]:
+    """Corridors in the order of their targets; a file of schema 1 has none."""
+    if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'corridors'").fetchone():
+        return ()
+    rows = connection.execute("SELECT geom FROM corridors ORDER BY seq")
+    return tuple(_polygon(frame, blob) for (blob,) in rows)
 
 
 def _polygon(frame: LocalFrame, blob: bytes) -> shapely.Polygon:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.control.fast.compiled import compiled
+from grebe.compiled import compiled
 from grebe.control.fast.riccati import NW, NX, NY, factorise, solve
 
 GROUPS = 3

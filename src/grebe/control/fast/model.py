@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.fast.compiled import compiled
+from grebe.compiled import compiled
 from grebe.vessel import Vessel
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.control.fast.compiled import compiled
+from grebe.compiled import compiled
 from grebe.control.fast.model import advance
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.control.fast.compiled import compiled
+from grebe.compiled import compiled
 
 NX, NW, NY = 6, 3, 9
 

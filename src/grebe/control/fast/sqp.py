@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from grebe.control.fast.compiled import compiled
+from grebe.compiled import compiled
 from grebe.control.fast.interior import minimise, start_box, start_rows
 from grebe.control.fast.model import advance, linearise, second_order
 from grebe.control.fast.riccati import NW, NX, NY

@@ -20,4 +20,4 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def is_compiled() -> bool:
     """Whether the solver lies in the cache beside its source, so that it starts at once."""
-    return any(Path(__file__).parent.glob("__pycache__/sqp.optimise*.nbi"))
+    return any(Path(__file__).parent.glob("control/fast/__pycache__/sqp.optimise*.nbi"))

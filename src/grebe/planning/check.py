@@ -1,0 +1,64 @@
+"""Check a finished plan, without anything of the planner: shapely and the survey alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from grebe.survey import Survey
+
+# Rounding of coordinates must not count as land [m].
+ROUNDING_M = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanCheck:
+    """What was found.
+
+    `outside_m2`: area of hulls of consecutive targets, and of corridors, outside `water`;
+    `coverage`: share of it that cells cover; `overlap_m2`: area that two cells share.
+    The leg from a start that is not in the water is not counted; `start_afloat` tells.
+    """
+
+    outside_m2: float
+    coverage: float
+    overlap_m2: float
+    start_afloat: bool
+
+    @property
+    def holds(self) -> bool:
+        """Whether the boat stays in the water and no water is measured twice."""
+        return self.outside_m2 == 0.0 and self.overlap_m2 < 1e-3
+
+
+def check_plan(survey: Survey, water: shapely.Polygon) -> PlanCheck:
+    """Check a survey against the water that its boat may use."""
+    shapes = np.array([target.set.polygon for target in survey.targets], dtype=object)
+    is_cell = np.array([target.kind == "cell" for target in survey.targets])
+    pairs = shapely.geometrycollections(np.stack([shapes[:-1], shapes[1:]], axis=-1))
+    ways = [*shapely.convex_hull(pairs), *survey.corridors[1:]]
+    afloat = False
+    if survey.start is not None:
+        place = shapely.Point(survey.start.north_m, survey.start.east_m)
+        afloat = bool(water.distance(place) <= ROUNDING_M)
+        if afloat:
+            ways.append(shapely.convex_hull(shapely.GeometryCollection([place, shapes[0]])))
+            ways += survey.corridors[:1]
+    cells = shapes[is_cell]
+    union = shapely.union_all(cells, grid_size=1e-6)
+    covered = shapely.intersection(union, water, grid_size=1e-6).area
+    return PlanCheck(
+        outside_m2=_outside_m2(np.array(ways, dtype=object), water),
+        coverage=min(1.0, float(covered / water.area)),
+        overlap_m2=max(0.0, float(shapely.area(cells).sum() - union.area)),
+        start_afloat=afloat,
+    )
+
+
+def _outside_m2(ways: np.ndarray, water: shapely.Polygon) -> float:
+    allowed = water.buffer(ROUNDING_M, join_style="mitre")
+    shapely.prepare(allowed)
+    doubtful = ways[~shapely.covers(allowed, ways)]
+    return float(sum(shapely.area(shapely.difference(doubtful, allowed))))

@@ -1,0 +1,68 @@
+"""Cut polygons into convex pieces, and join pieces whose union is convex.
+
+Target sets are convex (section 6.3); water is not. A polygon is triangulated without new
+vertices (constrained Delaunay) and the triangles are joined again across the longest
+edges first as long as the union stays convex (after Hertel and Mehlhorn 1983): at most
+four times as many pieces as need be, mostly far fewer.
+"""
+
+from __future__ import annotations
+
+import shapely
+
+# A union counts as convex when its hull has no more area than this share beyond it.
+CONVEXITY_SHARE = 1e-9
+
+
+def is_convex(polygon: shapely.Polygon) -> bool:
+    """Whether a polygon has no holes and equals its convex hull."""
+    hull = polygon.convex_hull
+    return not polygon.interiors and polygon.area >= hull.area * (1 - CONVEXITY_SHARE)
+
+
+def convex_union(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | None:
+    """The union of two pieces where it is convex, without the vertices of their seam."""
+    union = shapely.union(a, b)
+    hull = union.convex_hull
+    if isinstance(hull, shapely.Polygon) and union.area >= hull.area * (1 - CONVEXITY_SHARE):
+        return hull
+    return None
+
+
+def convex_pieces(polygon: shapely.Polygon) -> list[shapely.Polygon]:
+    """Cut a polygon into disjoint convex pieces that cover it."""
+    if is_convex(polygon):
+        return [polygon]
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    return _joined([t for t in triangles if t.area > 0])
+
+
+def _joined(pieces: list[shapely.Polygon]) -> list[shapely.Polygon]:
+    """Join neighbours across their shared edges, the longest first, while convex."""
+    alive = dict(enumerate(pieces))
+    tree = shapely.STRtree(pieces)
+    first, second = tree.query(pieces, predicate="intersects")
+    pairs = [(i, j) for i, j in zip(first.tolist(), second.tolist(), strict=True) if i < j]
+    edges = [(shared_edge_m(pieces[i], pieces[j]), i, j) for i, j in pairs]
+    home = list(range(len(pieces)))
+    for length, i, j in sorted(edges, reverse=True):
+        a, b = _root(home, i), _root(home, j)
+        if length <= 0 or a == b:
+            continue
+        union = convex_union(alive[a], alive[b])
+        if union is not None:
+            alive[a] = union
+            del alive[b]
+            home[b] = a
+    return list(alive.values())
+
+
+def _root(home: list[int], i: int) -> int:
+    while home[i] != i:
+        i = home[i]
+    return i
+
+
+def shared_edge_m(a: shapely.Polygon, b: shapely.Polygon) -> float:
+    """Return the length of the border that two touching pieces share."""
+    return float(shapely.intersection(a, b).length)

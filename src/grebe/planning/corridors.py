@@ -1,0 +1,203 @@
+"""The way between consecutive targets: transits around land, and a corridor to stay in.
+
+Wherever the convex hull of two consecutive targets is water, the boat may go straight from
+one to the other. Where it is not, transit targets are put in along the shortest path over
+linked cells, pulled tight; at a link that is not open a gate stands on either side of the
+cells' shared edge. Each leg has a corridor: a convex polygon of water that holds both its targets, as large
+as the shore lets it be, to which the controller keeps.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from scipy.sparse.csgraph import dijkstra
+
+from grebe.errors import PlanError
+from grebe.planning.mesh import Cell
+from grebe.planning.network import ROUNDING_M, Network, joint_hulls
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# How far a corridor may reach beyond the hull of its targets, in cells.
+REACH_CELLS = 2.0
+MOST_CUTS = 12
+MOST_SIDES = 12
+# A gate's first size, of the shared edge's length along it and of the cell's across it.
+GATE_ALONG, GATE_ACROSS = 0.8, 0.2
+GATE_HALVINGS = 12
+SPECK_M2 = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """A footprint on the way; `cell` is its index, None for a transit."""
+
+    footprint: shapely.Polygon
+    cell: int | None
+
+
+class Waterways:
+    """Finds ways between the cells of a mesh."""
+
+    def __init__(
+        self, cells: list[Cell], network: Network, water: shapely.Polygon, cell_m: float
+    ) -> None:
+        self._cells, self._network, self._cell_m = cells, network, cell_m
+        self._allowed = water.buffer(ROUNDING_M, join_style="mitre")
+        shapely.prepare(self._allowed)
+        self._water = water
+        self._matrix = network.matrix()
+
+    def stops(self, order: NDArray[np.int64]) -> list[Stop]:
+        """Return the cells in their order with the transits between them."""
+        footprints = np.array([cell.footprint for cell in self._cells], dtype=object)[order]
+        straight = self.straight(footprints[:-1], footprints[1:])
+        stops = [Stop(footprint=footprints[0], cell=int(order[0]))]
+        for k, is_straight in enumerate(straight.tolist()):
+            if not is_straight:
+                stops += self.around(int(order[k]), int(order[k + 1]))
+            stops.append(Stop(footprint=footprints[k + 1], cell=int(order[k + 1])))
+        return stops
+
+    def straight(self, a: NDArray[np.object_], b: NDArray[np.object_]) -> NDArray[np.bool_]:
+        """Whether the hull of each pair of footprints is water."""
+        return np.asarray(shapely.covers(self._allowed, joint_hulls(a, b)))
+
+    def around(self, a: int, b: int) -> list[Stop]:
+        """Transits from cell a to cell b, whose joint hull is not water."""
+        chain = self._chain(a, b)
+        return [Stop(footprint=one, cell=None) for one in self._pulled(chain)[1:-1]]
+
+    def _chain(self, a: int, b: int) -> list[shapely.Polygon]:
+        """Footprints along the shortest path over links, gates among them."""
+        _, before = dijkstra(self._matrix, indices=a, return_predecessors=True)
+        path = [b]
+        while path[-1] != a:
+            step = int(before[path[-1]])
+            if step < 0:
+                raise PlanError(f"Cells {a} and {b} are not joined by water: a fault of the plan.")
+            path.append(step)
+        path.reverse()
+        chain = [self._cells[a].footprint]
+        for i, j in itertools.pairwise(path):
+            if not self._network.opens(i, j):
+                chain += self._gate(i, j)
+            chain.append(self._cells[j].footprint)
+        return chain
+
+    def _pulled(self, chain: list[shapely.Polygon]) -> list[shapely.Polygon]:
+        """Leave out what can be skipped: from each footprint on to the farthest in one go."""
+        kept = [chain[0]]
+        here = 0
+        while here < len(chain) - 1:
+            ahead = np.array(chain[here + 1 :], dtype=object)
+            same = np.full(len(ahead), chain[here], dtype=object)
+            reached = np.flatnonzero(self.straight(same, ahead))
+            here += 1 + (int(reached[-1]) if len(reached) else 0)
+            kept.append(chain[here])
+        return kept
+
+    def _gate(self, i: int, j: int) -> list[shapely.Polygon]:
+        """Two flat rectangles on either side of the cells' shared edge, one in each cell.
+
+        Whatever the cells look like, the way from a cell to its own rectangle is that cell, and
+        the way from one rectangle to the other leads straight across the edge.
+        """
+        a, b = self._cells[i].footprint, self._cells[j].footprint
+        ends = shapely.get_coordinates(shapely.intersection(a, b, grid_size=ROUNDING_M))
+        p, q = ends[0], ends[-1]
+        middle, half = 0.5 * (p + q), 0.5 * GATE_ALONG * (q - p)
+        across = np.array([-half[1], half[0]]) / float(np.hypot(*half))
+        if across @ (np.array(a.centroid.coords[0]) - middle) < 0:
+            across = -across
+        return [
+            self._flat(a, middle, half, across),
+            self._flat(b, middle, half, -across),
+        ]
+
+    def _flat(
+        self,
+        cell: shapely.Polygon,
+        middle: NDArray[np.float64],
+        half: NDArray[np.float64],
+        inwards: NDArray[np.float64],
+    ) -> shapely.Polygon:
+        """A rectangle along an edge, as deep into the cell as it lets it be."""
+        room = cell.buffer(ROUNDING_M, join_style="mitre")
+        depth = GATE_ACROSS * self._cell_m
+        for _ in range(GATE_HALVINGS):
+            base = middle + 2 * ROUNDING_M * inwards
+            corners = [base - half, base + half, base + half + depth * inwards]
+            rectangle = shapely.Polygon([*corners, base - half + depth * inwards])
+            if shapely.covers(room, rectangle):
+                return rectangle
+            depth *= 0.5
+        raise PlanError(
+            f"Near {middle[0]:.1f} m north, {middle[1]:.1f} m east a cell is too flat for a boat; "
+            "choose smaller cells or a larger shore margin."
+        )
+
+    def corridors(self, footprints: list[shapely.Polygon]) -> list[shapely.Polygon]:
+        """Return one convex polygon of water for each leg between consecutive footprints."""
+        shapes = np.array(footprints, dtype=object)
+        hulls = joint_hulls(shapes[:-1], shapes[1:])
+        reach = REACH_CELLS * self._cell_m
+        x0, y0, x1, y1 = shapely.bounds(hulls).T
+        boxes = shapely.box(x0 - reach, y0 - reach, x1 + reach, y1 + reach)
+        free = shapely.covers(self._allowed, boxes)
+        return [
+            box if is_free else self._cut(hull, box)
+            for hull, box, is_free in zip(hulls, boxes, free.tolist(), strict=True)
+        ]
+
+    def _cut(self, hull: shapely.Polygon, box: shapely.Polygon) -> shapely.Polygon:
+        """Cut land off a box around a hull, nearest first, each time along the line through
+        the land's nearest point that leaves the hull whole. Falls back to the hull.
+        """
+        region = box
+        for _ in range(MOST_CUTS):
+            land = shapely.difference(region, self._water)
+            pieces = [part for part in shapely.get_parts(land) if part.area > SPECK_M2]
+            if not pieces:
+                return region if len(region.exterior.coords) <= MOST_SIDES + 1 else hull
+            region = _clipped(region, *_separator(hull, shapely.union_all(pieces)))
+        return hull
+
+
+def _separator(hull: shapely.Polygon, land: shapely.Geometry) -> tuple[np.ndarray, float]:
+    """A unit normal and an offset: the hull on the near side, the land's nearest point on the
+    line.
+    """
+    nearest = shapely.get_coordinates(shapely.shortest_line(hull, land))
+    gap = nearest[1] - nearest[0]
+    distance = float(np.hypot(*gap))
+    if distance > 1e3 * ROUNDING_M:
+        normal = gap / distance
+        return normal, float(normal @ nearest[1])
+    # They touch: the hull's own side there is the line.
+    ring = shapely.get_coordinates(shapely.orient_polygons(hull).exterior)
+    way = np.diff(ring, axis=0)
+    outward = np.column_stack([way[:, 1], -way[:, 0]]) / np.hypot(*way.T)[:, None]
+    side = int(np.argmin(np.abs(np.sum(outward * (nearest[0] - ring[:-1]), axis=1))))
+    return outward[side], float(outward[side] @ ring[side])
+
+
+def _clipped(region: shapely.Polygon, normal: np.ndarray, offset: float) -> shapely.Polygon:
+    """The part of a convex polygon where normal * x <= offset (Sutherland and Hodgman 1974)."""
+    ring = shapely.get_coordinates(region)[:-1]
+    beyond = ring @ normal - offset
+    kept: list[np.ndarray] = []
+    for k in range(len(ring)):
+        here, ahead = beyond[k], beyond[(k + 1) % len(ring)]
+        if here <= 0:
+            kept.append(ring[k])
+        if (here < 0 < ahead) or (ahead < 0 < here):
+            share = here / (here - ahead)
+            kept.append(ring[k] + share * (ring[(k + 1) % len(ring)] - ring[k]))
+    return shapely.Polygon(kept)

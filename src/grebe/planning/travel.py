@@ -1,0 +1,108 @@
+"""What a way costs: seconds a metre in each direction, and seconds a turn.
+
+The boat keeps its speed window over ground. On a leg it goes at the window's top unless
+current and wind leave it less; what they leave follows from the surge that its thrusters can
+hold against drag and wind, and from the current's components along and across the leg.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.dynamics import Weather, drive_power_w
+from grebe.errors import PlanError
+from grebe.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# Share of full thrust that a leg may use; the rest is for steering.
+THRUST_SHARE = 0.9
+# Of the time that a turn would take on the spot at half the largest yaw moment: a boat
+# turns while it goes on. Fitted on 100 cells flown by `lookahead` (docs/theory.md).
+TURN_SHARE = 0.2
+BEARINGS = 72
+
+
+@dataclass(frozen=True, kw_only=True)
+class Travel:
+    """`slowness` (72,) [s/m] by the bearing of the leg over ground, in steps of 5 degrees from
+    north, and `turn_s_per_rad`.
+    """
+
+    slowness: Array
+    turn_s_per_rad: float
+    power_w: float
+
+    def leg_s(self, way: Array) -> Array:
+        """Time [s] of straight legs `way` (..., 2), north and east [m]."""
+        bearing = np.arctan2(way[..., 1], way[..., 0]) % (2 * math.pi)
+        return np.hypot(way[..., 0], way[..., 1]) * self.slowness_at(bearing)
+
+    def slowness_at(self, bearing: Array) -> Array:
+        """Interpolate the table at bearings in [0, 2 pi)."""
+        place = bearing * (BEARINGS / (2 * math.pi))
+        whole = np.floor(place).astype(int)
+        share = place - whole
+        low, high = self.slowness[whole % BEARINGS], self.slowness[(whole + 1) % BEARINGS]
+        return (1 - share) * low + share * high
+
+    def path_s(self, points: Array) -> float:
+        """Time [s] of a path through `points` (n, 2): its legs and the turns between them."""
+        way = np.diff(points, axis=0)
+        way = way[np.hypot(*way.T) > 1e-9]
+        if len(way) == 0:
+            return 0.0
+        bearing = np.arctan2(way[:, 1], way[:, 0])
+        turns = np.abs((np.diff(bearing) + math.pi) % (2 * math.pi) - math.pi)
+        return float(np.sum(self.leg_s(way)) + self.turn_s_per_rad * np.sum(turns))
+
+
+def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> Travel:
+    """Return what ways cost this vessel; `PlanError` where the weather is too strong for it."""
+    bearings = np.arange(BEARINGS) * (2 * math.pi / BEARINGS)
+    speeds = np.array([_ground_speed(vessel, speed[1], weather, b) for b in bearings])
+    if speeds.min() < min(speed[0], 0.9 * vessel.speed_max_mps):
+        worst = math.degrees(bearings[int(np.argmin(speeds))])
+        raise PlanError(
+            f"In this current and wind vessel {vessel.name!r} makes {max(speeds.min(), 0):.2f} m/s "
+            f"over ground towards {worst:.0f} degrees, less than the window's {speed[0]:g} m/s; "
+            "wait for better weather or lower the window."
+        )
+    pace = float(np.mean(speeds))
+    torque = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n)
+    rate = 0.5 * _steady_rate(-vessel.n_r, -vessel.n_rr, torque)
+    thrust = 0.5 * vessel.surge_drag_n(pace)
+    return Travel(
+        slowness=1.0 / speeds,
+        turn_s_per_rad=TURN_SHARE / rate,
+        power_w=drive_power_w(vessel, (thrust, thrust), pace),
+    )
+
+
+def _ground_speed(vessel: Vessel, wanted: float, weather: Weather, bearing: float) -> float:
+    """Speed over ground along a bearing: the wanted one, or what the weather leaves."""
+    north, east = math.cos(bearing), math.sin(bearing)
+    along = weather.current_north_mps * north + weather.current_east_mps * east
+    across = weather.current_east_mps * north - weather.current_north_mps * east
+    push = weather.wind_force_north_n * north + weather.wind_force_east_n * east
+    force = THRUST_SHARE * 2 * vessel.thrust_max_n + push
+    if force <= 0:
+        return 0.0
+    through = _steady_rate(-vessel.x_u, -vessel.x_uu, force)
+    if abs(across) >= through:
+        return 0.0
+    return min(wanted, math.sqrt(through**2 - across**2) + along)
+
+
+def _steady_rate(linear: float, quadratic: float, load: float) -> float:
+    """Positive root w of linear w + quadratic w^2 = load."""
+    if quadratic == 0:
+        return load / linear
+    return (math.sqrt(linear**2 + 4 * quadratic * load) - linear) / (2 * quadratic)
