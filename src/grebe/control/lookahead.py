@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 # What a stage should at most span when stages are dealt out, and what it may span [s].
-STAGE_S = 1.2
+STAGE_S = 0.9
 # A leg must be able to end well before the next solve: one that cannot lets the plan put off
 # what could be done at once, and each solve puts it off again.
 SHORTEST_LEG_S = 0.06
-LONGEST_STAGE_S = 1.6
+LONGEST_STAGE_S = 1.2
 FEWEST_STAGES = 4
 # Cost of a second is 1; a unit of slack costs more than any second it could save.
 ENTRY_PENALTY = 100.0
 # Land is worse than a missed set.
-CORRIDOR_PENALTY = 300.0
+CORRIDOR_PENALTY = 1000.0
 EFFORT = 0.005
 HALF_TURN_S = 4.0
 # Steps without coming nearer after which the last plan is dropped: a loop takes less, a solver
