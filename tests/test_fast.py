@@ -124,7 +124,7 @@ def test_the_fast_path_s_first_input_is_the_oracle_s(name):
     exact = oracle.solve(state, horizon, np.zeros(4), guess)
     assert fast.solved
     assert exact.solved
-    assert fast.cost == pytest.approx(exact.cost, rel=1e-4, abs=1e-4)
+    assert fast.cost == pytest.approx(exact.cost, rel=1e-3, abs=1e-4)
     reach = vessel.thrust_max_n - vessel.thrust_min_n
     assert np.abs(np.subtract(fast.plan.first_input, exact.plan.first_input)).max() < 0.01 * reach
 

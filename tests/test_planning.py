@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.errors import InputError, PlanError, RegionError
-from grebe.planning.mesh import MAX_SIDES, mesh_squares, target_footprint
+from grebe.planning.mesh import MAX_SIDES, mesh_water, target_footprint
+from grebe.planning.network import connect
+from grebe.planning.orders import sweeps
 from grebe.planning.planner import PlanSettings, plan_survey
-from grebe.planning.region import clean_region, convex_water
-from grebe.planning.route import boustrophedon
+from grebe.planning.region import clean_region, navigable_water
 from grebe.readers.outline import read_outline
 from grebe.vessel import PRESETS
 
@@ -40,7 +41,7 @@ def read_region(path):
 def test_cells_are_disjoint_and_cover_the_region(water, cell, angle):
     if water.area < cell**2:
         return
-    cells = [c.footprint for c in mesh_squares(water, cell, angle)]
+    cells = [c.footprint for c in mesh_water(water, cell, angle_deg=angle)]
     union = shapely.union_all(cells, grid_size=1e-7)
     assert shapely.symmetric_difference(union, water, grid_size=1e-7).area < 1e-5 * water.area
     assert sum(c.area for c in cells) == pytest.approx(water.area, rel=1e-6)
@@ -50,7 +51,7 @@ def test_cells_are_disjoint_and_cover_the_region(water, cell, angle):
 def test_targets_are_convex_have_few_sides_and_lie_in_their_cells(water, cell, angle):
     if water.area < cell**2:
         return
-    for c in mesh_squares(water, cell, angle):
+    for c in mesh_water(water, cell, angle_deg=angle):
         vertices = target_footprint(c.footprint)
         assert 3 <= len(vertices) <= MAX_SIDES
         target = shapely.Polygon(vertices)
@@ -58,26 +59,18 @@ def test_targets_are_convex_have_few_sides_and_lie_in_their_cells(water, cell, a
         assert target.area > 0.9 * c.footprint.area
 
 
-@given(convex_polygons(), st.floats(5, 20), st.floats(-60, 60), st.floats(-60, 60))
-def test_a_route_visits_every_cell_once(water, cell, north, east):
-    if water.area < cell**2:
-        return
-    cells = mesh_squares(water, cell)
-    route = boustrophedon(cells, (north, east))
-    assert sorted((c.row, c.column) for c in route) == sorted((c.row, c.column) for c in cells)
-
-
 def test_a_rectangle_is_swept_without_a_jump_from_the_nearest_corner():
-    cells = mesh_squares(shapely.box(0, 0, 40, 60), 10)
-    route = boustrophedon(cells, (41, 61))
-    centres = np.array([[c.footprint.centroid.x, c.footprint.centroid.y] for c in route])
-    assert centres[0] == pytest.approx([35, 55])
-    assert np.hypot(*np.diff(centres, axis=0).T) == pytest.approx(np.full(23, 10.0))
+    water = shapely.box(0, 0, 40, 60)
+    cells = mesh_water(water, 10)
+    for order in sweeps(cells, connect(cells, water, 10), (41, 61)):
+        centres = np.array([cells[i].footprint.centroid.coords[0] for i in order])
+        assert centres[0] == pytest.approx([35, 55])
+        assert np.hypot(*np.diff(centres, axis=0).T) == pytest.approx(np.full(23, 10.0))
 
 
 def test_rows_run_along_the_angle():
     water = shapely.affinity.rotate(shapely.box(0, 0, 100, 20), 30, origin=(0, 0))
-    cells = mesh_squares(water, 10, 30)
+    cells = mesh_water(water, 10, angle_deg=30)
     assert len(cells) == 20
     assert all(c.footprint.area == pytest.approx(100) for c in cells)
 
@@ -167,7 +160,9 @@ def test_separate_waters_are_refused(tmp_path):
 
 def test_rounded_coordinates_do_not_make_a_square_concave():
     points = [(0, 0), (50, 0.004), (100, 0), (100, 50.003), (100, 100), (49, 99.997), (0, 100)]
-    assert len(convex_water(region_of(points)).exterior.coords) <= 8
+    water, notes = navigable_water(region_of(points), (), 0.0)
+    assert len(water.exterior.coords) <= 8
+    assert not notes
 
 
 @pytest.mark.parametrize(
@@ -178,15 +173,6 @@ def test_other_documents_are_refused(tmp_path, text):
     path.write_text(text)
     with pytest.raises(InputError):
         read_outline(path)
-
-
-def test_concave_water_and_islands_are_refused_so_far():
-    with pytest.raises(PlanError, match="concave"):
-        convex_water(region_of([(0, 0), (50, 0), (50, 50), (40, 10)]))
-    ring = region_of([(0, 0), (50, 0), (50, 50), (0, 50)])
-    hole = shapely.Polygon(ring.water.exterior, [shapely.box(10, 10, 20, 20).exterior.coords])
-    with pytest.raises(PlanError, match=r"islands \(1\)"):
-        convex_water(type(ring)(name="x", frame=ring.frame, water=hole))
 
 
 def test_plans_that_cannot_be_are_refused():

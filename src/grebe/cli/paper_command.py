@@ -16,7 +16,13 @@ NAMES = ("fig1", "fig2", "fig7", "fig8", "fig9")
 
 @click.command(name="paper")
 @click.argument("figures", nargs=-1, type=click.Choice(NAMES))
-@click.option("--out", type=options.FOLDER, default=Path("paper"), show_default=True)
+@click.option(
+    "--out",
+    type=options.FOLDER,
+    default=Path("paper"),
+    show_default=True,
+    help="Folder for the pictures.",
+)
 @options.json_option
 def command(figures: tuple[str, ...], out: Path, as_json: bool) -> None:
     """Reproduce FIGURES of the paper (all of them by default): fly, draw, and check.

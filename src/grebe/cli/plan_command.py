@@ -10,27 +10,67 @@ import shapely
 
 from grebe.cli import options, output
 from grebe.cli.files import create_survey_file
-from grebe.errors import InputError
-from grebe.planning.planner import PlanSettings, plan_survey
-from grebe.planning.region import clean_region
+from grebe.dynamics import Weather
+from grebe.errors import InputError, UsageError
+from grebe.planning.lattice import SHAPES, Shape
+from grebe.planning.planner import Planned, PlanSettings, plan
+from grebe.planning.region import Region, clean_region
 from grebe.readers.outline import read_outline
 from grebe.report import figures
 from grebe.survey import Survey
 from grebe.vessel import PRESETS, vessel_named
 
+DEFAULT_CELL_M = 5.0
+DEFAULT_MARGIN_M = 1.0
+
 
 @click.command(name="plan")
 @click.argument("region", type=options.EXISTING)
 @click.option("-o", "--output", "path", type=options.OUTPUT, required=True, help="Survey file.")
-@click.option("--cell", "cell_m", type=float, default=5.0, show_default=True, help="Side [m].")
+@click.option("--cell", "cell_m", type=float, help="Side of a square cell [m].  [default: 5]")
+@click.option(
+    "--shape",
+    type=click.Choice(SHAPES),
+    default="square",
+    show_default=True,
+    help="Of the cells; all have the area of the square.",
+)
 @click.option(
     "--angle",
-    "angle_deg",
-    type=float,
-    default=0.0,
+    default="0",
     show_default=True,
-    help="Direction of the rows, clockwise from north [deg].",
+    metavar="DEG|auto",
+    help="Direction of the rows, clockwise from north; auto looks for the fastest.",
 )
+@click.option(
+    "--shore-margin",
+    "shore_margin_m",
+    type=float,
+    help="Distance kept from the shore [m].  [default: 1; 0 for the hull of a track]",
+)
+@click.option(
+    "--no-go",
+    type=options.EXISTING,
+    multiple=True,
+    help="File of polygons to stay out of; may be given several times.",
+)
+@click.option("--return", "returns", is_flag=True, help="Come back to the start.")
+@click.option(
+    "--current",
+    type=options.NORTH_EAST,
+    default="0,0",
+    show_default=True,
+    help="Current that the plan reckons with [m/s].",
+)
+@click.option(
+    "--wind",
+    type=options.NORTH_EAST,
+    default="0,0",
+    show_default=True,
+    help="Wind force on the boat that the plan reckons with [N].",
+)
+@click.option("--minutes", type=float, help="Choose the cells' size for this time.")
+@click.option("--wh", "energy_wh", type=float, help="Choose the cells' size for this energy [Wh].")
 @click.option(
     "--speed",
     type=options.SPEED_WINDOW,
@@ -51,8 +91,16 @@ from grebe.vessel import PRESETS, vessel_named
 def command(
     region: Path,
     path: Path,
-    cell_m: float,
-    angle_deg: float,
+    cell_m: float | None,
+    shape: Shape,
+    angle: str,
+    shore_margin_m: float | None,
+    no_go: tuple[Path, ...],
+    returns: bool,
+    current: tuple[float, float],
+    wind: tuple[float, float],
+    minutes: float | None,
+    energy_wh: float | None,
     speed: tuple[float, float],
     vessel: str,
     start: tuple[float, float] | None,
@@ -61,9 +109,11 @@ def command(
     header_from: Path | None,
     **columns: str | None,
 ) -> None:
-    """Plan a survey of REGION: GeoJSON, or a CSV track whose convex hull is the region.
+    """Plan a survey of REGION: GeoJSON, KML, KMZ, GPX, a Shapefile, a GeoPackage, or a CSV track
+    whose convex hull is the region.
 
-    Writes the survey file and a picture of the plan beside it.
+    Writes the survey file and a picture of the plan beside it. The boat keeps to the water:
+    it goes around land by transit sets, within corridors that the file holds.
     """
     options.refuse_same(region, options.checked_output(path))
     picture = path.with_suffix(".png")
@@ -73,20 +123,63 @@ def command(
     outline = read_outline(region, options.track_columns(columns), header_from)
     for text in outline.notes:
         output.note(f"{region}: {text}")
+    if cell_m is None and minutes is None and energy_wh is None:
+        cell_m = DEFAULT_CELL_M
+    if shore_margin_m is None:
+        shore_margin_m = 0.0 if region.suffix.lower() == ".csv" else DEFAULT_MARGIN_M
     settings = PlanSettings(
-        cell_m=cell_m, angle_deg=angle_deg, speed_min_mps=speed[0], speed_max_mps=speed[1]
+        cell_m=cell_m,
+        shape=shape,
+        angle_deg=_angle_deg(angle),
+        speed_min_mps=speed[0],
+        speed_max_mps=speed[1],
+        shore_margin_m=shore_margin_m,
+        returns=returns,
+        weather=Weather(
+            current_north_mps=current[0],
+            current_east_mps=current[1],
+            wind_force_north_n=wind[0],
+            wind_force_east_n=wind[1],
+        ),
+        minutes=minutes,
+        energy_wh=energy_wh,
     )
-    survey = plan_survey(clean_region(outline.geometry, outline.name), boat, settings, start)
+    water = clean_region(outline.geometry, outline.name)
+    planned = plan(water, boat, settings, start, _zones(no_go, water))
+    survey = planned.survey
+    for text in planned.numbers.notes:
+        output.note(f"note: {text}")
     create_survey_file(path, survey, force=force).close()
     figures.save(figures.plan_figure(survey), picture)
     for text in plan_warnings(survey):
         output.note(f"note: {text}")
-    water = f" --water {region}" if region.suffix.lower() == ".csv" else ""
+    known = f" --water {region}" if region.suffix.lower() == ".csv" else ""
     output.result(
-        {**plan_numbers(survey), "file": str(path), "picture": str(picture)},
+        {**plan_numbers(planned), "file": str(path), "picture": str(picture)},
         as_json=as_json,
-        next_command=f"grebe run {path}{water}",
+        next_command=f"grebe run {path}{known}",
     )
+
+
+def _angle_deg(text: str) -> float | None:
+    """Degrees, or None for `auto`."""
+    if text == "auto":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--angle {text!r} is neither a number of degrees nor 'auto'.") from None
+
+
+def _zones(paths: tuple[Path, ...], region: Region) -> list[shapely.Polygon]:
+    """The no-go zones of some files, in the region's frame."""
+    zones: list[shapely.Polygon] = []
+    for path in paths:
+        local = region.frame.geometry_to_local(read_outline(path).geometry)
+        if not local.is_valid:
+            raise InputError(f"{path}: holds a polygon that crosses itself; mend it first.")
+        zones += [part for part in shapely.get_parts(local) if isinstance(part, shapely.Polygon)]
+    return zones
 
 
 def plan_warnings(survey: Survey) -> list[str]:
@@ -106,13 +199,24 @@ def plan_warnings(survey: Survey) -> list[str]:
     return warnings
 
 
-def plan_numbers(survey: Survey) -> dict[str, Any]:
+def plan_numbers(planned: Planned) -> dict[str, Any]:
     """Return what a plan reports of itself."""
+    survey, numbers, check = planned.survey, planned.numbers, planned.check
     return {
         "name": survey.name,
         "targets": len(survey.targets),
+        "transits": sum(target.kind == "transit" for target in survey.targets),
+        "cell_m": round(float(survey.settings["cell_m"]), 3),
+        "angle_deg": round(float(survey.settings["angle_deg"]), 1),
         "origin": f"{survey.frame.origin_lat_deg:.5f} N, {survey.frame.origin_lon_deg:.5f} E",
         "area_m2": round(survey.water.area, 1),
-        "coverage": round(survey.coverage, 6),
-        "length_m": round(survey.route_length_m, 1),
+        "coverage": round(check.coverage, 6),
+        "outside_m2": round(check.outside_m2, 6),
+        "length_m": round(numbers.length_m, 1),
+        "turns": numbers.turns,
+        "time_s": round(numbers.time_s, 1),
+        "energy_wh": round(numbers.energy_wh, 2),
+        "lower_bound_m": round(numbers.lower_bound_m, 1),
+        "gap": round(numbers.gap, 4),
+        "order_from": numbers.method,
     }

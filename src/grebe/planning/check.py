@@ -38,7 +38,7 @@ def check_plan(survey: Survey, water: shapely.Polygon) -> PlanCheck:
     shapes = np.array([target.set.polygon for target in survey.targets], dtype=object)
     is_cell = np.array([target.kind == "cell" for target in survey.targets])
     pairs = shapely.geometrycollections(np.stack([shapes[:-1], shapes[1:]], axis=-1))
-    ways = [*shapely.convex_hull(pairs), *survey.corridors[1:]]
+    ways = [*np.asarray(shapely.convex_hull(pairs)).tolist(), *survey.corridors[1:]]
     afloat = False
     if survey.start is not None:
         place = shapely.Point(survey.start.north_m, survey.start.east_m)

@@ -3,8 +3,8 @@
 Wherever the convex hull of two consecutive targets is water, the boat may go straight from
 one to the other. Where it is not, transit targets are put in along the shortest path over
 linked cells, pulled tight; at a link that is not open a gate stands on either side of the
-cells' shared edge. Each leg has a corridor: a convex polygon of water that holds both its targets, as large
-as the shore lets it be, to which the controller keeps.
+cells' shared edge. Each leg has a corridor: a convex polygon of water that holds both its
+targets, as large as the shore lets it be, to which the controller keeps.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import shapely
@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
+    Indices = NDArray[np.signedinteger[Any]]
     # Row and column of each tile, and its corners (n, m, 2).
-    Tiles = tuple[NDArray[np.int64], NDArray[np.int64], Array]
+    Tiles = tuple[Indices, Indices, Array]
 
 Shape = Literal["square", "hexagon", "triangle"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
@@ -65,7 +66,7 @@ def _lines(low: float, high: float, size: float) -> Array:
     count = max(1, math.ceil((high - low) / size - SLIVER))
     lines = (low + high - count * size) / 2 + size * np.arange(count + 1)
     lines[0], lines[-1] = min(lines[0], low), max(lines[-1], high)
-    return lines
+    return np.asarray(lines, dtype=np.float64)
 
 
 def _hexagons(bounds: Array, size: float) -> Tiles:
@@ -102,12 +103,12 @@ def _triangles(bounds: Array, size: float) -> Tiles:
 
 
 def _placed(
-    across: NDArray[np.int64],
-    up: NDArray[np.int64],
-    ring: NDArray[np.int64],
+    across: Indices,
+    up: Indices,
+    ring: Indices,
     origin: tuple[float, float],
     unit: tuple[float, float],
 ) -> Array:
     """Corners from whole numbers of units: neighbours get the very same corners."""
     steps = np.stack([across, up], axis=-1)[:, None, :] + ring
-    return np.asarray(origin) + steps * np.asarray(unit)
+    return np.asarray(np.asarray(origin) + steps * np.asarray(unit), dtype=np.float64)

@@ -129,7 +129,7 @@ def _tidy(cells: list[Cell], full_m2: float) -> list[Cell]:
     footprints: list[shapely.Polygon | None] = [cell.footprint for cell in cells]
     whole = [cell.whole for cell in cells]
     areas = np.array([cell.footprint.area for cell in cells])
-    tree = shapely.STRtree(footprints)
+    tree = shapely.STRtree([cell.footprint for cell in cells])
     for i in np.argsort(areas).tolist():
         piece = footprints[i]
         if areas[i] >= SMALLEST_SHARE * full_m2:

@@ -346,7 +346,7 @@ def _south_west(water: shapely.Polygon) -> tuple[float, float]:
 
 def _long_side_deg(water: shapely.Polygon) -> float:
     """Direction of the longer side of the smallest rectangle around the water, in [0, 180)."""
-    ring = shapely.get_coordinates(shapely.oriented_envelope(water).exterior)
+    ring = shapely.get_coordinates(shapely.oriented_envelope(water))
     way = np.diff(ring[:3], axis=0)
     north, east = way[int(np.argmax(np.hypot(*way.T)))]
     return math.degrees(math.atan2(east, north)) % 180.0

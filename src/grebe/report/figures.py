@@ -45,6 +45,9 @@ STYLE: dict[str, Any] = {
     "svg.hashsalt": "grebe",
 }
 DPI = 130
+# Beyond so many cells their edges and arrows would be all there is to see.
+MANY_CELLS = 3_000
+ARROWS = 24
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
@@ -64,12 +67,22 @@ def plan_figure(survey: Survey) -> Figure:
     figure = Figure(figsize=_size(survey))
     axes = figure.subplots()
     _draw_water(axes, survey)
-    corners = [np.asarray(t.set.vertices)[:, ::-1] for t in survey.targets]
-    cells = PolyCollection(corners, cmap="cividis", edgecolors="white", linewidths=0.5, alpha=0.85)
-    cells.set_array(np.arange(1, len(corners) + 1))
+    visited = [t for t in survey.targets if t.kind == "cell"]
+    corners = [np.asarray(t.set.vertices)[:, ::-1] for t in visited]
+    many = len(corners) > MANY_CELLS
+    edges = "none" if many else "white"
+    cells = PolyCollection(corners, cmap="cividis", edgecolors=edges, linewidths=0.5, alpha=0.85)
+    cells.set_array([t.seq for t in visited])
     axes.add_collection(cells)
+    _draw_no_go(axes, survey)
     centres = np.array([t.set.centre for t in survey.targets])
-    axes.plot(centres[:, 1], centres[:, 0], color=VERMILLION, lw=1.0, label="order of the cells")
+    axes.plot(
+        centres[:, 1], centres[:, 0], color=VERMILLION, lw=0.4 if many else 1.0,
+        label="order of the cells",
+    )  # fmt: skip
+    _draw_transits(axes, survey)
+    if not many:
+        _draw_direction(axes, centres)
     if survey.start is not None:
         lead = np.array([[survey.start.north_m, survey.start.east_m], centres[0]])
         axes.plot(lead[:, 1], lead[:, 0], color=VERMILLION, lw=1.0, ls=":", label="lead-in")
@@ -156,6 +169,39 @@ def _draw_field(
     )
     figure.colorbar(mesh, ax=axes, shrink=0.8)
     axes.set_title(title)
+
+
+def _draw_no_go(axes: Axes, survey: Survey) -> None:
+    for i, zone in enumerate(survey.no_go):
+        ring = np.asarray(zone.exterior.coords)
+        label = "no-go" if i == 0 else None
+        axes.fill(
+            ring[:, 1], ring[:, 0], facecolor="none", edgecolor=BLACK, hatch="///", label=label
+        )
+
+
+def _draw_transits(axes: Axes, survey: Survey) -> None:
+    """The way to each transit and from it: where the boat goes around land."""
+    centres = np.array([t.set.centre for t in survey.targets])
+    is_transit = np.array([t.kind == "transit" for t in survey.targets])
+    if not is_transit.any():
+        return
+    near = is_transit | np.roll(is_transit, 1) | np.roll(is_transit, -1)
+    gaps = np.where(near[:, None], centres, np.nan)
+    axes.plot(gaps[:, 1], gaps[:, 0], color=ORANGE, lw=1.6, label="transits")
+    places = centres[is_transit]
+    axes.plot(places[:, 1], places[:, 0], ".", color=ORANGE, ms=4)
+
+
+def _draw_direction(axes: Axes, centres: NDArray[np.float64]) -> None:
+    """A few arrows along the way."""
+    step = max(1, len(centres) // ARROWS)
+    tails = centres[:-1:step]
+    way = (centres[1:] - centres[:-1])[::step]
+    axes.quiver(
+        tails[:, 1], tails[:, 0], way[:, 1], way[:, 0], color=VERMILLION, angles="xy",
+        scale_units="xy", scale=1, width=0.004, headwidth=6, headlength=7, headaxislength=6,
+    )  # fmt: skip
 
 
 def _draw_water(axes: Axes, survey: Survey) -> None:

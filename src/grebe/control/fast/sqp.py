@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 CONVERGED, FEASIBLE, FAILED = 0, 1, 2
 
 HALVINGS = 8
-MEMORY = 4
+MEMORY = 6
 # Relative spread of the remembered penalties below which a small cycle counts as an end.
 IDLE = 1e-4
 FIRST_DAMPING, MOST_DAMPING = 1.0, 1e8
@@ -284,7 +284,10 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
             )  # fmt: skip
             curve[:, 6] *= span
             curve[6, :] *= span
-            if mirrored:
+            # From a hopeless iterate the curvature may overflow: it then has nothing to say.
+            if not np.all(np.isfinite(curve)):
+                curve[:] = 0.0
+            elif mirrored:
                 values, vectors = np.linalg.eigh(curve)
                 curve[:] = (vectors * np.abs(values)) @ vectors.T
             hess[k, 2:, 2:] = curve
