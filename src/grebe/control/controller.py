@@ -133,7 +133,8 @@ class Controller:
         self.targets = tuple(targets)
         self.settings = settings or ControlSettings()
         self.reached = reached
-        self._corridors = tuple(corridors)
+        aside = np.array([0.0, 0.0, 0.0, self.settings.corridor_margin_m])
+        self._corridors = tuple(rows - aside for rows in corridors)
         self._aims = [
             target.shrunk(self.settings.margin_m, self.settings.speed_margin_mps)
             for target in self.targets

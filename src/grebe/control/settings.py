@@ -21,7 +21,7 @@ class ControlSettings:
     `rule` names the rule and `solver` the solver; `horizon` is N, in stages; `step_s` is T, the
     time between two solves and, for the paper's rules, the duration of a stage. `margin_m` and
     `speed_margin_mps` shrink the set that the controller aims at; whether a set is reached is
-    judged on the set itself.
+    judged on the set itself. `corridor_margin_m` is kept from the sides of a corridor.
 
     For `single` and `dual` alone: `epsilon` fattens the current target (Definition 8; metres
     beside metres per second), `alpha` weighs distance and `beta` effort (Eq. 2), `p` and `q`
@@ -42,6 +42,7 @@ class ControlSettings:
     q: float = 1.0
     margin_m: float = 0.1
     speed_margin_mps: float = 0.05
+    corridor_margin_m: float = 0.3
     entry_penalty: float = 1e3
     successor_penalty: float = 100.0
     hold: float = 50.0
@@ -60,7 +61,7 @@ class ControlSettings:
         for name in ("epsilon", "alpha", "beta", "p", "q", "entry_penalty", "successor_penalty"):
             if not getattr(self, name) > 0:
                 raise UsageError(f"{name} is {getattr(self, name)}; it must be positive.")
-        for name in ("margin_m", "speed_margin_mps", "hold"):
+        for name in ("margin_m", "speed_margin_mps", "corridor_margin_m", "hold"):
             if not getattr(self, name) >= 0:
                 raise UsageError(f"{name} is {getattr(self, name)}; it must not be negative.")
 

@@ -31,6 +31,12 @@ MOST_SIDES = 12
 # A gate's first size, of the shared edge's length along it and of the cell's across it.
 GATE_ALONG, GATE_ACROSS = 0.8, 0.2
 GATE_HALVINGS = 12
+# Depths of a gate to either side of its edge that are tried first [m].
+GATE_DEPTHS_M = (1.0, 0.6, 0.3)
+_CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+CLOSED_FACTOR = 5.0
+# How far a transit may grow beyond its cell or gate [m].
+TRANSIT_REACH_M = 0.75
 SPECK_M2 = 1e-9
 
 
@@ -53,6 +59,8 @@ class Waterways:
         shapely.prepare(self._allowed)
         self._water = water
         self._matrix = network.matrix()
+        # A gate is slow to pass and easily missed: better a longer way over open links.
+        self._matrix.data *= np.where(network.is_open, 1.0, CLOSED_FACTOR)
 
     def stops(self, order: NDArray[np.int64]) -> list[Stop]:
         """Return the cells in their order with the transits between them."""
@@ -104,7 +112,8 @@ class Waterways:
         return kept
 
     def _gate(self, i: int, j: int) -> list[shapely.Polygon]:
-        """Two flat rectangles on either side of the cells' shared edge, one in each cell.
+        """One rectangle across the cells' shared edge where it can be joined to both, else two flat
+        ones on either side of it.
 
         Whatever the cells look like, the way from a cell to its own rectangle is that cell, and
         the way from one rectangle to the other leads straight across the edge.
@@ -114,6 +123,12 @@ class Waterways:
         p, q = ends[0], ends[-1]
         middle, half = 0.5 * (p + q), 0.5 * GATE_ALONG * (q - p)
         across = np.array([-half[1], half[0]]) / float(np.hypot(*half))
+        for depth in GATE_DEPTHS_M:
+            gate = shapely.Polygon([middle + s * half + t * depth * across for s, t in _CORNERS])
+            if self.straight(
+                np.array([gate] * 2, dtype=object), np.array([a, b], dtype=object)
+            ).all():
+                return [gate]
         if across @ (np.array(a.centroid.coords[0]) - middle) < 0:
             across = -across
         return [
@@ -168,6 +183,24 @@ class Waterways:
                 return region if len(region.exterior.coords) <= MOST_SIDES + 1 else hull
             region = _clipped(region, *_separator(hull, shapely.union_all(pieces)))
         return hull
+
+
+def widened(stops: list[Stop], corridors: list[shapely.Polygon]) -> list[Stop]:
+    """Let each transit grow within what the corridors before and behind it have in common.
+
+    A gate can be a hand's breadth deep, and a boat that is seen ten times a second would step
+    over it. Both corridors are convex and hold the gate: so does what they share, and the ways
+    to it and from it stay within them.
+    """
+    grown = list(stops)
+    for k, stop in enumerate(stops):
+        if stop.cell is not None or k + 1 >= len(corridors):
+            continue
+        near = stop.footprint.buffer(TRANSIT_REACH_M, join_style="mitre")
+        common = shapely.intersection_all([near, corridors[k], corridors[k + 1]])
+        if isinstance(common, shapely.Polygon) and common.area > stop.footprint.area:
+            grown[k] = Stop(footprint=common, cell=None)
+    return grown
 
 
 def _separator(hull: shapely.Polygon, land: shapely.Geometry) -> tuple[np.ndarray, float]:

@@ -31,6 +31,8 @@ MAX_SIDES = 8
 SMALLEST_SHARE = 0.25
 # ... and one that cannot is no target below this share.
 SPECK_SHARE = 0.04
+# What is thinner than this [m] and joins no neighbour is not even a way, and is left out.
+THINNEST_M = 0.1
 MAX_CELLS = 200_000
 # Of the lattice over the region's bounds, most of which may be land.
 MAX_GRID = 2_000_000
@@ -141,6 +143,8 @@ def _tidy(cells: list[Cell], full_m2: float) -> list[Cell]:
         if unions:
             best = max(unions, key=lambda j: shared_edge_m(footprints[j], piece))
             footprints[best], whole[best] = unions[best], False
+            footprints[i] = None
+        elif 2 * piece.area / piece.length < THINNEST_M:
             footprints[i] = None
     return [
         Cell(

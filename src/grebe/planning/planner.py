@@ -14,7 +14,7 @@ from grebe.dynamics import CALM, Weather
 from grebe.errors import PlanError
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.check import PlanCheck, check_plan
-from grebe.planning.corridors import Stop, Waterways
+from grebe.planning.corridors import Stop, Waterways, widened
 from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.mesh import Cell, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
@@ -168,7 +168,9 @@ class _Planner:
         draft = self._draft(cell_m, self._angle(cell_m), quick=False)
         ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
         stops = self._stops(draft, ways)
-        survey = self._survey(draft, stops, self._corridors(draft, stops, ways))
+        corridors = self._corridors(draft, stops, ways)
+        stops = widened(stops, corridors)
+        survey = self._survey(draft, stops, corridors)
         return Planned(
             survey=survey,
             numbers=self._numbers(draft, stops, notes),

@@ -108,7 +108,7 @@ def navigable_water(
     if no_go:
         water = water.difference(shapely.union_all(list(no_go)))
     if shore_margin_m > 0:
-        water = water.buffer(-shore_margin_m, quad_segs=2)
+        water = water.buffer(-shore_margin_m, quad_segs=4)
     parts = [part for part in _parts(water) if isinstance(part, shapely.Polygon) and part.area > 0]
     if not parts:
         raise PlanError(
