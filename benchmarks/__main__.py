@@ -15,11 +15,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from benchmarks.agreement import agreement
 from benchmarks.missions import missions
+from benchmarks.planning import planning
 from benchmarks.robustness import robustness
 from benchmarks.sets import sets
 from benchmarks.steps import steps
 
-BENCHMARKS = {f.__name__: f for f in (steps, missions, agreement, robustness, sets)}
+BENCHMARKS = {f.__name__: f for f in (steps, missions, agreement, robustness, sets, planning)}
 
 
 def main() -> None:

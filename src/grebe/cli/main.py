@@ -15,6 +15,7 @@ from grebe.errors import GrebeError, StoppedError
 COMMANDS = {
     "demo": "region, plan, simulated mission, maps and report in under a minute",
     "plan": "mesh a region into target sets and put them in order",
+    "export": "hand a plan to a ground station, a GPS receiver or a map",
     "run": "steer a boat through every target set of a survey",
     "map": "draw the maps of what was measured",
     "report": "write one self-contained HTML page about a survey",
