@@ -53,8 +53,8 @@ def convex_polygons(draw: st.DrawFn, scale: float = 50.0) -> shapely.Polygon:
     )
     a = draw(st.floats(0.2 * scale, scale))
     b = draw(st.floats(0.2 * scale, scale))
-    points = [(a * np.cos(t), b * np.sin(t)) for t in angles]
-    polygon = shapely.Polygon(points).convex_hull.simplify(1e-3)
+    points = [(round(a * np.cos(t), 6), round(b * np.sin(t), 6)) for t in angles]
+    polygon = shapely.Polygon(points).convex_hull.simplify(1e-3).convex_hull
     from hypothesis import assume
 
     assume(isinstance(polygon, shapely.Polygon) and polygon.area > 0.05 * a * b)
