@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import shapely
-from conftest import states, target_sets
+from conftest import convex_polygons, states, target_sets
 from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.errors import PlanError
-from grebe.sets import TargetSet, rectangle
+from grebe.sets import TargetSet, polygon_rows, rectangle
 
 share = st.floats(0, 1)
 
@@ -74,3 +74,20 @@ def test_what_is_not_convex_is_refused(vertices):
 def test_an_empty_speed_window_is_refused():
     with pytest.raises(PlanError, match="2:1"):
         rectangle((0, 1), (0, 1), (2, 1))
+
+
+@given(convex_polygons(), states())
+def test_a_corridor_s_rows_are_its_half_planes(polygon, z):
+    rows = polygon_rows(polygon)
+    assert np.hypot(rows[:, 0], rows[:, 1]) == pytest.approx(1.0)
+    inside = rows[:, :2] @ z[:2] - rows[:, 3]
+    if np.min(np.abs(inside)) > 1e-6:
+        assert bool(np.all(inside < 0)) == polygon.covers(shapely.Point(z[0], z[1]))
+
+
+def test_rounding_leaves_no_row_behind():
+    """A vertex that stands twice, but for a rounding, and one on a straight side."""
+    polygon = shapely.Polygon([(0, 0), (5, 0), (10, 0), (10, 1e-9), (10, 10), (0, 10)])
+    rows = polygon_rows(polygon)
+    assert len(rows) == 4
+    assert rows[:, :2] @ [5, 5] - rows[:, 3] == pytest.approx([-5] * 4)

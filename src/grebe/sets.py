@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 # counts as convex: what a trip to degrees and back may move it.
 CONVEXITY_TOLERANCE_M = 1e-6
 SHORTEST_EDGE_M = 1e-6
+# Of a corridor's sides [m].
+SHORTEST_SIDE_M = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,9 +161,18 @@ def rectangle(
 
 
 def polygon_rows(polygon: shapely.Polygon) -> NDArray[np.float64]:
-    """Half-space rows (a_x, a_y, 0, b) of a convex polygon on the water, for a corridor."""
-    whole = TargetSet(vertices=ring_vertices(polygon), speed_min_mps=0.0, speed_max_mps=1.0)
-    return whole.halfspaces[:-2]
+    """Half-space rows (a_x, a_y, 0, b) of a convex polygon on the water, for a corridor.
+
+    Sides shorter than a millimetre, which clipping and rounding leave, make no row of their
+    own; every vertex satisfies every row.
+    """
+    ring = shapely.get_coordinates(shapely.orient_polygons(polygon.convex_hull))
+    edge = np.diff(ring, axis=0)
+    length = np.hypot(edge[:, 0], edge[:, 1])
+    normal = np.column_stack([edge[:, 1], -edge[:, 0]])[length > SHORTEST_SIDE_M]
+    normal = normal / length[length > SHORTEST_SIDE_M, None]
+    offset = np.max(normal @ ring.T, axis=1)
+    return np.column_stack([normal, np.zeros(len(normal)), offset])
 
 
 def hull_of(points: ArrayLike) -> shapely.Polygon:
