@@ -100,14 +100,6 @@ class Survey:
         covered = shapely.intersection(union, self.water, grid_size=1e-6).area
         return min(1.0, float(covered / self.water.area))
 
-    @property
-    def route_length_m(self) -> float:
-        """Length of the way from the start through the centres of the targets."""
-        points = [target.set.centre for target in self.targets]
-        if self.start is not None:
-            points.insert(0, (self.start.north_m, self.start.east_m))
-        return float(shapely.LineString(points).length) if len(points) > 1 else 0.0
-
 
 @dataclass(frozen=True, kw_only=True)
 class TrackPoint:

@@ -87,7 +87,7 @@ class Vessel:
     @cached_property
     def speed_max_mps(self) -> float:
         """Steady surge in still water under full thrust of both thrusters."""
-        return _steady_rate(-self.x_u, -self.x_uu, 2 * self.thrust_max_n)
+        return steady_rate(-self.x_u, -self.x_uu, 2 * self.thrust_max_n)
 
     @cached_property
     def fastest_rate_hz(self) -> float:
@@ -96,7 +96,7 @@ class Vessel:
         An explicit integration step must stay below about two of its inverse.
         """
         turning = self.arm_m * (self.thrust_max_n - self.thrust_min_n)
-        yaw_max = _steady_rate(-self.n_r, -self.n_rr, turning)
+        yaw_max = steady_rate(-self.n_r, -self.n_rr, turning)
         speed = self.speed_max_mps
         return max(
             -(self.x_u + 2 * self.x_uu * speed) / self.m11_kg,
@@ -109,7 +109,7 @@ class Vessel:
         return -(self.x_u + self.x_uu * abs(surge_mps)) * surge_mps
 
 
-def _steady_rate(linear: float, quadratic: float, load: float) -> float:
+def steady_rate(linear: float, quadratic: float, load: float) -> float:
     """Positive root w of linear w + quadratic w^2 = load."""
     if quadratic == 0:
         return load / linear

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from grebe.dynamics import Weather
 from grebe.errors import InputError
 from grebe.readers.track import TrackColumns
 
@@ -46,6 +47,16 @@ class Pair(click.ParamType):
 LON_LAT = Pair("LON", "LAT")
 NORTH_EAST = Pair("NORTH", "EAST")
 SPEED_WINDOW = Pair("LO", "HI", ":")
+
+
+def weather_of(current: tuple[float, float], wind: tuple[float, float]) -> Weather:
+    """The weather of --current and --wind, both (north, east)."""
+    return Weather(
+        current_north_mps=current[0],
+        current_east_mps=current[1],
+        wind_force_north_n=wind[0],
+        wind_force_east_n=wind[1],
+    )
 
 
 def refuse_same(given: Path | None, output: Path) -> None:

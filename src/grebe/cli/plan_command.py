@@ -10,7 +10,6 @@ import shapely
 
 from grebe.cli import options, output
 from grebe.cli.files import create_survey_file
-from grebe.dynamics import Weather
 from grebe.errors import InputError, UsageError
 from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.planner import Planned, PlanSettings, plan
@@ -135,12 +134,7 @@ def command(
         speed_max_mps=speed[1],
         shore_margin_m=shore_margin_m,
         returns=returns,
-        weather=Weather(
-            current_north_mps=current[0],
-            current_east_mps=current[1],
-            wind_force_north_n=wind[0],
-            wind_force_east_n=wind[1],
-        ),
+        weather=options.weather_of(current, wind),
         minutes=minutes,
         energy_wh=energy_wh,
     )

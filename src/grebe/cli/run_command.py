@@ -18,7 +18,6 @@ from grebe.control.settings import (
     ControlSettings,
     settings_for,
 )
-from grebe.dynamics import Weather
 from grebe.errors import IncompleteError, LinkError, UsageError
 from grebe.link.simulated import EstimateErrors
 from grebe.simulated_mission import SimulationSettings, simulate
@@ -156,7 +155,6 @@ def command(
 
 def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]:
     """Turn the options of a run into the controller's and the world's settings."""
-    (north, east), (force_north, force_east) = run["current"], run["wind"]
     control = settings_for(
         run["rule"],
         run["horizon"],
@@ -166,12 +164,7 @@ def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]
         **{name: run[name] for name in WEIGHTS},
     )
     world = SimulationSettings(
-        weather=Weather(
-            current_north_mps=north,
-            current_east_mps=east,
-            wind_force_north_n=force_north,
-            wind_force_east_n=force_east,
-        ),
+        weather=options.weather_of(run["current"], run["wind"]),
         mismatch=run["mismatch"],
         errors=EstimateErrors(velocity_mps=run["noise"], lost_share=run["lost"]),
         water_from=None if run["water"] is None else Path(run["water"]),

@@ -15,7 +15,7 @@ import numpy as np
 
 from grebe.dynamics import Weather, drive_power_w
 from grebe.errors import PlanError
-from grebe.vessel import Vessel
+from grebe.vessel import Vessel, steady_rate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,7 +77,7 @@ def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> T
         )
     pace = float(np.mean(speeds))
     torque = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n)
-    rate = 0.5 * _steady_rate(-vessel.n_r, -vessel.n_rr, torque)
+    rate = 0.5 * steady_rate(-vessel.n_r, -vessel.n_rr, torque)
     thrust = 0.5 * vessel.surge_drag_n(pace)
     return Travel(
         slowness=1.0 / speeds,
@@ -95,14 +95,7 @@ def _ground_speed(vessel: Vessel, wanted: float, weather: Weather, bearing: floa
     force = THRUST_SHARE * 2 * vessel.thrust_max_n + push
     if force <= 0:
         return 0.0
-    through = _steady_rate(-vessel.x_u, -vessel.x_uu, force)
+    through = steady_rate(-vessel.x_u, -vessel.x_uu, force)
     if abs(across) >= through:
         return 0.0
     return min(wanted, math.sqrt(through**2 - across**2) + along)
-
-
-def _steady_rate(linear: float, quadratic: float, load: float) -> float:
-    """Positive root w of linear w + quadratic w^2 = load."""
-    if quadratic == 0:
-        return load / linear
-    return (math.sqrt(linear**2 + 4 * quadratic * load) - linear) / (2 * quadratic)
