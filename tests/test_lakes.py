@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 from conftest import DATA, region_of
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grebe.control.controller import Controller
@@ -55,13 +55,9 @@ def region_with(water):
 @settings(deadline=None, max_examples=40)
 @given(lakes(), st.sampled_from(SHAPES), st.floats(5, 12), st.floats(0, 90))
 def test_any_lake_is_planned_within_its_water(water, shape, cell, angle):
-    try:
-        planned = plan(
-            region_with(water), BOAT, PlanSettings(cell_m=cell, shape=shape, angle_deg=angle)
-        )
-    except PlanError as error:
-        assume("too flat" not in str(error))
-        raise
+    planned = plan(
+        region_with(water), BOAT, PlanSettings(cell_m=cell, shape=shape, angle_deg=angle)
+    )
     check, survey = planned.check, planned.survey
     assert check.outside_m2 == 0.0
     assert check.overlap_m2 < 1e-3

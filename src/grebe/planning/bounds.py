@@ -1,5 +1,8 @@
 """Lower bounds of the length of any route: how far from the best possible a plan can be."""
 
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
 from __future__ import annotations
 
 import math
@@ -9,22 +12,34 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError
 
+from grebe.compiled import compiled
 from grebe.planning.mesh import Cell
+
+# The ascent looks at all pairs of cells: beyond so many that takes seconds.
+MOST_FOR_ASCENT = 2_500
+# Rounds of the ascent, and of how many pairs they may look at together.
+ROUNDS, PAIRS = 400, 400_000_000
 
 
 def lower_bound_m(cells: list[Cell], shape: str, cell_m: float) -> float:
     """Return a length [m] below which no path through all cells' centres can be.
 
-    The larger of two: the Euclidean minimum spanning tree of the centres, which every path
-    through them contains; and for whole squares the parity bound: squares alternate in colour
+    The largest of: the Euclidean minimum spanning tree of the centres, which every path
+    through them is; that tree under the best prices on the cells (Held and Karp 1971), up to
+    `MOST_FOR_ASCENT` cells; and for whole squares the parity bound: squares alternate in colour
     like a chessboard's, a path that changes colour at each step visits as many of one as of the
     other but for one, so an excess of delta forces delta - 1 diagonal steps. Leaving the other
-    cells out makes no path longer.
+    cells out makes no path longer. None of them knows land.
     """
     if len(cells) < 2:
         return 0.0
     points = np.array([(c.x, c.y) for c in (cell.footprint.centroid for cell in cells)])
-    return max(_spanning_tree_m(points), _parity_m(cells, cell_m) if shape == "square" else 0.0)
+    if len(points) <= MOST_FOR_ASCENT:
+        rounds = min(ROUNDS, PAIRS // len(points) ** 2)
+        tree = float(_priced_tree(points, cell_m, rounds))
+    else:
+        tree = _spanning_tree_m(points)
+    return max(tree, _parity_m(cells, cell_m) if shape == "square" else 0.0)
 
 
 def _parity_m(cells: list[Cell], cell_m: float) -> float:
@@ -50,3 +65,70 @@ def _spanning_tree_m(points: np.ndarray) -> float:
     # Equal centres would make an edge of length zero, which a sparse matrix takes for none.
     graph = coo_array((np.maximum(length, 1e-12), (edges[:, 0], edges[:, 1])), shape=(n, n))
     return float(minimum_spanning_tree(graph.tocsr()).sum())
+
+
+@compiled
+def _tree(points, price, degree):
+    """Length of the minimum spanning tree under prices, by Prim; writes the cells' degrees."""
+    n = points.shape[0]
+    nearest = np.full(n, np.inf)
+    parent = np.full(n, -1)
+    degree[:] = 0
+    length, at = 0.0, 0
+    nearest[0] = -np.inf
+    for _ in range(n - 1):
+        best, following = np.inf, -1
+        for j in range(n):
+            if nearest[j] == -np.inf:
+                continue
+            dx, dy = points[j, 0] - points[at, 0], points[j, 1] - points[at, 1]
+            priced = math.sqrt(dx * dx + dy * dy) + price[at] + price[j]
+            if priced < nearest[j]:
+                nearest[j] = priced
+                parent[j] = at
+            if nearest[j] < best:
+                best, following = nearest[j], j
+        degree[parent[following]] += 1
+        degree[following] += 1
+        length += best
+        nearest[following] = -np.inf
+        at = following
+    return length
+
+
+@compiled
+def _priced_tree(points, pitch, rounds):
+    """Raise the tree's length by prices on the cells: the Held-Karp bound of an open path.
+
+    With a stop that lies beside every cell a path becomes a tour, and a tree with that stop's
+    two links a 1-tree. A price p on a cell makes each of its links dearer by p and every tour by
+    2 p: what the tree costs less twice all prices is a bound for any prices. Those of cells
+    with many links are raised, of leaves lowered (Volgenant and Jonker 1982).
+    """
+    n = points.shape[0]
+    price, degree, before = np.zeros(n), np.zeros(n), np.zeros(n)
+    best, step = 0.0, 0.1 * pitch
+    for k in range(rounds):
+        length = _tree(points, price, degree)
+        first, second = _two_least(price)
+        degree[first] += 1
+        degree[second] += 1
+        bound = length + price[first] + price[second] - 2 * price.sum()
+        best = max(best, bound)
+        size = step * (1 - k / rounds) ** 2
+        for i in range(n):
+            price[i] += size * (0.7 * (degree[i] - 2) + 0.3 * (before[i] - 2) * min(k, 1))
+            before[i] = degree[i]
+    return best
+
+
+@compiled
+def _two_least(values):
+    """Places of the two smallest values."""
+    first, second = (0, 1) if values[0] <= values[1] else (1, 0)
+    for i in range(2, values.shape[0]):
+        if values[i] < values[first]:
+            first, second = i, first
+        elif values[i] < values[second]:
+            second = i
+    return first, second

@@ -31,10 +31,12 @@ MOST_SIDES = 12
 # A gate's first size, of the shared edge's length along it and of the cell's across it.
 GATE_ALONG, GATE_ACROSS = 0.8, 0.2
 GATE_HALVINGS = 12
+# At a wedge's edge a shorter gate can stand where a long one cannot.
+GATE_SHARES = (1.0, 0.5, 0.2)
 # Depths of a gate to either side of its edge that are tried first [m].
 GATE_DEPTHS_M = (1.0, 0.6, 0.3)
 _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-CLOSED_FACTOR = 5.0
+CLOSED_FACTOR = 1.3
 # How far a transit may grow beyond its cell or gate [m].
 TRANSIT_REACH_M = 0.75
 SPECK_M2 = 1e-9
@@ -59,7 +61,7 @@ class Waterways:
         shapely.prepare(self._allowed)
         self._water = water
         self._matrix = network.matrix()
-        # A gate is slow to pass and easily missed: better a longer way over open links.
+        # A gate must be hit: better a somewhat longer way over open links.
         self._matrix.data *= np.where(network.is_open, 1.0, CLOSED_FACTOR)
 
     def stops(self, order: NDArray[np.int64]) -> list[Stop]:
@@ -145,14 +147,13 @@ class Waterways:
     ) -> shapely.Polygon:
         """A rectangle along an edge, as deep into the cell as it lets it be."""
         room = cell.buffer(ROUNDING_M, join_style="mitre")
-        depth = GATE_ACROSS * self._cell_m
-        for _ in range(GATE_HALVINGS):
-            base = middle + 2 * ROUNDING_M * inwards
-            corners = [base - half, base + half, base + half + depth * inwards]
-            rectangle = shapely.Polygon([*corners, base - half + depth * inwards])
+        base = middle + 2 * ROUNDING_M * inwards
+        for share, halving in itertools.product(GATE_SHARES, range(GATE_HALVINGS)):
+            side = share * half
+            far = base + GATE_ACROSS * self._cell_m * 0.5**halving * inwards
+            rectangle = shapely.Polygon([base - side, base + side, far + side, far - side])
             if shapely.covers(room, rectangle):
                 return rectangle
-            depth *= 0.5
         raise PlanError(
             f"Near {middle[0]:.1f} m north, {middle[1]:.1f} m east a cell is too flat for a boat; "
             "choose smaller cells or a larger shore margin."

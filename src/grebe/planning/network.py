@@ -2,7 +2,8 @@
 
 Two convex cells that share an edge can always be passed between. Where their joint hull
 leaves the water - the shore bends there - the way leads through a gate at the shared edge,
-which `grebe.planning.corridors` builds; such a link is not *open*.
+which `grebe.planning.corridors` builds; such a link is not *open*. Where the shore has cut
+cells small, cells that do not touch are linked too if their joint hull is water.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from grebe.planning.mesh import Cell
@@ -26,12 +27,17 @@ if TYPE_CHECKING:
 ROUNDING_M = 1e-6
 # What two neighbours must share for a boat to pass between them [m].
 PASSAGE_M = 0.4
+# Cut cells are linked to all cells within so many cell sizes that are in plain sight.
+SIGHT_CELLS = 1.0
+# Where a way may cross a shared edge, as shares of it.
+CROSSINGS = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Network:
     """Links between cells in compressed rows: those of cell i are
-    `neighbours[starts[i]:starts[i + 1]]`, with `is_open` beside them.
+    `neighbours[starts[i]:starts[i + 1]]`, with `is_open` and `ways_m`, the length of the way
+    between the two centres, beside them.
 
     `centres` (n, 2) are the cells' centroids [m], `pitch_m` their typical distance.
     """
@@ -40,20 +46,16 @@ class Network:
     starts: Indices
     neighbours: Indices
     is_open: NDArray[np.bool_]
+    ways_m: NDArray[np.float64]
     pitch_m: float
 
     def __len__(self) -> int:
         return len(self.centres)
 
-    def lengths(self) -> NDArray[np.float64]:
-        """Distance of the centres of each link [m]."""
-        first = np.repeat(np.arange(len(self)), np.diff(self.starts))
-        return np.hypot(*(self.centres[self.neighbours] - self.centres[first]).T)
-
     def matrix(self) -> csr_array:
-        """The links as a sparse matrix of their lengths."""
+        """The links as a sparse matrix of their ways' lengths."""
         shape = (len(self), len(self))
-        return csr_array((self.lengths(), self.neighbours, self.starts), shape=shape)
+        return csr_array((self.ways_m.copy(), self.neighbours, self.starts), shape=shape)
 
     def opens(self, i: int, j: int) -> bool:
         """Whether cells i and j are joined by an open link."""
@@ -64,29 +66,51 @@ class Network:
 def connect(cells: list[Cell], water: shapely.Polygon, cell_m: float) -> Network:
     """Link the cells of a mesh of `water`."""
     shapes = np.array([cell.footprint for cell in cells], dtype=object)
-    first, second = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=ROUNDING_M)
-    once = first < second
-    first, second = first[once], second[once]
-    is_open = _open(shapes, first, second, water, cell_m)
-    keep = is_open.copy()
-    keep[~is_open] = _passable(shapes, first[~is_open], second[~is_open])
-    first, second, is_open = first[keep], second[keep], is_open[keep]
-    n = len(cells)
-    both = coo_array(
-        (
-            np.tile(is_open, 2) + 1,
-            (np.concatenate([first, second]), np.concatenate([second, first])),
-        ),
-        shape=(n, n),
-    ).tocsr()
     centroids = shapely.centroid(shapes)
+    centres = np.column_stack([shapely.get_x(centroids), shapely.get_y(centroids)])
+    first, second = _touching(shapes)
+    is_open = _open(shapes, first, second, water, cell_m)
+    ways = np.hypot(*(centres[first] - centres[second]).T)
+    ways[~is_open] = _through_edges(shapes, centres, first[~is_open], second[~is_open])
+    apart = _in_sight(shapes, np.array([cell.whole for cell in cells]), water, cell_m)
+    first, second = np.append(first, apart[0]), np.append(second, apart[1])
+    is_open = np.append(is_open, np.ones(len(apart[0]), dtype=bool))
+    ways = np.append(ways, np.hypot(*(centres[apart[0]] - centres[apart[1]]).T))
+    keep = np.isfinite(ways)
+    links = np.column_stack([first[keep], second[keep]])
+    links = np.concatenate([links, links[:, ::-1]])
+    rank = np.lexsort(links.T[::-1])
     return Network(
-        centres=np.column_stack([shapely.get_x(centroids), shapely.get_y(centroids)]),
-        starts=both.indptr.astype(np.int64),
-        neighbours=both.indices.astype(np.int64),
-        is_open=both.data > 1,
+        centres=centres,
+        starts=np.searchsorted(links[rank, 0], np.arange(len(cells) + 1)),
+        neighbours=links[rank, 1],
+        is_open=np.tile(is_open[keep], 2)[rank],
+        ways_m=np.tile(ways[keep], 2)[rank],
         pitch_m=cell_m,
     )
+
+
+def _touching(shapes: NDArray[np.object_]) -> tuple[Indices, Indices]:
+    first, second = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=ROUNDING_M)
+    once = first < second
+    return first[once], second[once]
+
+
+def _in_sight(
+    shapes: NDArray[np.object_], whole: NDArray[np.bool_], water: shapely.Polygon, cell_m: float
+) -> tuple[Indices, Indices]:
+    """Pairs that do not touch, a cut cell among them, and whose joint hull is water."""
+    cut = np.flatnonzero(~whole)
+    places, second = shapely.STRtree(shapes).query(
+        shapes[cut], predicate="dwithin", distance=SIGHT_CELLS * cell_m
+    )
+    first = cut[places]
+    once = (first < second) | whole[second]
+    first, second = first[once], second[once]
+    apart = shapely.distance(shapes[first], shapes[second]) > ROUNDING_M
+    first, second = first[apart], second[apart]
+    clear = _open(shapes, first, second, water, cell_m)
+    return first[clear], second[clear]
 
 
 def reachable(network: Network, cells: list[Cell], near: tuple[float, float]) -> list[Cell]:
@@ -124,9 +148,22 @@ def _open(
     return is_open
 
 
-def _passable(shapes: NDArray[np.object_], first: Indices, second: Indices) -> NDArray[np.bool_]:
+def _through_edges(
+    shapes: NDArray[np.object_], centres: NDArray[np.float64], first: Indices, second: Indices
+) -> NDArray[np.float64]:
+    """Length of the way from centre to centre through each pair's shared edge [m]; infinite
+    where the edge is too short for a boat.
+    """
     edges = shapely.intersection(shapes[first], shapes[second], grid_size=ROUNDING_M)
-    return np.asarray(shapely.length(edges) >= PASSAGE_M)
+    ways = np.full(len(first), np.inf)
+    passable = np.flatnonzero(shapely.length(edges) >= PASSAGE_M)
+    corners, edge = shapely.get_coordinates(edges[passable], return_index=True)
+    begin = corners[np.searchsorted(edge, np.arange(len(passable)))]
+    end = corners[np.searchsorted(edge, np.arange(len(passable)), side="right") - 1]
+    places = begin + CROSSINGS[:, None, None] * (end - begin)
+    legs = [centres[side[passable]] - places for side in (first, second)]
+    ways[passable] = sum(np.hypot(leg[..., 0], leg[..., 1]) for leg in legs).min(axis=0)
+    return ways
 
 
 def joint_hulls(a: NDArray[np.object_], b: NDArray[np.object_]) -> NDArray[np.object_]:

@@ -24,8 +24,10 @@ from grebe.planning.travel import BEARINGS, Travel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A way that no open link covers is led around: longer than straight, and it takes transits.
+# A way between cells that are not linked is led around: longer than straight, with transits.
 DETOUR, DETOUR_PITCHES = 1.5, 1.5
+# What a gate costs besides its way: it must be hit.
+GATE_PITCHES = 0.25
 LONGEST_SEGMENT = 3
 LONGEST_KICK = 30
 # Stretches longer than this are not turned round: their cost would eat what they save.
@@ -36,18 +38,20 @@ MOST_DRAWS = 12
 
 
 class Costs(NamedTuple):
-    """What the kernel reads: places (n + 1, 2) with the start as the last, the links that a
-    boat may follow straight, slowness by bearing, seconds a radian, the detour's seconds, and
-    whether there and back take different times.
+    """What the kernel reads: places (n + 1, 2) with the start as the last, the links and the
+    length of each one's way over the straight distance, slowness by bearing, seconds a radian,
+    the detour's and a gate's seconds, and whether there and back take different times.
     """
 
     places: NDArray[np.float64]
     starts: NDArray[np.int64]
     neighbours: NDArray[np.int64]
     is_open: NDArray[np.bool_]
+    windings: NDArray[np.float64]
     slowness: NDArray[np.float64]
     turn: float
     detour_s: float
+    gate_s: float
     windy: bool
     returns: bool
 
@@ -58,14 +62,19 @@ def costs_of(
     """Gather what the kernel reads."""
     slowness = travel.slowness
     opposite = np.roll(slowness, BEARINGS // 2)
+    first = np.repeat(np.arange(len(network)), np.diff(network.starts))
+    straight = np.hypot(*(network.centres[network.neighbours] - network.centres[first]).T)
+    pitch_s = network.pitch_m * float(slowness.mean())
     return Costs(
         places=np.vstack([network.centres, start]),
         starts=network.starts,
         neighbours=network.neighbours,
         is_open=network.is_open,
+        windings=network.ways_m / np.maximum(straight, 1e-9),
         slowness=slowness,
         turn=travel.turn_s_per_rad,
-        detour_s=DETOUR_PITCHES * network.pitch_m * float(slowness.mean()),
+        detour_s=DETOUR_PITCHES * pitch_s,
+        gate_s=GATE_PITCHES * pitch_s,
         windy=bool(np.abs(slowness - opposite).max() > 1e-9),
         returns=returns,
     )
@@ -119,7 +128,7 @@ def _leg(costs, a, b):
         if costs.neighbours[k] == b:
             if costs.is_open[k]:
                 return seconds
-            break
+            return costs.windings[k] * seconds + costs.gate_s
     return DETOUR * seconds + costs.detour_s
 
 
