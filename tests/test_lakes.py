@@ -30,6 +30,7 @@ from grebe.sets import polygon_rows
 from grebe.vessel import PRESETS
 
 BOAT = PRESETS["spyboat"]
+BAY = (-1050.0, -1130.0)  # of Allequash, its western end
 REAL = pytest.mark.skipif(not (DATA / "regions").exists(), reason="the real outlines are not here")
 
 
@@ -204,10 +205,31 @@ def test_real_lakes_are_planned_within_their_water(name, cell, shape):
 
 @REAL
 @pytest.mark.slow
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_hull_of_a_real_track_is_planned(shape):
+    outline = read_outline(DATA / "tracks" / "China-catabot-20200915.csv")
+    region = clean_region(outline.geometry, outline.name)
+    planned = plan(region, BOAT, PlanSettings(cell_m=10, shape=shape, angle_deg=None))
+    assert planned.check.outside_m2 == 0.0
+    assert planned.check.coverage > 0.97
+    assert planned.numbers.gap < 0.04
+
+
+def bay_of(region):
+    """The part of a lake within 130 m of a point in one of its bays."""
+    around = shapely.Point(*BAY).buffer(130)
+    parts = shapely.get_parts(shapely.intersection(region.water, around, grid_size=1e-6))
+    return replace(region, water=max(parts, key=shapely.area))
+
+
+@REAL
+@pytest.mark.slow
 @pytest.mark.parametrize("current", [0.0, 0.3])
-def test_a_lake_with_nine_islands_is_surveyed_without_touching_land(current):
-    region = real("alamillo")
-    survey = plan(region, BOAT, PlanSettings(cell_m=5, shore_margin_m=1.0)).survey
+@pytest.mark.parametrize(("name", "cell"), [("alamillo", 5), ("alamillo", 3), ("allequash", 10)])
+def test_a_real_lake_is_surveyed_without_touching_land(name, cell, current):
+    """Alamillo has nine islands; of Allequash a bay is taken."""
+    region = real(name) if name == "alamillo" else bay_of(real(name))
+    survey = plan(region, BOAT, PlanSettings(cell_m=cell, shore_margin_m=1.0)).survey
     rows = [polygon_rows(corridor) for corridor in survey.corridors]
     pilot = GrebePilot(Controller(BOAT, survey.sets, settings_for("lookahead"), corridors=rows))
     weather = Weather(current_north_mps=0.8 * current, current_east_mps=-0.6 * current)

@@ -1,6 +1,7 @@
 """A plan in other programs' formats, read back by other people's readers."""
 
 import json
+import struct
 
 import numpy as np
 import pyogrio
@@ -8,6 +9,8 @@ import pytest
 import shapely
 from click.testing import CliRunner
 from conftest import region_of, square_survey
+from mavsdk import ComponentType, Configuration, Mavsdk
+from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
 from grebe.cli.main import grebe
 from grebe.errors import InputError, UsageError
@@ -65,6 +68,49 @@ def test_the_waypoints_file_has_twelve_columns_and_home_first(survey):
     assert [int(row[0]) for row in rows] == list(range(len(rows)))
     places = np.array([[float(row[9]), float(row[8])] for row in rows[2:]])
     assert places == pytest.approx(centres(survey), abs=1e-7)
+
+
+def heartbeat():
+    """A MAVLink 2 heartbeat of a surface boat's autopilot: the importers want one to speak to."""
+    payload = struct.pack("<IBBBBB", 0, 11, 3, 81, 4, 3)
+    head = struct.pack("<BBBBBBBHB", 0xFD, len(payload), 0, 0, 0, 1, 1, 0, 0)
+    checksum = 0xFFFF
+    for byte in head[1:] + payload + bytes([50]):
+        low = (byte ^ checksum) & 0xFF
+        low = (low ^ (low << 4)) & 0xFF
+        checksum = ((checksum >> 8) ^ (low << 8) ^ (low << 3) ^ (low >> 4)) & 0xFFFF
+    return head + payload + struct.pack("<H", checksum)
+
+
+@pytest.fixture(scope="module")
+def importers():
+    """MAVSDK's mission importers, on a link that leads nowhere."""
+    with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
+        mavsdk.add_any_connection("raw://")
+        mavsdk.pass_received_raw_bytes(heartbeat())
+        yield MissionRaw(mavsdk.first_autopilot(5.0))
+
+
+def waypoints_of(items):
+    return np.array([(item.y, item.x) for item in items if item.command == 16]) / 1e7
+
+
+def test_mavsdk_imports_the_plan_with_fence_and_rally_point(survey, importers):
+    data = importers.import_qgroundcontrol_mission_from_string(export_text(survey, ".plan"))
+    home, *places = waypoints_of(data.mission_items)
+    start = survey.frame.to_wgs84((survey.start.north_m, survey.start.east_m))
+    assert home == pytest.approx(start, abs=2e-7)
+    assert np.array(places) == pytest.approx(centres(survey), abs=2e-7)
+    inclusion, exclusion = 5001, 5002
+    assert [item.command for item in data.geofence_items] == [inclusion] * 4 + [exclusion] * 4
+    assert len(data.rally_items) == 1
+
+
+def test_mavsdk_imports_the_waypoints(survey, importers):
+    text = export_text(survey, ".waypoints")
+    data = importers.import_mission_planner_mission_from_string(text)
+    # The importer puts home before the file's own items, of which the first is home as well.
+    assert waypoints_of(data.mission_items)[2:] == pytest.approx(centres(survey), abs=2e-7)
 
 
 def test_other_formats_are_refused(survey):

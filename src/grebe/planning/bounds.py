@@ -18,7 +18,7 @@ from grebe.planning.mesh import Cell
 # The ascent looks at all pairs of cells: beyond so many that takes seconds.
 MOST_FOR_ASCENT = 2_500
 # Rounds of the ascent, and of how many pairs they may look at together.
-ROUNDS, PAIRS = 400, 400_000_000
+ROUNDS, PAIRS = 400, 100_000_000
 
 
 def lower_bound_m(cells: list[Cell], shape: str, cell_m: float) -> float:

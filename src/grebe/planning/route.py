@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Order = NDArray[np.int64]
 
 # Kicks of the final improvement: so many a cell, within limits that keep planning quick.
-KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKS = 3, 1_000, 6_000
+KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKS = 1, 1_500, 6_000
 
 
 @dataclass(frozen=True, kw_only=True)
