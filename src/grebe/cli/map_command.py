@@ -72,16 +72,20 @@ def _attributes(data: ReportData) -> dict[str, str]:
 
 
 def _numbers(one: QuantityMap) -> dict[str, Any]:
-    model, validation = one.fit.model, one.validation
+    model, validation = one.interpolator.model, one.validation
     return {
         "quantity": one.quantity.key,
         "samples": one.samples,
         "flagged": one.flagged,
+        "method": one.method,
+        "reason": one.reason,
         "variogram": {
             "kind": model.kind,
             "nugget": model.nugget,
             "partial_sill": model.sill,
             "range_m": model.range_m,
+            "practical_range_m": model.practical_range_m,
+            "reason": one.fit.reason,
         },
         "validation": vars(validation) if validation else None,
     }

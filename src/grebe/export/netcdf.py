@@ -15,7 +15,8 @@ import numpy as np
 
 from grebe.errors import InputError
 from grebe.frames import LocalFrame
-from grebe.mapping.maps import Grid, QuantityMap
+from grebe.mapping.grid import Grid
+from grebe.mapping.maps import QuantityMap
 
 
 def write_netcdf(
@@ -69,7 +70,7 @@ def _write_grid(dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame) -> None
 
 
 def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
-    quantity, model = one.quantity, one.fit.model
+    quantity, model = one.quantity, one.interpolator.model
     mean = _field(dataset, quantity.key, one.mean)
     mean.setncatts(
         {
@@ -82,6 +83,8 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
             "variogram_nugget": model.nugget,
             "variogram_partial_sill": model.sill,
             "variogram_range_m": model.range_m,
+            "variogram_practical_range_m": model.practical_range_m,
+            "interpolation": f"{one.method}: {one.reason}",
             "sample_count": np.int32(one.samples),
         }
     )

@@ -1,71 +1,118 @@
 """Covariance models, in the vocabulary of GSTools and the parameters of gstat.
 
 C(h) = sill * rho(h / range) for h > 0, and sill + nugget at h = 0. One line a model; the
-reference is Chiles and Delfiner, Geostatistics (2012), section 2.5.
+reference is Chiles and Delfiner, Geostatistics (2012), section 2.5. An anisotropic model
+reaches `range_m` along its major axis and `ratio * range_m` across it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from grebe.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.floating]
 
-
-def _spherical(x: Array) -> Array:
-    return np.where(x < 1, 1 - 1.5 * x + 0.5 * x**3, 0.0)
-
-
-def _exponential(x: Array) -> Array:
-    return np.exp(-x)
-
-
-def _matern32(x: Array) -> Array:
-    return (1 + np.sqrt(3) * x) * np.exp(-np.sqrt(3) * x)
-
-
-CORRELATIONS: dict[str, Callable[[Array], Array]] = {
-    "spherical": _spherical,
-    "exponential": _exponential,
-    "matern32": _matern32,
-}
+KINDS = ("spherical", "exponential", "matern32", "matern52", "gaussian")
 
 # Distance, in units of the range parameter, at which the correlation has fallen to 5 %.
-PRACTICAL_RANGE = {"spherical": 0.811, "exponential": 2.996, "matern32": 2.739}
+PRACTICAL_RANGE = {
+    "spherical": 0.811,
+    "exponential": 2.996,
+    "matern32": 2.739,
+    "matern52": 2.653,
+    "gaussian": 1.731,
+}
+
+
+@compiled
+def correlation(code: int, x: float) -> float:
+    """Correlation at a distance of `x` ranges under model `KINDS[code]`."""
+    if code == 0:
+        return 1 - 1.5 * x + 0.5 * x * x * x if x < 1 else 0.0
+    if code == 1:
+        return math.exp(-x)
+    if code == 2:
+        t = math.sqrt(3.0) * x
+        return (1 + t) * math.exp(-t)
+    if code == 3:
+        t = math.sqrt(5.0) * x
+        return (1 + t + t * t / 3) * math.exp(-t)
+    return math.exp(-x * x)
+
+
+@compiled
+def _correlations(code: int, x: Array) -> Array:
+    out = np.empty(x.size)
+    flat = x.ravel()
+    for i in range(flat.size):
+        out[i] = correlation(code, flat[i])
+    return out.reshape(x.shape)
+
+
+def correlations(kind: str, x: Array) -> Array:
+    """Correlation at distances of `x` ranges, any shape."""
+    return _correlations(KINDS.index(kind), np.ascontiguousarray(x, dtype=float))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CovarianceModel:
-    """A stationary, isotropic covariance: `kind` of `CORRELATIONS`, partial `sill`, `range_m`,
-    `nugget` (variances in the square of the quantity's unit).
+    """A stationary covariance: `kind` of `KINDS`, partial `sill`, `range_m`, `nugget`
+    (variances in the square of the quantity's unit); `ratio` of the range across to the range
+    along the major axis, which points `angle_deg` clockwise from north.
     """
 
     kind: str
     sill: float
     range_m: float
     nugget: float
+    ratio: float = 1.0
+    angle_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.kind not in CORRELATIONS:
-            raise ValueError(f"no covariance model {self.kind!r}; one of {list(CORRELATIONS)}")
-        if not (self.sill >= 0 and self.nugget >= 0 and self.range_m > 0):
+        if self.kind not in KINDS:
+            raise ValueError(f"no covariance model {self.kind!r}; one of {list(KINDS)}")
+        if not (self.sill >= 0 and self.nugget >= 0 and self.range_m > 0 and 0 < self.ratio <= 1):
             raise ValueError(f"impossible covariance: {self}")
 
     def covariance(self, distance_m: Array) -> Array:
-        """Covariance of the signal at a distance; the nugget is not in it."""
-        return self.sill * CORRELATIONS[self.kind](distance_m / self.range_m)
+        """Covariance of the signal at a distance along the major axis; without the nugget."""
+        return self.sill * correlations(self.kind, distance_m / self.range_m)
 
     def variogram(self, distance_m: Array) -> Array:
         """Semivariance gamma(h) for h > 0, nugget included."""
         return self.nugget + self.sill - self.covariance(distance_m)
 
+    def isotropic(self, positions: Array) -> Array:
+        """Positions (n, 2) north, east in coordinates where the model has no direction [m]."""
+        if self.ratio == 1.0:
+            return np.ascontiguousarray(positions, dtype=float)
+        return stretched(positions, self.ratio, self.angle_deg)
+
     @property
     def practical_range_m(self) -> float:
         """Distance at which 95 % of the correlation is gone."""
         return PRACTICAL_RANGE[self.kind] * self.range_m
+
+    @property
+    def text(self) -> str:
+        """The model in a few words."""
+        words = f"{self.kind}, practical range {self.practical_range_m:.0f} m"
+        if self.ratio < 1:
+            words += f" along {self.angle_deg:.0f} deg and {self.ratio:.2f} of it across"
+        return words
+
+
+def stretched(positions: Array, ratio: float, angle_deg: float) -> Array:
+    """Coordinates along the direction `angle_deg` and, widened by 1 / `ratio`, across it."""
+    cosine, sine = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    along = positions @ np.array([cosine, sine])
+    across = positions @ np.array([-sine, cosine]) / ratio
+    return np.column_stack([along, across])

@@ -1,8 +1,10 @@
-"""Ordinary kriging: the best linear unbiased estimate with an unknown constant mean.
+"""Kriging: the best linear unbiased estimate with an unknown mean or drift.
 
-Exact for a few thousand samples, with the nearest samples of each target beyond. The
-nugget is read as noise of the samples: the estimate is of the signal, its variance is the
-signal's, and where the nugget is zero the samples are met exactly.
+The nugget is read as noise of the samples: the estimate is of the signal, its variance is the
+signal's, and where the nugget is zero the samples are met exactly. An observation's variance
+is the nugget more (gstat without its `Err` term gives that one). Up to `EXACT_LIMIT` samples
+each estimate uses all of them, beyond that those around it (`grebe.mapping.tiles`).
+Chiles and Delfiner (2012), sections 3.4 and 3.6.
 """
 
 from __future__ import annotations
@@ -11,28 +13,35 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
-from scipy.spatial import KDTree
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.spatial.distance import cdist
 
 from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.tiles import tiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.floating]
 
-EXACT_LIMIT = 3000
-NEIGHBOURS = 64
+EXACT_LIMIT = 400
+NEIGHBOURS = 240
 TARGETS_AT_ONCE = 2000
 # Two samples nearer than this are one place: without a nugget they would make the system
 # singular.
 SAME_PLACE_M = 0.01
+# Beyond the exact limit, samples within which the signal varies by less than this share of the
+# sill are joined to one, and more of them where there would still be too many.
+JOINED_SHARE, MOST_PLACES = 0.01, 60_000
+# Added to the diagonal, of the sill: what keeps a smooth covariance positive in doubles.
+JITTER = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """Mean and variance of the signal at each target, (m,) each."""
+    """Mean and variance of the signal at each target, (m,) each; the mean (m, c) for c columns
+    of values.
+    """
 
     mean: Array
     variance: Array
@@ -43,95 +52,141 @@ class Estimate:
         return np.sqrt(self.variance)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Drift:
+    """Functions that the mean is a combination of, besides a constant: their values at the
+    samples (n, p) and at the targets (m, p).
+    """
+
+    at_samples: Array
+    at_targets: Array
+
+
 def krige(
     positions: Array,
     values: Array,
     targets: Array,
     model: CovarianceModel,
     neighbours: int | None = None,
+    drift: Drift | None = None,
 ) -> Estimate:
-    """Estimate the signal at `targets` (m, 2) from `values` (n,) at `positions` (n, 2) [m].
+    """Estimate the signal at `targets` (m, 2) from `values` (n,) at `positions` (n, 2) [m];
+    several columns of values (n, c) share one variance.
 
-    `neighbours` limits each estimate to that many nearest samples; by default all are used
+    `neighbours` limits each estimate to that many samples around it; by default all are used
     up to `EXACT_LIMIT` samples and `NEIGHBOURS` beyond.
     """
     if len(values) == 0 or not (np.isfinite(positions).all() and np.isfinite(values).all()):
         raise ValueError("kriging needs at least one sample, and finite ones")
-    positions, values, counts = merge_places(positions, values)
-    if neighbours is None and len(values) > EXACT_LIMIT:
-        neighbours = NEIGHBOURS
-    if model.sill == 0 and model.nugget == 0:
-        return Estimate(mean=np.full(len(targets), values.mean()), variance=np.zeros(len(targets)))
-    noise = model.nugget / counts
-    if neighbours is None or neighbours >= len(values):
-        return _exact(positions, values, noise, targets, model)
-    return _local(positions, values, noise, targets, model, neighbours)
-
-
-def merge_places(positions: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Average samples of one place; return positions, values and how many each stands for.
-
-    Equal values at one place are one reading, recorded for several sets that overlap there.
-    """
-    _, once = np.unique(np.column_stack([positions, values]), axis=0, return_index=True)
-    positions, values = positions[np.sort(once)], values[np.sort(once)]
-    cells = np.round(positions / SAME_PLACE_M).astype(np.int64)
-    _, first, inverse = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    inverse = inverse.ravel()
-    counts = np.bincount(inverse).astype(float)
-    means = np.bincount(inverse, values) / counts
-    return positions[first], means, counts
-
-
-def _exact(
-    positions: Array, values: Array, noise: Array, targets: Array, model: CovarianceModel
-) -> Estimate:
-    n = len(values)
-    system = _system(model.covariance(cdist(positions, positions)), noise)
-    factor = lu_factor(system, check_finite=False)
-    dual = lu_solve(factor, np.append(values, 0.0), check_finite=False)
-    mean, variance = np.empty(len(targets)), np.empty(len(targets))
-    for start in range(0, len(targets), TARGETS_AT_ONCE):
-        part = slice(start, start + TARGETS_AT_ONCE)
-        right = np.ones((n + 1, len(targets[part])))
-        right[:n] = model.covariance(cdist(positions, targets[part]))
-        weights = lu_solve(factor, right, check_finite=False)
-        mean[part] = right.T @ dual
-        variance[part] = model.sill - np.sum(weights * right, axis=0)
+    if model.sill == 0 and drift is None:
+        spread = np.full(len(targets), model.nugget / len(values))
+        return Estimate(mean=np.repeat(values.mean(axis=0)[None], len(targets), 0), variance=spread)
+    functions = np.ones((len(values), 1))
+    there = np.ones((len(targets), 1))
+    if drift is not None:
+        functions = np.column_stack([functions, drift.at_samples])
+        there = np.column_stack([there, drift.at_targets])
+    count = 1 if values.ndim == 1 else values.shape[1]
+    columns = np.column_stack([values, functions])
+    positions, columns, counts = _joined(positions, columns, model)
+    data, functions = columns[:, :count], columns[:, count:]
+    functions, there = _scaled(functions, there)
+    noise = model.nugget / counts + JITTER * model.sill
+    at, targets = model.isotropic(positions), model.isotropic(targets)
+    if neighbours is None:
+        neighbours = len(data) if len(data) <= EXACT_LIMIT else NEIGHBOURS
+    if neighbours >= len(data):
+        mean, variance = _solve(at, data, noise, functions, targets, there, model)
+    else:
+        mean, variance = np.empty((len(targets), count)), np.empty(len(targets))
+        for members, near in tiles(at, targets, neighbours):
+            mean[members], variance[members] = _solve(
+                at[near], data[near], noise[near], functions[near],
+                targets[members], there[members], model,
+            )  # fmt: skip
+    mean = mean[:, 0] if values.ndim == 1 else mean
     return Estimate(mean=mean, variance=np.maximum(variance, 0.0))
 
 
-def _local(
+def _joined(
+    positions: Array, columns: Array, model: CovarianceModel
+) -> tuple[Array, Array, Array]:
+    """Samples merged to few enough places, as `merge_places` gives them."""
+    merged = merge_places(positions, columns)
+    if len(merged[0]) <= EXACT_LIMIT or model.sill == 0:
+        return merged
+    sizes = np.geomspace(SAME_PLACE_M, model.range_m, 200)
+    lost = 1 - model.covariance(sizes) / model.sill
+    size = float(sizes[max(int(np.searchsorted(lost, JOINED_SHARE)) - 1, 0)]) * model.ratio
+    merged = merge_places(positions, columns, size)
+    while len(merged[0]) > MOST_PLACES:
+        size *= np.sqrt(2)
+        merged = merge_places(positions, columns, size)
+    return merged
+
+
+def merge_places(
+    positions: Array, columns: Array, size_m: float = SAME_PLACE_M
+) -> tuple[Array, Array, Array]:
+    """Average samples of one place; return their mean positions and `columns` (n,) or (n, p),
+    and how many each stands for.
+
+    Equal rows at one position are one reading, recorded for several sets that overlap there.
+    """
+    table = np.column_stack([positions, columns])
+    if size_m <= SAME_PLACE_M:
+        _, once = np.unique(table, axis=0, return_index=True)
+        table = table[np.sort(once)]
+    cells = np.round((table[:, :2] - table[:, :2].min(axis=0)) / size_m).astype(np.int64)
+    key = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    counts = np.bincount(inverse).astype(float)
+    if len(first) == len(table):
+        means, counts = table[first], np.ones(len(first))
+    else:
+        sums = [np.bincount(inverse, column) for column in table.T]
+        means = np.column_stack(sums) / counts[:, None]
+    merged = means[:, 2:]
+    return means[:, :2], merged[:, 0] if columns.ndim == 1 else merged, counts
+
+
+def _scaled(functions: Array, there: Array) -> tuple[Array, Array]:
+    """Drift functions of mean 0 and size 1 at the samples, the constant apart."""
+    shift, size = functions.mean(axis=0), functions.std(axis=0)
+    shift[0], size[0] = 0.0, 1.0
+    size[size == 0] = 1.0
+    return (functions - shift) / size, (there - shift) / size
+
+
+def _solve(
     positions: Array,
     values: Array,
     noise: Array,
+    functions: Array,
     targets: Array,
+    there: Array,
     model: CovarianceModel,
-    neighbours: int,
-) -> Estimate:
-    tree = KDTree(positions)
-    mean, variance = np.empty(len(targets)), np.empty(len(targets))
+) -> tuple[Array, Array]:
+    system = model.covariance(cdist(positions, positions))
+    system[np.diag_indices(len(values))] += noise
+    factor, _ = cho_factor(system, lower=True, overwrite_a=True, check_finite=False)
+    white = solve_triangular(
+        factor, np.column_stack([values, functions]), lower=True, check_finite=False
+    )
+    count = values.shape[1]
+    data, basis = white[:, :count], white[:, count:]
+    information = cho_factor(basis.T @ basis + JITTER * np.eye(basis.shape[1]))
+    trend = cho_solve(information, basis.T @ data)
+    residual = data - basis @ trend
+    mean, variance = np.empty((len(targets), count)), np.empty(len(targets))
     for start in range(0, len(targets), TARGETS_AT_ONCE):
         part = slice(start, start + TARGETS_AT_ONCE)
-        distance, index = tree.query(targets[part], k=neighbours)
-        near = np.asarray(index)
-        around = positions[near]
-        between = np.linalg.norm(around[:, :, None, :] - around[:, None, :, :], axis=-1)
-        system = _system(model.covariance(between), noise[near])
-        right = np.ones((len(near), neighbours + 1))
-        right[:, :-1] = model.covariance(distance)
-        weights = np.linalg.solve(system, right[..., None])[..., 0]
-        mean[part] = np.sum(weights[:, :-1] * values[near], axis=1)
-        variance[part] = model.sill - np.sum(weights * right, axis=1)
-    return Estimate(mean=mean, variance=np.maximum(variance, 0.0))
-
-
-def _system(covariance: Array, noise: Array) -> Array:
-    """The kriging matrix [[C + noise, 1], [1, 0]], for one system or a stack of them."""
-    n = covariance.shape[-1]
-    system = np.ones((*covariance.shape[:-2], n + 1, n + 1))
-    system[..., :n, :n] = covariance
-    diagonal = np.arange(n)
-    system[..., diagonal, diagonal] += noise
-    system[..., n, n] = 0.0
-    return system
+        near = model.covariance(cdist(positions, targets[part]))
+        near = solve_triangular(factor, near, lower=True, check_finite=False, overwrite_b=True)
+        missing = there[part].T - basis.T @ near
+        mean[part] = near.T @ residual + there[part] @ trend
+        explained = np.einsum("ij,ij->j", near, near)
+        variance[part] = model.sill - explained + np.einsum(
+            "ij,ij->j", missing, cho_solve(information, missing)
+        )
+    return mean, variance

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import shapely
+from scipy.special import ndtr
 
 from grebe.errors import InputError
-from grebe.mapping.kriging import krige
+from grebe.mapping.drift import DriftFunction
+from grebe.mapping.grid import Grid
+from grebe.mapping.likelihood import fit_reml
+from grebe.mapping.methods import (
+    Interpolator,
+    Kriging,
+    Method,
+    ShoreInterpolator,
+    blocked_share,
+    chosen_method,
+)
+from grebe.mapping.spde import Mesh, coarse_mesh, fit_spde
 from grebe.mapping.validation import Validation, validate
 from grebe.mapping.variogram import VariogramFit, fit_variogram
 from grebe.quantities import QUANTITIES, Quantity
@@ -23,108 +34,174 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 FEWEST_SAMPLES = 10
-# Nodes inside the lake when no resolution is asked for: fine enough to print.
-DEFAULT_NODES = 10_000
-MOST_NODES = 4_000_000
+# A mean squared standardised error beyond this is not chance.
+CLEAR_MSDR = 1.2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
-    """A regular grid over the water: `north` (rows,), `east` (columns,) [m], ascending, and
-    `inside` (rows, columns), true where a node lies in the water.
+class MapSettings:
+    """How maps are made where the choice is not left to the data: None chooses.
+
+    The covariance is fitted by restricted likelihood unless `variogram` is "wls". `drift` is what the mean depends on besides a constant; with it the method is kriging.
     """
 
-    north: Array
-    east: Array
-    inside: NDArray[np.bool_]
+    method: Method | None = None
+    variogram: Literal["wls", "reml"] | None = None
+    drift: DriftFunction | None = None
 
-    @property
-    def nodes(self) -> Array:
-        """The nodes in the water, (m, 2)."""
-        north, east = np.meshgrid(self.north, self.east, indexing="ij")
-        return np.column_stack([north[self.inside], east[self.inside]])
-
-    def spread(self, values: Array) -> Array:
-        """Put (m,) values at the nodes in the water; NaN elsewhere."""
-        field = np.full(self.inside.shape, np.nan)
-        field[self.inside] = values
-        return field
+    def __post_init__(self) -> None:
+        if self.drift is not None and self.method == "spde":
+            raise InputError("A drift goes with --method kriging; the spde has a constant mean.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class QuantityMap:
     """The map of one quantity: `mean` and `sd` of the signal, (rows, columns), NaN on land;
     how it was made and what it is worth.
+
+    An observation varies besides by `noise_sd`. `widening` is the factor that cross-validation
+    put on the standard deviations. `positions` and `values` are the samples that
+    made the map.
     """
 
     quantity: Quantity
     grid: Grid
     mean: Array
     sd: Array
+    widening: float
+    interpolator: Interpolator
+    method: Method
+    reason: str
     fit: VariogramFit
     validation: Validation | None
-    samples: int
+    positions: Array
+    values: Array
     flagged: int
 
+    @property
+    def samples(self) -> int:
+        """Number of samples that made the map."""
+        return len(self.values)
 
-def make_grid(water: shapely.Polygon, resolution_m: float | None = None) -> Grid:
-    """Lay a grid over the water; by default about `DEFAULT_NODES` nodes are in it."""
-    if resolution_m is None:
-        resolution_m = math.sqrt(water.area / DEFAULT_NODES)
-    if not (math.isfinite(resolution_m) and resolution_m > 0):
-        raise InputError(f"A map resolution of {resolution_m} m is none; give metres.")
-    north0, east0, north1, east1 = water.bounds
-    rows = int((north1 - north0) / resolution_m) + 1
-    columns = int((east1 - east0) / resolution_m) + 1
-    if rows * columns > MOST_NODES:
-        raise InputError(
-            f"A map at {resolution_m:g} m has {rows * columns:,} nodes, more than "
-            f"{MOST_NODES:,}; choose a coarser resolution."
+    @property
+    def noise_sd(self) -> float:
+        """Standard deviation of an observation about the signal."""
+        return self.widening * float(np.sqrt(self.interpolator.model.nugget))
+
+    def exceedance(self, threshold: float) -> Array:
+        """Probability that the signal lies above a threshold, (rows, columns); NaN on land."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = (self.mean - threshold) / self.sd
+        certain = (self.mean > threshold).astype(float)
+        probability = np.where(self.sd > 0, ndtr(z), certain)
+        return np.where(np.isfinite(self.mean), probability, np.nan)
+
+    def draws(self, count: int, seed: int = 0) -> Array:
+        """Equally likely fields given the samples, (count, rows, columns); NaN on land."""
+        drawn = self.interpolator.draws(self.positions, self.values, self.grid, count, seed)
+        fields = np.array([self.grid.spread(one) for one in drawn])
+        return self.mean + self.widening * (fields - self.mean)
+
+
+@dataclass
+class Mapper:
+    """Maps the quantities of one survey: the water's grid and mesh are made once."""
+
+    water: shapely.Polygon
+    grid: Grid
+    settings: MapSettings = field(default_factory=MapSettings)
+    _shared: tuple[Mesh, Mesh] | None = field(init=False, default=None)
+
+    def map_quantity(
+        self, quantity: Quantity, positions: Array, values: Array, flags: NDArray[np.int64]
+    ) -> QuantityMap:
+        """Map one quantity from its samples; those flagged suspect or failed stay out of it.
+
+        Raises `InputError` when fewer than `FEWEST_SAMPLES` good samples are left.
+        """
+        present = np.isfinite(values)
+        good = present & np.isin(flags, Flag.USABLE)
+        if good.sum() < FEWEST_SAMPLES:
+            raise InputError(
+                f"{quantity.label}: {int(good.sum())} good samples; a map needs {FEWEST_SAMPLES}."
+            )
+        at, data = positions[good], values[good]
+        try:
+            fit = self._fit(at, data)
+        except ValueError as error:
+            raise InputError(f"{quantity.label}: {error}.") from None
+        method, reason = self._method(at, data, fit)
+        interpolator = self._interpolator(method, at, data, fit)
+        estimate = interpolator.estimate(at, data, self.grid.nodes)
+        validation = validate(at, data, self._judged(interpolator))
+        widening = _widening(validation)
+        return QuantityMap(
+            quantity=quantity,
+            grid=self.grid,
+            mean=self.grid.spread(estimate.mean),
+            sd=self.grid.spread(estimate.sd) * widening,
+            widening=widening,
+            interpolator=interpolator,
+            method=method,
+            reason=reason,
+            fit=fit,
+            validation=validation,
+            positions=at,
+            values=data,
+            flagged=int((present & ~good).sum()),
         )
-    # Nodes are centres of grid cells, so the grid is centred on the bounds.
-    north = (north0 + north1) / 2 + resolution_m * (np.arange(rows) - (rows - 1) / 2)
-    east = (east0 + east1) / 2 + resolution_m * (np.arange(columns) - (columns - 1) / 2)
-    inside = shapely.contains_xy(water, *np.meshgrid(north, east, indexing="ij"))
-    if not inside.any():
-        raise InputError(
-            f"A map at {resolution_m:g} m has no node in the water; choose a finer resolution."
-        )
-    return Grid(north=north, east=east, inside=inside)
+
+    def _fit(self, at: Array, data: Array) -> VariogramFit:
+        """The covariance; of what a drift leaves, where there is one."""
+        if self.settings.drift is not None:
+            basis = np.column_stack([np.ones(len(at)), self.settings.drift(at)])
+            data = data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]
+        by_likelihood = self.settings.variogram != "wls" and np.ptp(data) > 0
+        return fit_reml(at, data) if by_likelihood else fit_variogram(at, data)
+
+    def _method(self, at: Array, data: Array, fit: VariogramFit) -> tuple[Method, str]:
+        if self.settings.method is not None:
+            return self.settings.method, "as asked"
+        if self.settings.drift is not None:
+            return "kriging", "a drift is asked for"
+        if fit.model.sill == 0 or np.ptp(data) == 0:
+            return "kriging", "nothing varies between places"
+        reach = fit.model.practical_range_m
+        return chosen_method(blocked_share(self.water, at, self.grid.nodes, reach))
+
+    def _interpolator(
+        self, method: Method, at: Array, data: Array, fit: VariogramFit
+    ) -> Interpolator:
+        if method == "kriging":
+            return Kriging(model=fit.model, drift=self.settings.drift)
+        mesh, coarse = self._meshes()
+        return ShoreInterpolator(model=fit_spde(coarse, at, data), mesh=mesh)
+
+    def _judged(self, interpolator: Interpolator) -> Interpolator:
+        """The interpolator as it is cross-validated: on the coarse mesh where it has one."""
+        if isinstance(interpolator, ShoreInterpolator):
+            return ShoreInterpolator(model=interpolator.model, mesh=self._meshes()[1])
+        return interpolator
+
+    def _meshes(self) -> tuple[Mesh, Mesh]:
+        if self._shared is None:
+            self._shared = Mesh(self.grid, self.water), coarse_mesh(self.water)
+        return self._shared
 
 
-def map_quantity(
-    quantity: Quantity, grid: Grid, positions: Array, values: Array, flags: NDArray[np.int64]
-) -> QuantityMap:
-    """Map one quantity from its samples; those flagged suspect or failed stay out of it.
+def _widening(validation: Validation | None) -> float:
+    """Factor of the standard deviations: what the left-out lines say of them, if it is clear.
 
-    Raises `InputError` when fewer than `FEWEST_SAMPLES` good samples are left.
+    A sensor's samples along one line agree better than two lines do, and a covariance fitted
+    to both believes the former.
     """
-    present = np.isfinite(values)
-    good = present & np.isin(flags, Flag.USABLE)
-    if good.sum() < FEWEST_SAMPLES:
-        raise InputError(
-            f"{quantity.label}: {int(good.sum())} good samples; a map needs {FEWEST_SAMPLES}."
-        )
-    at, data = positions[good], values[good]
-    try:
-        fit = fit_variogram(at, data)
-    except ValueError as error:
-        raise InputError(f"{quantity.label}: {error}.") from None
-    estimate = krige(at, data, grid.nodes, fit.model)
-    return QuantityMap(
-        quantity=quantity,
-        grid=grid,
-        mean=grid.spread(estimate.mean),
-        sd=grid.spread(estimate.sd),
-        fit=fit,
-        validation=validate(at, data, fit.model),
-        samples=int(good.sum()),
-        flagged=int((present & ~good).sum()),
-    )
+    if validation is None or validation.msdr <= CLEAR_MSDR:
+        return 1.0
+    return float(np.sqrt(validation.msdr))
 
 
 def map_all(
-    grid: Grid,
+    mapper: Mapper,
     positions: Array,
     values: Mapping[str, Array],
     flags: Mapping[str, NDArray[np.int64]],
@@ -133,13 +210,12 @@ def map_all(
     maps: list[QuantityMap] = []
     left_out: list[str] = []
     for quantity in QUANTITIES:
-        if not np.isfinite(values[quantity.key]).any():
+        key = quantity.key
+        if not np.isfinite(values[key]).any():
             left_out.append(f"{quantity.label}: not measured")
             continue
         try:
-            maps.append(
-                map_quantity(quantity, grid, positions, values[quantity.key], flags[quantity.key])
-            )
+            maps.append(mapper.map_quantity(quantity, positions, values[key], flags[key]))
         except InputError as error:
             left_out.append(str(error).rstrip("."))
     return maps, left_out

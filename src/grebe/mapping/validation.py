@@ -1,7 +1,8 @@
-"""Cross-validation by blocks: what the maps are worth where no sample lies near.
+"""Cross-validation: what a map is worth where no sample lies near.
 
-Along a track neighbours betray the answer, so whole stretches of the track are left out at
-a time, not single samples.
+Along a track neighbours betray the answer, so whole lines of the track or, where it has no
+lines, blocks of water are left out at a time, not single samples. The nearest sample and the
+inverse squared distance are judged on the same folds.
 """
 
 from __future__ import annotations
@@ -12,58 +13,131 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import KDTree
 
-from grebe.mapping.covariance import CovarianceModel
-from grebe.mapping.kriging import NEIGHBOURS, krige
+from grebe.mapping.methods import Interpolator
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.floating]
+    Indices = NDArray[np.int64]
 
 FOLDS = 10
+FEWEST_SAMPLES = 20
+# A line ends where the track has turned so far from the line's direction, seen over such a
+# distance; shorter lines belong to the one before.
+TURN_RAD, SIGHT_M, SHORTEST_LINE = np.pi / 4, 5.0, 8
+FEWEST_LINES = 5
+BLOCKS_PER_SIDE = 5
+IDW_NEIGHBOURS = 12
+# Quantiles of the normal distribution: half of it, and 95 %, lie within.
+HALF, MOST = 0.6745, 1.9600
 
 
 @dataclass(frozen=True, kw_only=True)
 class Validation:
     """Errors of left-out samples, in the unit of the quantity.
 
-    `msdr` is the mean squared standardised error (ideal 1); `coverage95` the share of
-    samples within their 95 % interval; `nearest_rmse` what the nearest sample would give.
+    `left_out` says what a fold is; `msdr` is the mean squared standardised error (ideal 1);
+    `coverage50` and `coverage95` the shares of samples within their intervals; `nearest_rmse`
+    and `idw_rmse` what the nearest sample and the inverse squared distance would give.
     """
 
+    left_out: str
+    folds: int
     samples: int
     rmse: float
     bias: float
     msdr: float
+    coverage50: float
     coverage95: float
     nearest_rmse: float
+    idw_rmse: float
 
 
-def validate(positions: Array, values: Array, model: CovarianceModel) -> Validation | None:
-    """Leave out each tenth of the track in turn; None for fewer than 20 samples."""
+def validate(
+    positions: Array, values: Array, interpolator: Interpolator, folds: Indices | None = None
+) -> Validation | None:
+    """Leave out each fold in turn; None for too few samples, or all in one fold."""
     n = len(values)
-    if n < 2 * FOLDS:
+    left_out = "given folds"
+    if folds is None:
+        folds, left_out = track_folds(positions)
+    if n < FEWEST_SAMPLES or len(np.unique(folds)) < 2:
         return None
-    fold = np.arange(n) * FOLDS // n
-    error, variance, nearest = np.empty(n), np.empty(n), np.empty(n)
-    for k in range(FOLDS):
-        out = fold == k
-        estimate = krige(positions[~out], values[~out], positions[out], model, NEIGHBOURS)
+    error, variance = np.empty(n), np.empty(n)
+    nearest, weighted = np.empty(n), np.empty(n)
+    for k in np.unique(folds):
+        out = folds == k
+        estimate = interpolator.estimate(positions[~out], values[~out], positions[out])
         error[out] = estimate.mean - values[out]
-        variance[out] = estimate.variance + model.nugget
-        nearest[out] = _nearest(positions[~out], values[~out], positions[out]) - values[out]
+        variance[out] = estimate.variance + interpolator.model.nugget
+        simple = _simple(positions[~out], values[~out], positions[out])
+        nearest[out], weighted[out] = simple - values[out]
     safe = np.maximum(variance, np.finfo(float).tiny)
     standardised = np.where(variance > 0, error / np.sqrt(safe), 0.0)
     return Validation(
+        left_out=left_out,
+        folds=len(np.unique(folds)),
         samples=n,
-        rmse=float(np.sqrt(np.mean(error**2))),
+        rmse=_rms(error),
         bias=float(np.mean(error)),
         msdr=float(np.mean(standardised**2)),
-        coverage95=float(np.mean(np.abs(standardised) <= 1.96)),
-        nearest_rmse=float(np.sqrt(np.mean(nearest**2))),
+        coverage50=float(np.mean(np.abs(standardised) <= HALF)),
+        coverage95=float(np.mean(np.abs(standardised) <= MOST)),
+        nearest_rmse=_rms(nearest),
+        idw_rmse=_rms(weighted),
     )
 
 
-def _nearest(positions: Array, values: Array, targets: Array) -> Array:
-    _, index = KDTree(positions).query(targets)
-    return values[index]
+def track_folds(positions: Array) -> tuple[Indices, str]:
+    """The fold of each sample, (n,), and what the folds are: lines of the track in turn, or
+    blocks of water where it has fewer than `FEWEST_LINES` lines.
+    """
+    lines = track_lines(positions)
+    count = int(lines.max()) + 1 if len(lines) else 0
+    if count >= FEWEST_LINES:
+        return lines % FOLDS, f"{count} lines of the track, every {min(count, FOLDS)}th at a time"
+    low, extent = positions.min(axis=0), np.ptp(positions, axis=0)
+    side = max(float(extent.max()) / BLOCKS_PER_SIDE, 1e-9)
+    blocks = np.floor((positions - low) / side).astype(np.int64)
+    _, folds = np.unique(blocks, axis=0, return_inverse=True)
+    folds = np.asarray(folds).ravel()
+    return folds, f"{int(folds.max()) + 1} blocks of {side:.0f} m"
+
+
+def track_lines(positions: Array) -> Indices:
+    """Number the straight lines of a track, (n,): a new one where it turns."""
+    lines = np.zeros(len(positions), dtype=np.int64)
+    start, line = 0, 0
+    heading: float | None = None
+    behind = 0
+    for i in range(1, len(positions)):
+        while behind < i and np.hypot(*(positions[i] - positions[behind + 1])) >= SIGHT_M:
+            behind += 1
+        way = positions[i] - positions[behind]
+        if np.hypot(*way) >= SIGHT_M:
+            bearing = float(np.arctan2(way[1], way[0]))
+            if heading is None:
+                heading = bearing
+            elif abs((bearing - heading + np.pi) % (2 * np.pi) - np.pi) > TURN_RAD:
+                if i - start >= SHORTEST_LINE:
+                    line += 1
+                start, heading, behind = i, None, i
+        lines[i] = line
+    return lines
+
+
+def _simple(positions: Array, values: Array, targets: Array) -> Array:
+    """The nearest sample's value and the inverse squared distance's, (2, m)."""
+    tree = KDTree(positions)
+    distance, index = tree.query(targets, k=min(IDW_NEIGHBOURS, len(values)))
+    distance, index = np.atleast_2d(distance), np.atleast_2d(index)
+    if distance.shape[0] != len(targets):
+        distance, index = distance.T, index.T
+    weight = 1 / np.maximum(distance, 1e-6) ** 2
+    weighted = np.sum(weight * values[index], axis=1) / np.sum(weight, axis=1)
+    return np.stack([values[index[:, 0]], weighted])
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))

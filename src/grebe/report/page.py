@@ -13,7 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from grebe.errors import InputError
-from grebe.mapping.maps import QuantityMap, make_grid, map_all
+from grebe.mapping.grid import make_grid
+from grebe.mapping.maps import Mapper, MapSettings, QuantityMap, map_all
 from grebe.report import figures
 from grebe.store import Progress, SampleTable, SurveyFile, TrackTable
 from grebe.survey import Event, Survey
@@ -46,12 +47,17 @@ class ReportData:
         return inside
 
 
-def gather(survey_file: SurveyFile, resolution_m: float | None = None) -> ReportData:
+def gather(
+    survey_file: SurveyFile,
+    resolution_m: float | None = None,
+    settings: MapSettings | None = None,
+) -> ReportData:
     """Read a survey file and map its samples."""
     samples = survey_file.samples()
     survey = survey_file.survey
     grid = make_grid(survey.water, resolution_m)
-    maps, left_out = map_all(grid, samples.positions, samples.values, samples.flags)
+    mapper = Mapper(survey.water, grid, settings or MapSettings())
+    maps, left_out = map_all(mapper, samples.positions, samples.values, samples.flags)
     return ReportData(
         survey=survey,
         meta=survey_file.meta(),

@@ -1,0 +1,72 @@
+"""Kriging by tiles: neighbouring targets share one window of samples, and one factorisation.
+
+A window of a few dozen samples for each target would, on a track that is sampled each metre,
+end a few metres away. Targets of one tile together can afford hundreds: the nearest to the
+tile, a share from every octant around it, so that a long line does not fill the window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+    Indices = NDArray[np.int64]
+
+OCTANTS = 8
+# A tile holds at most so many targets and such a share of a window's samples.
+MOST_TARGETS, TILE_SHARE = 600, 1 / 6
+# Of so many times the window's samples around a tile those of the octants are chosen.
+CANDIDATES = 4
+
+
+def tiles(samples: Array, targets: Array, window: int) -> Iterator[tuple[Indices, Indices]]:
+    """Yield pairs of indices: the targets of a tile, and the samples that tell about them."""
+    tree = KDTree(samples)
+    for members in _split(targets, tree, window):
+        yield members, _window(samples, tree, targets[members], window)
+
+
+def _split(targets: Array, tree: KDTree, window: int) -> list[Indices]:
+    """Halve the targets across their longer side until few enough samples lie among them."""
+    waiting, done = [np.arange(len(targets))], []
+    while waiting:
+        members = waiting.pop()
+        low, high = targets[members].min(axis=0), targets[members].max(axis=0)
+        radius = 0.5 * float(np.max(high - low))
+        among = tree.query_ball_point(
+            0.5 * (low + high), radius, p=np.inf, return_length=True
+        ) if radius > 0 else 0  # fmt: skip
+        if len(members) <= MOST_TARGETS and among <= TILE_SHARE * window:
+            done.append(members)
+            continue
+        axis = int(np.argmax(high - low))
+        rank = members[np.argsort(targets[members, axis], kind="stable")]
+        waiting += [rank[: len(rank) // 2], rank[len(rank) // 2 :]]
+    return done
+
+
+def _window(samples: Array, tree: KDTree, targets: Array, window: int) -> Indices:
+    """The nearest samples of each octant around a tile; octants with few leave room to others."""
+    low, high = targets.min(axis=0), targets.max(axis=0)
+    centre = 0.5 * (low + high)
+    _, near = tree.query(centre, k=min(CANDIDATES * window, len(samples)))
+    near = np.atleast_1d(np.asarray(near))
+    if len(near) <= window:
+        return near
+    outside = np.maximum(np.maximum(low - samples[near], samples[near] - high), 0)
+    away = np.hypot(*outside.T)
+    way = samples[near] - centre
+    octant = ((np.arctan2(way[:, 1], way[:, 0]) / np.pi + 1) * (OCTANTS / 2)).astype(int) % OCTANTS
+    # Rank within the octant: taking samples by rank takes from all octants alike.
+    order = np.lexsort((away, octant))
+    first = np.searchsorted(octant[order], np.arange(OCTANTS))
+    rank = np.empty(len(near), dtype=np.int64)
+    rank[order] = np.arange(len(near)) - first[octant[order]]
+    return near[np.lexsort((away, np.where(away > 0, rank, 0)))[:window]]
