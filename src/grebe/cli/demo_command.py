@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 import shapely
 
+from grebe.checked import check_samples
 from grebe.cli import options, output
 from grebe.cli.files import create_survey_file, make_folder
 from grebe.cli.map_command import write_maps
@@ -58,7 +59,8 @@ def command(out: Path, as_json: bool) -> None:
             datetime.now(UTC),
             watch=bar.update,
         )
-        output.note("mapping what was measured")
+        output.note("checking and mapping what was measured")
+        check_samples(survey_file)
         data = gather(survey_file)
     write_maps(data, out / "maps")
     write_report(out / "report.html", data)

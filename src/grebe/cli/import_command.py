@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from grebe.checked import check_samples
 from grebe.cli import options, output
 from grebe.cli.files import create_survey_file
 from grebe.imported import samples_of_track, survey_of_track
@@ -37,6 +38,7 @@ def command(
     with create_survey_file(path, survey, force=force, note=f"Imported from {track.name}.") as file:
         file.append_samples(samples_of_track(raw, survey))
         file.set_meta("water", f"measured, {track.name}")
+        quality = check_samples(file)
         count = file.count("samples")
     output.result(
         {
@@ -44,6 +46,7 @@ def command(
             "samples": count,
             "area_m2": round(survey.water.area, 1),
             "columns": [f"{key}: {name}" for key, name in raw.columns.items()],
+            "good": {key: int((quality.flags[key] == 1).sum()) for key in raw.values},
             "left_out": missing,
             "file": str(path),
         },

@@ -17,6 +17,8 @@ COMMANDS = {
     "plan": "mesh a region into target sets and put them in order",
     "export": "hand a plan to a ground station, a GPS receiver or a map",
     "run": "steer a boat through every target set of a survey",
+    "check": "flag suspect and failed samples by QARTOD's tests",
+    "lag": "estimate the sensors' lag where one line was run twice",
     "map": "draw the maps of what was measured",
     "report": "write one self-contained HTML page about a survey",
     "import": "turn a hand-driven track into a survey file",

@@ -11,6 +11,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from grebe.checked import check_samples
 from grebe.cli import options, output
 from grebe.control.settings import (
     RULES,
@@ -145,6 +146,7 @@ def command(
             force=force,
             watch=bar.update,
         )
+        check_samples(survey_file)
     output.result(asdict(report), as_json=as_json, next_command=f"grebe map {file} --out maps")
     if not report.complete:
         raise IncompleteError(

@@ -12,6 +12,7 @@ import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
+from grebe.checked import corrected_values, stored_lags
 from grebe.errors import InputError
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings, QuantityMap, map_all
@@ -57,7 +58,8 @@ def gather(
     survey = survey_file.survey
     grid = make_grid(survey.water, resolution_m)
     mapper = Mapper(survey.water, grid, settings or MapSettings())
-    maps, left_out = map_all(mapper, samples.positions, samples.values, samples.flags)
+    values = corrected_values(samples, stored_lags(survey_file))
+    maps, left_out = map_all(mapper, samples.positions, values, samples.flags)
     return ReportData(
         survey=survey,
         meta=survey_file.meta(),

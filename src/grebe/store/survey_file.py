@@ -9,7 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -224,6 +224,16 @@ class SurveyFile:
             "UPDATE targets SET reached_at = ? WHERE seq = ? AND reached_at IS NULL",
             (time_text(time), seq),
         )
+
+    def set_flags(self, flags: Mapping[str, NDArray[np.int64]]) -> None:
+        """Store the flags (n,) of each quantity, in the order of `samples`, all or none."""
+        keys = list(flags)
+        fids = [row[0] for row in self._query("SELECT fid FROM samples ORDER BY fid")]
+        setters = ", ".join(f"{key}_qc = ?" for key in keys)
+        columns = [flags[key].tolist() for key in keys]
+        with self._transaction():
+            for row in zip(*columns, fids, strict=True):
+                self._execute(f"UPDATE samples SET {setters} WHERE fid = ?", row)
 
     def set_meta(self, key: str, value: str) -> None:
         """Set one entry of the meta table."""

@@ -1,0 +1,74 @@
+"""grebe check: quality control of what was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from grebe.checked import check_samples, store_lags
+from grebe.cli import options, output
+from grebe.errors import InputError, UsageError
+from grebe.mapping.lag import Lag
+from grebe.mapping.quality import DEFAULT_LIMITS
+from grebe.quantities import QUANTITY_KEYS
+from grebe.readers.limits import read_limits
+from grebe.store import SurveyFile
+
+
+@click.command(name="check")
+@click.argument("file", type=options.EXISTING)
+@click.option("--limits", "limits_file", type=options.EXISTING, help="TOML: limits of this water.")
+@click.option(
+    "--lag",
+    "lags",
+    multiple=True,
+    metavar="KEY=DELAY[,TAU]",
+    help="Lag of a sensor [s], corrected in the maps: a delay and a time constant.",
+)
+@options.json_option
+def command(
+    file: Path, limits_file: Path | None, lags: tuple[str, ...], as_json: bool
+) -> None:
+    """Check the samples of FILE by QARTOD's tests and store a flag beside each value."""
+    limits = DEFAULT_LIMITS if limits_file is None else read_limits(limits_file)
+    known = dict(map(_lag, lags))
+    with SurveyFile.open(file) as survey_file:
+        survey_file.claim()
+        if not survey_file.count("samples"):
+            raise InputError(f"{file} holds no samples yet.")
+        quality = check_samples(survey_file, limits)
+        if known:
+            store_lags(survey_file, known)
+    for text in quality.notes:
+        output.note(f"note: {text}")
+    output.result(
+        {
+            "good": {key: int((flags == 1).sum()) for key, flags in quality.flags.items()},
+            "found": _found(quality.counts) if not as_json else quality.counts,
+        },
+        as_json=as_json,
+        next_command=f"grebe map {file} --out maps",
+    )
+
+
+def _found(counts: dict[str, dict[str, tuple[int, int]]]) -> list[str]:
+    """What the tests found, in words."""
+    return [
+        f"{key}: {test} {suspect} suspect, {failed} failed"
+        for key, tests in counts.items()
+        for test, (suspect, failed) in tests.items()
+        if suspect or failed
+    ]
+
+
+def _lag(text: str) -> tuple[str, Lag]:
+    """Parse KEY=DELAY[,TAU]."""
+    key, _, numbers = text.partition("=")
+    if key not in QUANTITY_KEYS:
+        raise UsageError(f"--lag {text!r}: no quantity {key!r}; one of {', '.join(QUANTITY_KEYS)}.")
+    try:
+        delay, *tau = (float(number) for number in numbers.split(","))
+        return key, Lag(delay_s=delay, tau_s=tau[0] if tau else 0.0)
+    except (ValueError, IndexError):
+        raise UsageError(f"--lag {text!r} is not KEY=DELAY[,TAU] in seconds.") from None

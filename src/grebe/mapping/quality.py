@@ -1,0 +1,277 @@
+"""Quality control of samples: QARTOD's tests by ioos_qc, and two of a survey boat's own.
+
+Nothing is deleted: each value gets a flag (1 good, 3 suspect, 4 failed, 9 missing), the worst of
+its tests, and only the good ones make the map. The tests: gross range, spike, flat line, rate
+of change (IOOS QARTOD manuals), location (outside the water), time (standing still or going
+back), the sonde settling after it was put in, and samples out of the water.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from scipy.optimize import least_squares
+
+from grebe.quantities import QUANTITIES
+from grebe.survey import Flag
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+    Flags = NDArray[np.int64]
+
+# Beyond the shore by more than this a position is wrong, or the outline is [m].
+OUTSIDE_M = 25.0
+# A gap this many times as long as the usual interval is told of.
+GAP_FACTOR = 10.0
+# The sonde settles within this time [s]; what comes later, up to that time, shows what is usual.
+SETTLING_S, USUAL_S = 300.0, 1500.0
+SETTLING_WINDOW_S = 100.0
+FEWEST_SAMPLES = 30
+# An exponential approach must explain so much of the first minutes, and be so much larger than
+# what the record shows in as long a time later.
+EXPLAINED, CLEAR_FACTOR = 0.9, 2.5
+LONGEST_TAU_S = 150.0
+# Settled: what is left of the approach.
+SETTLED_SHARE = 0.05
+# In the air the conductivity of lake water falls to nearly nothing.
+AIR_SHARE = 0.3
+# Samples beside one in the air that are suspect as well [s].
+SPLASH_S = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What is possible and what is usual for one quantity, in its unit.
+
+    `fail_span`, `suspect_span`: gross range. `spike_suspect`, `spike_fail`: a value off both
+    neighbours to the same side. `rate_per_s`: steepest change. `flat_suspect_s`, `flat_fail_s`:
+    how long a value may stay within `flat_tolerance`.
+    """
+
+    fail_span: tuple[float, float]
+    suspect_span: tuple[float, float]
+    spike_suspect: float
+    spike_fail: float
+    rate_per_s: float
+    flat_tolerance: float = 1e-9
+    flat_suspect_s: float = 300.0
+    flat_fail_s: float = 900.0
+
+
+def _limits(
+    key: str, suspect: tuple[float, float], spike: tuple[float, float], rate: float
+) -> Limits:
+    span = next(quantity.span for quantity in QUANTITIES if quantity.key == key)
+    return Limits(
+        fail_span=span,
+        suspect_span=suspect,
+        spike_suspect=spike[0],
+        spike_fail=spike[1],
+        rate_per_s=rate,
+    )
+
+
+# Wide enough for any temperate lake and the river into it: a team narrows them to its water.
+DEFAULT_LIMITS: dict[str, Limits] = {
+    "temperature_degc": _limits("temperature_degc", (-0.5, 35.0), (1.0, 3.0), 0.5),
+    "dissolved_oxygen_mgl": _limits("dissolved_oxygen_mgl", (0.0, 20.0), (1.0, 3.0), 0.5),
+    "ph": _limits("ph", (4.0, 10.5), (0.3, 1.0), 0.1),
+    "conductivity_uscm": _limits("conductivity_uscm", (5.0, 20000.0), (50.0, 200.0), 50.0),
+    "turbidity_ntu": _limits("turbidity_ntu", (0.0, 1000.0), (20.0, 100.0), 20.0),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """What is checked: `times` (n,) [s], `lonlat` (n, 2) [deg], `positions` (n, 2) [m], and a
+    column (n,) a quantity, NaN where it is missing.
+    """
+
+    times: Array
+    lonlat: Array
+    positions: Array
+    values: Mapping[str, Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """Flags (n,) of each quantity, and for each quantity and test the numbers of values that it
+    found suspect and failed; `notes` on the whole record.
+    """
+
+    flags: dict[str, Flags]
+    counts: dict[str, dict[str, tuple[int, int]]]
+    notes: tuple[str, ...] = field(default=())
+
+
+def check_quality(
+    record: Record, water: shapely.Polygon, limits: Mapping[str, Limits] = DEFAULT_LIMITS
+) -> Quality:
+    """Flag each value of a record of samples."""
+    shared = {"location": _location(record, water), "time": _time(record.times)}
+    air = _out_of_water(record)
+    flags: dict[str, Flags] = {}
+    counts: dict[str, dict[str, tuple[int, int]]] = {}
+    for key, column in record.values.items():
+        present = np.isfinite(column)
+        flags[key] = np.where(present, Flag.GOOD, Flag.MISSING).astype(np.int64)
+        if not present.any():
+            continue
+        tests = {name: one[present] for name, one in {**shared, "out of water": air}.items()}
+        tests |= _tests(column[present], record.times[present], limits[key])
+        worst = np.max([np.where(_bad(one), one, Flag.GOOD) for one in tests.values()], axis=0)
+        flags[key][present] = worst
+        counts[key] = {
+            name: (int(np.sum(one == Flag.SUSPECT)), int(np.sum(one == Flag.FAIL)))
+            for name, one in tests.items()
+        }
+    return Quality(flags=flags, counts=counts, notes=_notes(record.times))
+
+
+def _bad(flags: Flags) -> NDArray[np.bool_]:
+    return (flags == Flag.SUSPECT) | (flags == Flag.FAIL)
+
+
+def _tests(values: Array, times: Array, limits: Limits) -> dict[str, Flags]:
+    """The tests of one quantity on its values that are there."""
+    from ioos_qc import qartod
+
+    stamps = (1e9 * times).astype(np.int64).astype("datetime64[ns]")
+    results: dict[str, Any] = {
+        "gross range": qartod.gross_range_test(
+            values, fail_span=limits.fail_span, suspect_span=_within(limits)
+        )
+    }
+    if len(values) > 2:
+        # A differential spike leaves the two neighbours of a spike alone.
+        results["spike"] = qartod.spike_test(
+            values,
+            suspect_threshold=limits.spike_suspect,
+            fail_threshold=limits.spike_fail,
+            method="differential",
+        )
+        results["rate of change"] = qartod.rate_of_change_test(
+            values, stamps, threshold=limits.rate_per_s
+        )
+        results["flat line"] = qartod.flat_line_test(
+            values,
+            stamps,
+            suspect_threshold=int(limits.flat_suspect_s),
+            fail_threshold=int(limits.flat_fail_s),
+            tolerance=limits.flat_tolerance,
+        )
+    flags = {
+        name: np.ma.filled(np.ma.asarray(one), Flag.NOT_EVALUATED).astype(np.int64)
+        for name, one in results.items()
+    }
+    return flags | {"settling": _settling(values, times)}
+
+
+def _within(limits: Limits) -> tuple[float, float]:
+    """The suspect span, not wider than the failing one."""
+    low, high = limits.suspect_span
+    return max(low, limits.fail_span[0]), min(high, limits.fail_span[1])
+
+
+def _location(record: Record, water: shapely.Polygon) -> Flags:
+    from ioos_qc import qartod
+
+    lon, lat = record.lonlat.T
+    on_earth = np.ma.filled(qartod.location_test(lon, lat), Flag.NOT_EVALUATED).astype(np.int64)
+    away = shapely.distance(water, shapely.points(record.positions))
+    return np.where(away > OUTSIDE_M, Flag.FAIL, on_earth)
+
+
+def _time(times: Array) -> Flags:
+    flags = np.full(len(times), Flag.GOOD)
+    latest = np.maximum.accumulate(times)
+    flags[1:][times[1:] < latest[:-1]] = Flag.FAIL
+    return flags
+
+
+def _notes(times: Array) -> tuple[str, ...]:
+    steps = np.diff(times)
+    forward = steps[steps > 0]
+    if not len(forward):
+        return ()
+    usual = float(np.median(forward))
+    gaps = forward[forward > GAP_FACTOR * usual]
+    if not len(gaps):
+        return ()
+    return (f"{len(gaps)} gaps in time, the longest of {gaps.max():.0f} s",)
+
+
+def _out_of_water(record: Record) -> Flags:
+    """Failed where the conductivity falls to that of air, suspect just before and after."""
+    flags = np.full(len(record.times), Flag.GOOD)
+    column = record.values.get("conductivity_uscm")
+    if column is None or not np.isfinite(column).any():
+        return flags
+    air = column < AIR_SHARE * float(np.nanmedian(column))
+    if air.any():
+        moments = np.sort(record.times[air])
+        after = np.searchsorted(moments, record.times)
+        gap = np.minimum(
+            np.abs(record.times - moments[np.clip(after, 0, len(moments) - 1)]),
+            np.abs(record.times - moments[np.clip(after - 1, 0, len(moments) - 1)]),
+        )
+        flags[gap <= SPLASH_S] = Flag.SUSPECT
+        flags[air] = Flag.FAIL
+    return flags
+
+
+def _settling(values: Array, times: Array) -> Flags:
+    """Suspect while a sensor still approaches the water's value exponentially.
+
+    Believed only where the approach explains the first minutes and is far larger than what
+    the record shows in as long a time later: a real gradient is met again, a settling is not.
+    """
+    flags = np.full(len(values), Flag.GOOD)
+    since = times - times[0]
+    first = since <= SETTLING_S
+    later = (since > SETTLING_S) & (since <= USUAL_S)
+    if first.sum() < FEWEST_SAMPLES or later.sum() < FEWEST_SAMPLES:
+        return flags
+    approach = _approach(since[first], values[first])
+    if approach is None:
+        return flags
+    amplitude, tau = approach
+    if abs(amplitude) < CLEAR_FACTOR * _usual_change(since[later], values[later]):
+        return flags
+    flags[since <= tau * math.log(1 / SETTLED_SHARE)] = Flag.SUSPECT
+    return flags
+
+
+def _approach(since: Array, values: Array) -> tuple[float, float] | None:
+    """Amplitude and time constant [s] of an exponential approach, if that is what it is."""
+    spread = float(np.ptp(values))
+    if spread == 0:
+        return None
+    scaled = (values - values[-1]) / spread
+
+    def residuals(parameters: Array) -> Array:
+        end, amplitude, tau = parameters
+        return end + amplitude * np.exp(-since / tau) - scaled
+
+    start = (0.0, float(scaled[0]), 40.0)
+    bounds = ([-2.0, -5.0, 2.0], [2.0, 5.0, LONGEST_TAU_S])
+    fit = least_squares(residuals, start, bounds=bounds)
+    explained = 1 - float(np.sum(fit.fun**2)) / float(np.sum((scaled - scaled.mean()) ** 2))
+    _, amplitude, tau = fit.x.tolist()
+    if explained < EXPLAINED or tau > 0.98 * LONGEST_TAU_S:
+        return None
+    return amplitude * spread, tau
+
+
+def _usual_change(since: Array, values: Array) -> float:
+    """Median of how far the values range within a window of `SETTLING_WINDOW_S`."""
+    window = ((since - since[0]) // SETTLING_WINDOW_S).astype(int)
+    ranges = [np.ptp(values[window == k]) for k in np.unique(window)]
+    return float(np.median(ranges))
