@@ -26,9 +26,16 @@ from grebe.store import SurveyFile
     metavar="KEY=DELAY[,TAU]",
     help="Lag of a sensor [s], corrected in the maps: a delay and a time constant.",
 )
+@click.option("--sensors", help="The sensors and their calibration, for the report.")
+@click.option("--positions", help="How good the positions are, for the report.")
 @options.json_option
 def command(
-    file: Path, limits_file: Path | None, lags: tuple[str, ...], as_json: bool
+    file: Path,
+    limits_file: Path | None,
+    lags: tuple[str, ...],
+    sensors: str | None,
+    positions: str | None,
+    as_json: bool,
 ) -> None:
     """Check the samples of FILE by QARTOD's tests and store a flag beside each value."""
     limits = DEFAULT_LIMITS if limits_file is None else read_limits(limits_file)
@@ -40,6 +47,9 @@ def command(
         quality = check_samples(survey_file, limits)
         if known:
             store_lags(survey_file, known)
+        for name, text in (("sensors", sensors), ("positions", positions)):
+            if text is not None:
+                survey_file.set_meta(name, text)
     for text in quality.notes:
         output.note(f"note: {text}")
     output.result(

@@ -20,7 +20,9 @@ from grebe.frames import LocalFrame
 from grebe.planning.planner import PlanSettings, plan_survey
 from grebe.planning.region import Region
 from grebe.report import figures
-from grebe.report.page import gather, write_report
+from grebe.report.data import gather
+from grebe.report.page import write_report
+from grebe.report.thresholds import read_profile
 from grebe.simulated_mission import SimulationSettings, simulate
 from grebe.vessel import PRESETS
 
@@ -62,7 +64,7 @@ def command(out: Path, as_json: bool) -> None:
         output.note("checking and mapping what was measured")
         check_samples(survey_file)
         data = gather(survey_file)
-    write_maps(data, out / "maps")
+    write_maps(data, out / "maps", read_profile(None))
     write_report(out / "report.html", data)
     output.result(
         {

@@ -20,6 +20,7 @@ COMMANDS = {
     "check": "flag suspect and failed samples by QARTOD's tests",
     "lag": "estimate the sensors' lag where one line was run twice",
     "map": "draw the maps of what was measured",
+    "diff": "map what changed between two surveys of the same water",
     "report": "write one self-contained HTML page about a survey",
     "import": "turn a hand-driven track into a survey file",
     "paper": "reproduce the paper's figures, beside the numbers they must show",

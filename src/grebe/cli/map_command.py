@@ -7,14 +7,20 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from grebe.cli import options, output
 from grebe.cli.files import make_folder
 from grebe.errors import InputError
+from grebe.export.contours import write_contours
+from grebe.export.geotiff import write_geotiff
 from grebe.export.netcdf import write_netcdf
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.drift import DriftFunction, combined, inflow, linear
+from grebe.mapping.maps import MapSettings, QuantityMap
+from grebe.mapping.methods import METHODS, Method
 from grebe.report import figures
-from grebe.report.page import ReportData, gather
+from grebe.report.data import ReportData, gather
+from grebe.report.thresholds import Profile, read_profile
 from grebe.store import SurveyFile
 
 
@@ -22,19 +28,54 @@ from grebe.store import SurveyFile
 @click.argument("file", type=options.EXISTING)
 @click.option("--out", type=options.FOLDER, required=True, help="Folder for the maps.")
 @click.option("--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m].")
+@click.option(
+    "--method", type=click.Choice(METHODS), help="How to interpolate.  [default: by the shore]"
+)
+@click.option(
+    "--variogram",
+    type=click.Choice(("reml", "wls")),
+    help="Fit the covariance by restricted likelihood or to the variogram.  [default: reml]",
+)
+@click.option("--drift", type=click.Choice(("linear",)), help="What the mean depends on.")
+@click.option(
+    "--inflow",
+    "inflows",
+    type=options.LON_LAT,
+    multiple=True,
+    help="An inflow from whose distance the mean depends; may be given several times.",
+)
+@click.option("--draws", type=click.IntRange(0, 1000), default=0, help="Conditional simulations.")
+@click.option("--profile", type=options.EXISTING, help="TOML: thresholds.  [default: fresh water]")
 @options.json_option
-def command(file: Path, out: Path, resolution_m: float | None, as_json: bool) -> None:
-    """Map every quantity of FILE: map.nc (CF NetCDF) and one picture each."""
+def command(
+    file: Path,
+    out: Path,
+    resolution_m: float | None,
+    method: Method | None,
+    variogram: Any,
+    drift: str | None,
+    inflows: tuple[tuple[float, float], ...],
+    draws: int,
+    profile: Path | None,
+    as_json: bool,
+) -> None:
+    """Map every quantity of FILE: map.nc (CF NetCDF), contours.gpkg, and a Cloud Optimized
+    GeoTIFF and a picture each.
+    """
+    thresholds = read_profile(profile)
     with SurveyFile.open(file) as survey_file:
-        data = gather(survey_file, resolution_m)
-    written = write_maps(data, out)
+        settings = MapSettings(
+            method=method, variogram=variogram, drift=_drift(survey_file, drift, inflows)
+        )
+        data = gather(survey_file, resolution_m, settings)
+    written = write_maps(data, out, thresholds, draws)
     for text in data.left_out:
         output.note(f"left out: {text}")
     output.result(
         {
-            "maps": [_numbers(one) for one in data.maps]
+            "maps": [map_numbers(one) for one in data.maps]
             if as_json
-            else [one.quantity.label for one in data.maps],
+            else [f"{one.quantity.label} ({one.method})" for one in data.maps],
             "left_out": list(data.left_out),
             "files": [str(path) for path in written],
         },
@@ -43,23 +84,40 @@ def command(file: Path, out: Path, resolution_m: float | None, as_json: bool) ->
     )
 
 
-def write_maps(data: ReportData, out: Path) -> list[Path]:
-    """Write map.nc and the pictures; `InputError` when there is nothing to map."""
+def _drift(
+    survey_file: SurveyFile, name: str | None, inflows: Sequence[tuple[float, float]]
+) -> DriftFunction | None:
+    functions: list[DriftFunction] = [linear] if name == "linear" else []
+    for place in inflows:
+        north, east = survey_file.survey.frame.to_local(place).tolist()
+        functions.append(inflow((north, east)))
+    return combined(functions)
+
+
+def write_maps(
+    data: ReportData, out: Path, profile: Profile, draws: int = 0
+) -> list[Path]:
+    """Write everything that maps are given in; `InputError` when there is nothing to map."""
     if not data.maps:
         raise InputError(f"No quantity can be mapped: {'; '.join(data.left_out)}.")
     make_folder(out)
-    netcdf = out / "map.nc"
-    write_netcdf(netcdf, data.maps, data.survey.frame, _attributes(data))
-    return [netcdf, *_pictures(data.maps, data, out)]
-
-
-def _pictures(maps: Sequence[QuantityMap], data: ReportData, out: Path) -> list[Path]:
-    return [
-        figures.save(
-            figures.map_figure(data.survey, one, data.samples), out / f"{one.quantity.key}.png"
-        )
-        for one in maps
-    ]
+    frame = data.survey.frame
+    concerns = {
+        one.quantity.key: {each.name: each.probability(one) for each in profile.of(one)}
+        for one in data.maps
+    }
+    drawn: dict[str, np.ndarray] = {
+        one.quantity.key: one.draws(draws) for one in data.maps if draws
+    }
+    written = [out / "map.nc", out / "contours.gpkg"]
+    write_netcdf(written[0], data.maps, frame, _attributes(data), concerns, drawn)
+    write_contours(written[1], data.maps, frame)
+    for one in data.maps:
+        key = one.quantity.key
+        write_geotiff(out / f"{key}.tif", one, frame, concerns[key])
+        figures.save(figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
+        written += [out / f"{key}.tif", out / f"{key}.png"]
+    return written
 
 
 def _attributes(data: ReportData) -> dict[str, str]:
@@ -71,7 +129,8 @@ def _attributes(data: ReportData) -> dict[str, str]:
     }
 
 
-def _numbers(one: QuantityMap) -> dict[str, Any]:
+def map_numbers(one: QuantityMap) -> dict[str, Any]:
+    """What there is to say of a map, for JSON."""
     model, validation = one.interpolator.model, one.validation
     return {
         "quantity": one.quantity.key,
@@ -79,6 +138,7 @@ def _numbers(one: QuantityMap) -> dict[str, Any]:
         "flagged": one.flagged,
         "method": one.method,
         "reason": one.reason,
+        "sd_widened_by": one.widening,
         "variogram": {
             "kind": model.kind,
             "nugget": model.nugget,
@@ -86,6 +146,10 @@ def _numbers(one: QuantityMap) -> dict[str, Any]:
             "range_m": model.range_m,
             "practical_range_m": model.practical_range_m,
             "reason": one.fit.reason,
+            "standard_errors": {
+                name: value if np.isfinite(value) else None
+                for name, value in one.fit.standard_errors.items()
+            },
         },
         "validation": vars(validation) if validation else None,
     }

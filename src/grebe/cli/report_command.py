@@ -8,7 +8,11 @@ import click
 
 from grebe.cli import options, output
 from grebe.errors import InputError
-from grebe.report.page import gather, write_report
+from grebe.report.data import gather
+from grebe.report.page import write_report
+from grebe.report.pdf import print_pdf
+from grebe.report.texts import LANGUAGES
+from grebe.report.thresholds import read_profile
 from grebe.store import SurveyFile
 
 
@@ -16,21 +20,43 @@ from grebe.store import SurveyFile
 @click.argument("file", type=options.EXISTING)
 @click.option("-o", "--output", "path", type=options.OUTPUT, help="HTML page [FILE.html].")
 @click.option("--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m].")
+@click.option(
+    "--language", type=click.Choice(LANGUAGES), default="en", show_default=True, help="Of the page."
+)
+@click.option("--profile", type=options.EXISTING, help="TOML: thresholds.  [default: fresh water]")
+@click.option("--pdf", is_flag=True, help="Print the page to a PDF beside it, by a browser.")
 @options.force_option
 @options.json_option
 def command(
-    file: Path, path: Path | None, resolution_m: float | None, force: bool, as_json: bool
+    file: Path,
+    path: Path | None,
+    resolution_m: float | None,
+    language: str,
+    profile: Path | None,
+    pdf: bool,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Write one self-contained HTML page about FILE."""
+    thresholds = read_profile(profile)
     path = path or file.with_suffix(".html")
     options.refuse_same(file, options.checked_output(path))
     if path.exists() and not force:
         raise InputError(f"{path} exists already; give another name with -o, or --force.")
     with SurveyFile.open(file) as survey_file:
         data = gather(survey_file, resolution_m)
-    write_report(path, data)
+    write_report(path, data, thresholds, language)
+    printed: dict[str, str] = {}
+    if pdf:
+        print_pdf(path, path.with_suffix(".pdf"))
+        printed = {"pdf": str(path.with_suffix(".pdf"))}
     output.result(
-        {"report": str(path), "maps": len(data.maps), "left_out": list(data.left_out)},
+        {
+            "report": str(path),
+            **printed,
+            "maps": len(data.maps),
+            "left_out": list(data.left_out),
+        },
         as_json=as_json,
         next_command=f"open {path} in a browser",
     )

@@ -7,7 +7,7 @@ nearest and are used with a comment that says so.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import netCDF4
@@ -19,17 +19,35 @@ from grebe.mapping.grid import Grid
 from grebe.mapping.maps import QuantityMap
 
 
+Fields = Mapping[str, Mapping[str, np.ndarray]]
+
+
 def write_netcdf(
-    path: Path, maps: Sequence[QuantityMap], frame: LocalFrame, attributes: dict[str, str]
+    path: Path,
+    maps: Sequence[QuantityMap],
+    frame: LocalFrame,
+    attributes: dict[str, str],
+    probabilities: Fields | None = None,
+    draws: Mapping[str, np.ndarray] | None = None,
 ) -> None:
-    """Write `maps`, which share one grid, to `path`; it appears only when complete."""
+    """Write `maps`, which share one grid, to `path`; it appears only when complete.
+
+    `probabilities` of concern by quantity and name (rows, columns); `draws` by quantity
+    (count, rows, columns): equally likely fields given the samples.
+    """
     part = path.with_name(path.name + ".part")
     try:
         with netCDF4.Dataset(part, "w", format="NETCDF4") as dataset:
             dataset.setncatts({"Conventions": "CF-1.8", **attributes})
             _write_grid(dataset, maps[0].grid, frame)
             for one in maps:
+                key = one.quantity.key
                 _write_map(dataset, one)
+                for index, (name, field) in enumerate((probabilities or {}).get(key, {}).items()):
+                    variable = _field(dataset, f"{key}_concern_{index + 1}", field)
+                    variable.setncatts({"long_name": f"probability of concern: {name}", "units": "1"})
+                if draws and key in draws:
+                    _write_draws(dataset, one, draws[key])
         os.replace(part, path)
     except OSError as error:
         part.unlink(missing_ok=True)
@@ -100,9 +118,31 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
     )
 
 
-def _field(dataset: netCDF4.Dataset, name: str, values: np.ndarray) -> netCDF4.Variable:
+def _write_draws(dataset: netCDF4.Dataset, one: QuantityMap, draws: np.ndarray) -> None:
+    if "realization" not in dataset.dimensions:
+        dataset.createDimension("realization", len(draws))
+        number = dataset.createVariable("realization", "i4", ("realization",))
+        number.setncatts({"standard_name": "realization", "long_name": "number of the draw",
+                          "units": "1"})  # fmt: skip
+        number[:] = np.arange(len(draws))
+    label = one.quantity.label.lower()
+    variable = _field(dataset, f"{one.quantity.key}_draw", draws, ("realization", "y", "x"))
+    variable.setncatts(
+        {
+            "long_name": f"conditional simulations of {label}: equally likely given the samples",
+            "units": one.quantity.cf_unit,
+        }
+    )
+
+
+def _field(
+    dataset: netCDF4.Dataset,
+    name: str,
+    values: np.ndarray,
+    dimensions: tuple[str, ...] = ("y", "x"),
+) -> netCDF4.Variable:
     variable = dataset.createVariable(
-        name, "f4", ("y", "x"), zlib=True, fill_value=np.float32(-9999)
+        name, "f4", dimensions, zlib=True, fill_value=np.float32(-9999)
     )
     variable.setncatts({"grid_mapping": "crs", "coordinates": "lat lon"})
     variable[:] = np.ma.masked_invalid(values)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -12,144 +11,146 @@ import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
-from grebe.checked import corrected_values, stored_lags
 from grebe.errors import InputError
-from grebe.mapping.grid import make_grid
-from grebe.mapping.maps import Mapper, MapSettings, QuantityMap, map_all
+from grebe.mapping.maps import QuantityMap
 from grebe.report import figures
-from grebe.store import Progress, SampleTable, SurveyFile, TrackTable
-from grebe.survey import Event, Survey
+from grebe.report.data import ReportData
+from grebe.report.texts import Texts, texts_of
+from grebe.report.thresholds import Profile, Threshold, read_profile
+
+# A threshold is told of where this share of the area is expected on the side of concern.
+CONCERN_SHARE = 0.01
+MOST_EVENTS = 50
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReportData:
-    """What the page is made of, read once from the survey file."""
+class Concern:
+    """A threshold held to a map; `share` of the area is expected on the side of concern."""
 
-    survey: Survey
-    meta: dict[str, str]
-    progress: Progress
-    track: TrackTable
-    samples: SampleTable
-    events: Sequence[Event]
-    maps: Sequence[QuantityMap]
-    left_out: Sequence[str]
-
-    @property
-    def in_window(self) -> int:
-        """Samples inside a target set and its speed window."""
-        inside = 0
-        for position, seq, speed in zip(
-            self.samples.positions, self.samples.target_seq, self.samples.speed_mps, strict=True
-        ):
-            if seq > 0:
-                target = self.survey.targets[seq - 1].set
-                covered = target.footprint_distance(*position) < 1e-3
-                inside += covered and target.allows(speed)
-        return inside
+    one: QuantityMap
+    threshold: Threshold
+    share: float
 
 
-def gather(
-    survey_file: SurveyFile,
-    resolution_m: float | None = None,
-    settings: MapSettings | None = None,
-) -> ReportData:
-    """Read a survey file and map its samples."""
-    samples = survey_file.samples()
-    survey = survey_file.survey
-    grid = make_grid(survey.water, resolution_m)
-    mapper = Mapper(survey.water, grid, settings or MapSettings())
-    values = corrected_values(samples, stored_lags(survey_file))
-    maps, left_out = map_all(mapper, samples.positions, values, samples.flags)
-    return ReportData(
-        survey=survey,
-        meta=survey_file.meta(),
-        progress=survey_file.progress(),
-        track=survey_file.track(),
-        samples=samples,
-        events=survey_file.events(),
-        maps=maps,
-        left_out=left_out,
-    )
-
-
-def render(data: ReportData) -> str:
+def render(data: ReportData, profile: Profile | None = None, language: str = "en") -> str:
     """Return the page as HTML."""
+    profile, texts = profile or read_profile(None), texts_of(language)
     package = resources.files("grebe.report") / "templates" / "report.html"
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters["figures"] = _significant
+    environment.filters["figures"] = significant
+    concerns = _concerns(data, profile)
     template = environment.from_string(package.read_text(encoding="utf-8"))
     return template.render(
         data=data,
         survey=data.survey,
-        finding=_finding(data),
-        facts=_facts(data),
+        t=texts,
+        finding=_finding(data, texts),
+        alerts=_alerts(concerns, texts),
+        facts=_facts(data, texts),
         rows=[_row(one) for one in data.maps],
+        concerns=concerns,
+        profile=profile,
         track_picture=_embed(figures.track_figure(data.survey, data.track, data.samples)),
         series_picture=_embed(figures.series_figure(data.survey, data.track))
         if len(data.track) and data.survey.targets
         else "",
         maps=[
-            (one, _embed(figures.map_figure(data.survey, one, data.samples))) for one in data.maps
+            (one, _embed(figures.quantity_figure(data, one, profile.of(one), texts)))
+            for one in data.maps
         ],
-        warnings=[event for event in data.events if event.level != "info"],
+        methods=[_method(one, texts) for one in data.maps],
+        quality=_quality(data),
+        measured=_measured(data, texts),
+        warnings=[event for event in data.events if event.level != "info"][:MOST_EVENTS],
     )
 
 
-def write_report(path: Path, data: ReportData) -> None:
+def write_report(
+    path: Path, data: ReportData, profile: Profile | None = None, language: str = "en"
+) -> None:
     """Render the page and write it to `path`."""
-    page = render(data)
+    page = render(data, profile, language)
     try:
         path.write_text(page, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}.") from None
 
 
-def _finding(data: ReportData) -> str:
-    targets = len(data.survey.targets)
-    if not targets:
-        return f"{len(data.samples)} samples of an imported track were mapped."
-    reached = data.progress.reached
-    if reached == targets:
-        return f"All {targets} target sets were reached and {len(data.samples)} samples taken."
-    return (
-        f"{reached} of {targets} target sets were reached, {targets - reached} were missed; "
-        f"{len(data.samples)} samples were taken."
+def _finding(data: ReportData, t: Texts) -> str:
+    if not data.maps:
+        return t("finding_none", samples=len(data.samples))
+    return t(
+        "finding",
+        quantities=len(data.maps),
+        area=f"{data.survey.water.area / 1e4:.2f}",
+        samples=f"{len(data.samples):,}",
     )
 
 
-def _facts(data: ReportData) -> list[tuple[str, str]]:
-    survey = data.survey
-    facts = [("Area", f"{survey.water.area / 1e4:.2f} ha")]
+def _concerns(data: ReportData, profile: Profile) -> list[Concern]:
+    return [
+        Concern(
+            one=one,
+            threshold=threshold,
+            share=float(np.nanmean(threshold.probability(one))),
+        )
+        for one in data.maps
+        for threshold in profile.of(one)
+    ]
+
+
+def _alerts(concerns: list[Concern], t: Texts) -> list[str]:
+    return [
+        t(
+            "concern",
+            label=t.label(each.one.quantity.key),
+            share=f"{each.share:.0%}",
+            sense=t[each.threshold.sense],
+            value=f"{each.threshold.value:g}",
+            unit=each.one.quantity.unit,
+            text=each.threshold.label,
+        )
+        for each in concerns
+        if each.share > CONCERN_SHARE
+    ]
+
+
+def _facts(data: ReportData, t: Texts) -> list[tuple[str, str]]:
+    survey, progress = data.survey, data.progress
+    facts = [(t["area"], f"{survey.water.area / 1e4:.2f} ha")]
     if survey.targets:
-        share = data.progress.reached / len(survey.targets)
+        targets = len(survey.targets)
+        share = f"{progress.reached / targets:.1%}"
+        samples = len(data.samples)
         facts += [
-            (
-                "Target sets reached",
-                f"{data.progress.reached} of {len(survey.targets)} ({share:.1%})",
-            ),
-            ("Water within target sets", f"{survey.coverage:.1%}"),
-            ("Samples in set and speed window", f"{data.in_window} of {len(data.samples)}"),
-        ]
+            (t["reached"], t("reached_value", reached=progress.reached, targets=targets,
+                             share=share)),
+            (t["unsampled"], str(data.unsampled)),
+            (t["within"], f"{survey.coverage:.1%}"),
+            (t["window"], t("of", part=data.in_window, whole=samples)),
+        ]  # fmt: skip
     if len(data.track):
         steps = np.diff(data.track.states[:, :2], axis=0)
         facts += [
-            ("Duration", f"{data.track.seconds[-1] / 60:.1f} min"),
-            ("Track", f"{np.hypot(*steps.T).sum():.0f} m"),
-            ("Began", f"{data.track.times[0]:%Y-%m-%d %H:%M} UTC"),
+            (t["duration"], f"{data.track.seconds[-1] / 60:.1f} min"),
+            (t["track"], f"{np.hypot(*steps.T).sum():.0f} m"),
+            (t["began"], f"{data.track.times[0]:%Y-%m-%d %H:%M} UTC"),
         ]
     elif len(data.samples):
-        facts.append(("Began", f"{data.samples.times[0]:%Y-%m-%d %H:%M} UTC"))
-    if survey.vessel is not None:
-        facts.append(("Vessel", survey.vessel.name))
-    facts.append(("Water", data.meta.get("water", "measured")))
-    facts.append(("Grebe", data.meta.get("software_version", "")))
+        steps = np.diff(data.samples.positions, axis=0)
+        last = (data.samples.times[-1] - data.samples.times[0]).total_seconds()
+        facts += [
+            (t["duration"], f"{last / 60:.1f} min"),
+            (t["track"], f"{np.hypot(*steps.T).sum():.0f} m"),
+            (t["began"], f"{data.samples.times[0]:%Y-%m-%d %H:%M} UTC"),
+        ]
     return facts
 
 
 def _row(one: QuantityMap) -> dict[str, object]:
     inside = one.mean[one.grid.inside]
     return {
-        "label": one.quantity.label,
+        "key": one.quantity.key,
         "unit": one.quantity.unit,
         "median": float(np.median(inside)),
         "low": float(np.percentile(inside, 5)),
@@ -160,12 +161,65 @@ def _row(one: QuantityMap) -> dict[str, object]:
     }
 
 
-def _significant(value: float, digits: int = 4) -> str:
+def _method(one: QuantityMap, t: Texts) -> str:
+    """How a map was made and what it is worth, in sentences."""
+    model, check = one.interpolator.model, one.validation
+    said = [
+        t(f"method_{one.method}", samples=one.samples, reason=one.reason),
+        t("model", text=model.text, nugget=significant(model.nugget, 3),
+          sill=significant(model.sill, 3), reason=one.fit.reason),
+    ]  # fmt: skip
+    if check is not None:
+        numbers = {"rmse": check.rmse, "nearest": check.nearest_rmse, "idw": check.idw_rmse,
+                   "bias": check.bias, "msdr": check.msdr}  # fmt: skip
+        said.append(
+            t(
+                "validation",
+                left_out=check.left_out,
+                half=f"{100 * check.coverage50:.0f}",
+                most=f"{100 * check.coverage95:.0f}",
+                **{name: significant(value, 3) for name, value in numbers.items()},
+            )
+        )
+    if one.widening > 1:
+        said.append(t("widened", factor=f"{one.widening:.2f}"))
+    return " ".join(said)
+
+
+def _quality(data: ReportData) -> list[tuple[str, str, int, int]] | None:
+    """Quantity, test, suspect and failed values of the tests that found something."""
+    if data.quality is None:
+        return None
+    return [
+        (key, test, suspect, failed)
+        for key, tests in data.quality.items()
+        for test, (suspect, failed) in tests.items()
+        if suspect or failed
+    ]
+
+
+def _measured(data: ReportData, t: Texts) -> list[tuple[str, str]]:
+    meta, frame = data.meta, data.survey.frame
+    vessel = data.survey.vessel
+    return [
+        (t["vessel"], t["not_stated"] if vessel is None else vessel.name),
+        (t["sensors"], meta.get("sensors", t["not_stated"])),
+        (t["positions"], meta.get("positions", t["not_stated"])),
+        (t["water"], meta.get("water", t["not_stated"])),
+        (t["crs"], t("crs_text", lat=f"{frame.origin_lat_deg:.6f}",
+                     lon=f"{frame.origin_lon_deg:.6f}")),
+        (t["software"], f"Grebe {meta.get('software_version', '')}"),
+        (t["configuration"], meta.get("configuration_hash", "")[:12]),
+        (t["survey_id"], f"{meta.get('survey_id', '')}, {meta.get('created', '')}"),
+    ]  # fmt: skip
+
+
+def significant(value: float, digits: int = 4) -> str:
     """A number with so many significant figures, never in exponents for ordinary sizes."""
     if value == 0 or not np.isfinite(value):
         return f"{value:g}"
     decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
-    return f"{value:.{min(decimals, 8)}f}"
+    return f"{value:.{decimals}f}" if decimals <= 8 else f"{value:.{digits - 1}e}"
 
 
 def _embed(figure: Figure) -> str:

@@ -1,0 +1,40 @@
+"""The difference of two surveys of the same water, with what is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.mapping.maps import QuantityMap
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+CLEAR = 1.96
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """Later less earlier: `mean` and `sd` (rows, columns), the two maps' errors independent.
+
+    `clear` is true where zero lies outside the 95 % interval.
+    """
+
+    mean: Array
+    sd: Array
+
+    @property
+    def clear(self) -> NDArray[np.bool_]:
+        """Where the water has changed, at 95 %."""
+        return np.abs(self.mean) > CLEAR * self.sd
+
+
+def difference(earlier: QuantityMap, later: QuantityMap) -> Difference:
+    """Subtract two maps of one quantity on one grid."""
+    if earlier.quantity != later.quantity or earlier.mean.shape != later.mean.shape:
+        raise ValueError("a difference needs two maps of one quantity on one grid")
+    return Difference(mean=later.mean - earlier.mean, sd=np.hypot(earlier.sd, later.sd))

@@ -1,0 +1,35 @@
+"""A page as PDF, printed by a browser where one is installed."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from grebe.errors import InputError
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+LONGEST_S = 120
+
+
+def print_pdf(page: Path, path: Path) -> None:
+    """Print an HTML file to `path`; `InputError` where no browser is found or it fails."""
+    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if browser is None:
+        raise InputError(
+            f"No browser to print {path} with was found (looked for {', '.join(BROWSERS)}); "
+            f"open {page} in yours and print it."
+        )
+    with tempfile.TemporaryDirectory() as profile:
+        command = [
+            browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer",
+            f"--user-data-dir={profile}", f"--print-to-pdf={path}", page.resolve().as_uri(),
+        ]  # fmt: skip
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=LONGEST_S, check=False)
+        except subprocess.TimeoutExpired:
+            raise InputError(f"{browser} did not print {page} within {LONGEST_S} s.") from None
+    if done.returncode != 0 or not path.exists():
+        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        raise InputError(f"{browser} could not print {page}: {' '.join(last)[:200]}.")

@@ -1,0 +1,94 @@
+"""Thresholds that a map is held to, from an editable profile; each with its citation."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+
+from grebe.errors import InputError
+from grebe.mapping.maps import QuantityMap
+from grebe.quantities import QUANTITY_KEYS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+FIELDS = ("quantity", "value", "sense", "label", "citation")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Threshold:
+    """A value of a quantity, in its unit; `sense` is the side that is a concern."""
+
+    quantity: str
+    value: float
+    sense: Literal["above", "below"]
+    label: str
+    citation: str
+
+    @property
+    def name(self) -> str:
+        """The concern in a formula, as bands and variables are called."""
+        return f"P({self.quantity} {'>' if self.sense == 'above' else '<'} {self.value:g})"
+
+    def probability(self, one: QuantityMap) -> NDArray[np.floating]:
+        """Probability that the signal is on the side of concern, (rows, columns)."""
+        above = one.exceedance(self.value)
+        return above if self.sense == "above" else 1 - above
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile:
+    """A named set of thresholds."""
+
+    name: str
+    thresholds: Sequence[Threshold]
+
+    def of(self, one: QuantityMap) -> list[Threshold]:
+        """The thresholds of a map's quantity."""
+        return [each for each in self.thresholds if each.quantity == one.quantity.key]
+
+
+def read_profile(path: Path | None) -> Profile:
+    """Read a profile; the package's own where none is given. `InputError` says what is wrong."""
+    name = str(path or "the profile")
+    try:
+        text = (
+            path.read_text(encoding="utf-8")
+            if path is not None
+            else (resources.files("grebe.report") / "profiles" / "freshwater.toml").read_text("utf-8")
+        )
+        table = tomllib.loads(text)
+    except OSError as error:
+        raise InputError(f"{name} cannot be read: {error.strerror}.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{name} is not TOML: {error}.") from None
+    rows = table.get("threshold", [])
+    if not isinstance(rows, list):
+        raise InputError(f"{name}: thresholds are written as [[threshold]] tables.")
+    return Profile(
+        name=str(table.get("name", name)),
+        thresholds=tuple(_threshold(name, row) for row in cast("list[Any]", rows)),
+    )
+
+
+def _threshold(name: str, row: Any) -> Threshold:
+    if not isinstance(row, dict) or set(cast("dict[str, Any]", row)) != set(FIELDS):
+        raise InputError(f"{name}: each [[threshold]] needs {', '.join(FIELDS)}.")
+    given = cast("dict[str, Any]", row)
+    if given["quantity"] not in QUANTITY_KEYS:
+        raise InputError(
+            f"{name}: no quantity {given['quantity']!r}; one of {', '.join(QUANTITY_KEYS)}."
+        )
+    if given["sense"] not in ("above", "below"):
+        raise InputError(f"{name}: sense is 'above' or 'below', not {given['sense']!r}.")
+    try:
+        value = float(given["value"])
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {given['value']!r} is no number.") from None
+    return Threshold(**(given | {"value": value}))
