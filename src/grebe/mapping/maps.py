@@ -36,13 +36,16 @@ if TYPE_CHECKING:
 FEWEST_SAMPLES = 10
 # A mean squared standardised error beyond this is not chance.
 CLEAR_MSDR = 1.2
+# With fewer samples there is nothing to choose a fit by.
+FEWEST_FOR_CHOICE = 20
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapSettings:
     """How maps are made where the choice is not left to the data: None chooses.
 
-    The covariance is fitted by restricted likelihood unless `variogram` is "wls". `drift` is what the mean depends on besides a constant; with it the method is kriging.
+    The covariance is fitted by restricted likelihood and to the variogram, unless one is asked
+    for, and what predicts left-out lines better is taken. `drift` is what the mean depends on besides a constant; with it the method is kriging.
     """
 
     method: Method | None = None
@@ -127,13 +130,12 @@ class Mapper:
             )
         at, data = positions[good], values[good]
         try:
-            fit = self._fit(at, data)
+            fits = self._fits(at, data)
         except ValueError as error:
             raise InputError(f"{quantity.label}: {error}.") from None
-        method, reason = self._method(at, data, fit)
-        interpolator = self._interpolator(method, at, data, fit)
+        method, reason = self._method(at, data, fits[0])
+        fit, interpolator, validation = self._best(method, at, data, fits)
         estimate = interpolator.estimate(at, data, self.grid.nodes)
-        validation = validate(at, data, self._judged(interpolator))
         widening = _widening(validation)
         return QuantityMap(
             quantity=quantity,
@@ -151,13 +153,17 @@ class Mapper:
             flagged=int((present & ~good).sum()),
         )
 
-    def _fit(self, at: Array, data: Array) -> VariogramFit:
-        """The covariance; of what a drift leaves, where there is one."""
+    def _fits(self, at: Array, data: Array) -> list[VariogramFit]:
+        """The covariances to choose from; of what a drift leaves, where there is one."""
         if self.settings.drift is not None:
             basis = np.column_stack([np.ones(len(at)), self.settings.drift(at)])
             data = data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]
-        by_likelihood = self.settings.variogram != "wls" and np.ptp(data) > 0
-        return fit_reml(at, data) if by_likelihood else fit_variogram(at, data)
+        asked = self.settings.variogram
+        if asked == "wls" or np.ptp(data) == 0:
+            return [fit_variogram(at, data)]
+        if asked == "reml" or len(data) < FEWEST_FOR_CHOICE:
+            return [fit_reml(at, data)]
+        return [fit_reml(at, data), fit_variogram(at, data)]
 
     def _method(self, at: Array, data: Array, fit: VariogramFit) -> tuple[Method, str]:
         if self.settings.method is not None:
@@ -169,19 +175,24 @@ class Mapper:
         reach = fit.model.practical_range_m
         return chosen_method(blocked_share(self.water, at, self.grid.nodes, reach))
 
-    def _interpolator(
-        self, method: Method, at: Array, data: Array, fit: VariogramFit
-    ) -> Interpolator:
-        if method == "kriging":
-            return Kriging(model=fit.model, drift=self.settings.drift)
-        mesh, coarse = self._meshes()
-        return ShoreInterpolator(model=fit_spde(coarse, at, data), mesh=mesh)
+    def _best(
+        self, method: Method, at: Array, data: Array, fits: list[VariogramFit]
+    ) -> tuple[VariogramFit, Interpolator, Validation | None]:
+        """The fit that predicts the left-out lines best, with its interpolator and the proof.
 
-    def _judged(self, interpolator: Interpolator) -> Interpolator:
-        """The interpolator as it is cross-validated: on the coarse mesh where it has one."""
-        if isinstance(interpolator, ShoreInterpolator):
-            return ShoreInterpolator(model=interpolator.model, mesh=self._meshes()[1])
-        return interpolator
+        A field that knows the shore is validated on the coarse mesh, to save time.
+        """
+        if method == "spde":
+            mesh, coarse = self._meshes()
+            model = fit_spde(coarse, at, data)
+            proof = validate(at, data, ShoreInterpolator(model=model, mesh=coarse))
+            return fits[0], ShoreInterpolator(model=model, mesh=mesh), proof
+        tried: list[tuple[VariogramFit, Interpolator, Validation | None]] = []
+        for fit in fits:
+            kriging = Kriging(model=fit.model, drift=self.settings.drift)
+            tried.append((fit, kriging, validate(at, data, kriging)))
+        proven = [one for one in tried if one[2] is not None]
+        return min(proven, key=lambda one: one[2].score) if proven else tried[0]
 
     def _meshes(self) -> tuple[Mesh, Mesh]:
         if self._shared is None:

@@ -8,7 +8,7 @@ inverse squared distance are judged on the same folds.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -37,12 +37,15 @@ HALF, MOST = 0.6745, 1.9600
 class Validation:
     """Errors of left-out samples, in the unit of the quantity.
 
-    `left_out` says what a fold is; `msdr` is the mean squared standardised error (ideal 1);
+    `pieces` lines of the track or blocks of water (`left_out`) were left out in `folds` turns.
+    `score` is the mean negative log density of the errors, but for a constant, once all standard
+    deviations are scaled to an msdr of 1: what models are chosen by. `msdr` is the mean squared standardised error (ideal 1);
     `coverage50` and `coverage95` the shares of samples within their intervals; `nearest_rmse`
     and `idw_rmse` what the nearest sample and the inverse squared distance would give.
     """
 
-    left_out: str
+    left_out: Literal["lines", "blocks", "given"]
+    pieces: int
     folds: int
     samples: int
     rmse: float
@@ -52,6 +55,7 @@ class Validation:
     coverage95: float
     nearest_rmse: float
     idw_rmse: float
+    score: float
 
 
 def validate(
@@ -59,9 +63,10 @@ def validate(
 ) -> Validation | None:
     """Leave out each fold in turn; None for too few samples, or all in one fold."""
     n = len(values)
-    left_out = "given folds"
+    left_out: Literal["lines", "blocks", "given"] = "given"
+    pieces = 0
     if folds is None:
-        folds, left_out = track_folds(positions)
+        folds, left_out, pieces = track_folds(positions)
     if n < FEWEST_SAMPLES or len(np.unique(folds)) < 2:
         return None
     error, variance = np.empty(n), np.empty(n)
@@ -77,6 +82,7 @@ def validate(
     standardised = np.where(variance > 0, error / np.sqrt(safe), 0.0)
     return Validation(
         left_out=left_out,
+        pieces=pieces or len(np.unique(folds)),
         folds=len(np.unique(folds)),
         samples=n,
         rmse=_rms(error),
@@ -86,23 +92,24 @@ def validate(
         coverage95=float(np.mean(np.abs(standardised) <= MOST)),
         nearest_rmse=_rms(nearest),
         idw_rmse=_rms(weighted),
+        score=0.5 * float(np.mean(np.log(safe)) + np.log(max(np.mean(standardised**2), 1e-300))),
     )
 
 
-def track_folds(positions: Array) -> tuple[Indices, str]:
-    """The fold of each sample, (n,), and what the folds are: lines of the track in turn, or
-    blocks of water where it has fewer than `FEWEST_LINES` lines.
+def track_folds(positions: Array) -> tuple[Indices, Literal["lines", "blocks"], int]:
+    """The fold of each sample, (n,), what is left out, and how many of them there are: lines of
+    the track, every tenth at a time, or blocks of water where it has fewer than `FEWEST_LINES`.
     """
     lines = track_lines(positions)
     count = int(lines.max()) + 1 if len(lines) else 0
     if count >= FEWEST_LINES:
-        return lines % FOLDS, f"{count} lines of the track, every {min(count, FOLDS)}th at a time"
+        return lines % FOLDS, "lines", count
     low, extent = positions.min(axis=0), np.ptp(positions, axis=0)
     side = max(float(extent.max()) / BLOCKS_PER_SIDE, 1e-9)
     blocks = np.floor((positions - low) / side).astype(np.int64)
     _, folds = np.unique(blocks, axis=0, return_inverse=True)
     folds = np.asarray(folds).ravel()
-    return folds, f"{int(folds.max()) + 1} blocks of {side:.0f} m"
+    return folds, "blocks", int(folds.max()) + 1
 
 
 def track_lines(positions: Array) -> Indices:

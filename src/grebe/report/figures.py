@@ -99,7 +99,9 @@ def plan_figure(survey: Survey) -> Figure:
 
 
 @styled
-def track_figure(survey: Survey, track: TrackTable, samples: SampleTable) -> Figure:
+def track_figure(
+    survey: Survey, track: TrackTable, samples: SampleTable, texts: Texts
+) -> Figure:
     """The boat's track over the cells, and where samples were taken."""
     figure = Figure(figsize=_size(survey))
     axes = figure.subplots()
@@ -107,43 +109,47 @@ def track_figure(survey: Survey, track: TrackTable, samples: SampleTable) -> Fig
     corners = [np.asarray(t.set.vertices)[:, ::-1] for t in survey.targets]
     axes.add_collection(PolyCollection(corners, facecolors="none", edgecolors=GREY, linewidths=0.5))
     if len(track):
-        axes.plot(track.states[:, 1], track.states[:, 0], color=BLUE, lw=1.1, label="track")
+        axes.plot(
+            track.states[:, 1], track.states[:, 0], color=BLUE, lw=1.1, label=texts["track_label"]
+        )
     axes.plot(
         samples.positions[:, 1],
         samples.positions[:, 0],
         ".",
         ms=3.5,
         color=VERMILLION,
-        label="samples",
+        label=texts["samples_label"],
     )
-    _draw_start(axes, survey)
-    axes.set_title(f"{survey.name}: track and samples")
-    _finish_map(axes, survey)
+    _draw_start(axes, survey, texts["start"])
+    axes.set_title(f"{survey.name}: {texts['track_title'].lower()}")
+    _finish_map(axes, survey, texts["east"], texts["north"])
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
     return figure
 
 
 @styled
-def series_figure(survey: Survey, track: TrackTable) -> Figure:
+def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
     """Speed and thrusts over time, the speed window shaded (the paper's Figs. 8 and 9)."""
     figure = Figure(figsize=(9.0, 4.6))
     speed, thrust = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     low = min(t.set.speed_min_mps for t in survey.targets)
     high = max(t.set.speed_max_mps for t in survey.targets)
-    speed.axhspan(low, high, color=SKY, alpha=0.3, lw=0, label=f"window {low:g} to {high:g} m/s")
-    speed.plot(track.seconds, track.states[:, 3], color=BLUE, lw=0.9, label="surge")
-    speed.set_ylabel("surge [m/s]")
-    speed.set_title("Speed and thrusts")
+    speed.axhspan(low, high, color=SKY, alpha=0.3, lw=0,
+                  label=texts("window_label", low=f"{low:g}", high=f"{high:g}"))  # fmt: skip
+    speed.plot(track.seconds, track.states[:, 3], color=BLUE, lw=0.9, label=texts["surge"])
+    speed.set_ylabel(texts["surge_axis"])
+    speed.set_title(texts["speed_title"])
     speed.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
     for column, name, colour in ((0, "port", ORANGE), (1, "starboard", GREEN)):
         thrust.step(
-            track.seconds, track.thrusts[:, column], where="post", lw=0.8, color=colour, label=name
+            track.seconds, track.thrusts[:, column], where="post", lw=0.8, color=colour,
+            label=texts[name],
         )
     if survey.vessel is not None:
         for limit in (survey.vessel.thrust_min_n, survey.vessel.thrust_max_n):
             thrust.axhline(limit, color=GREY, lw=0.8, ls="--")
-    thrust.set_ylabel("thrust [N]")
-    thrust.set_xlabel("time [s]")
+    thrust.set_ylabel(texts["thrust_axis"])
+    thrust.set_xlabel(texts["time_axis"])
     thrust.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
     return figure
 
@@ -342,7 +348,7 @@ def _draw_shore(axes: Axes, survey: Survey) -> None:
         axes.plot(points[:, 1], points[:, 0], color=BLACK, lw=0.9)
 
 
-def _draw_start(axes: Axes, survey: Survey) -> None:
+def _draw_start(axes: Axes, survey: Survey, label: str = "start") -> None:
     if survey.start is None:
         return
     axes.plot(
@@ -352,7 +358,7 @@ def _draw_start(axes: Axes, survey: Survey) -> None:
         ms=9,
         color=BLACK,
         ls="",
-        label="start",
+        label=label,
         zorder=5,
     )
 

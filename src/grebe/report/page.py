@@ -50,8 +50,8 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         rows=[_row(one) for one in data.maps],
         concerns=concerns,
         profile=profile,
-        track_picture=_embed(figures.track_figure(data.survey, data.track, data.samples)),
-        series_picture=_embed(figures.series_figure(data.survey, data.track))
+        track_picture=_embed(figures.track_figure(data.survey, data.track, data.samples, texts)),
+        series_picture=_embed(figures.series_figure(data.survey, data.track, texts))
         if len(data.track) and data.survey.targets
         else "",
         maps=[
@@ -175,7 +175,7 @@ def _method(one: QuantityMap, t: Texts) -> str:
         said.append(
             t(
                 "validation",
-                left_out=check.left_out,
+                left_out=t(f"left_out_{check.left_out}", pieces=check.pieces, folds=check.folds),
                 half=f"{100 * check.coverage50:.0f}",
                 most=f"{100 * check.coverage95:.0f}",
                 **{name: significant(value, 3) for name, value in numbers.items()},
