@@ -94,3 +94,32 @@ def _remaining_text(progress: MissionProgress) -> str:
         return ""
     pace = progress.boat_time_s / progress.reached
     return f", about {pace * (progress.targets - progress.reached):.0f} s of boat time left"
+
+
+class Countdown:
+    """A progress bar for work in equal parts, with an estimate of what is left."""
+
+    def __init__(self, what: str, total: int, *, quiet: bool) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        self._bar = Progress(
+            TextColumn(f"{{task.completed}}/{{task.total}} {what}"),
+            BarColumn(),
+            TextColumn("left:"),
+            TimeRemainingColumn(),
+            console=Console(file=sys.stderr),
+            disable=quiet,
+        )
+        self._task = self._bar.add_task(what, total=total)
+
+    def __enter__(self) -> Countdown:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def update(self, done: int, total: int) -> None:
+        """Show how many parts are done."""
+        self._bar.update(self._task, completed=done, total=total)

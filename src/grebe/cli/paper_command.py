@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from grebe.cli import files, options, output
-from grebe.errors import IncompleteError
+from grebe.errors import IncompleteError, UsageError
 
-NAMES = ("fig1", "fig2", "fig7", "fig8", "fig9")
+if TYPE_CHECKING:
+    from grebe.paper.checks import Reproduction
+
+FLOWN = ("fig1", "fig2", "fig7", "fig8", "fig9")
+BY_HAND = ("fig4", "fig5", "fig6")
+CLAIM = "claim"
 
 
 @click.command(name="paper")
-@click.argument("figures", nargs=-1, type=click.Choice(NAMES))
+@click.argument("figures", nargs=-1, type=click.Choice((*FLOWN, *BY_HAND, CLAIM)))
 @click.option(
     "--out",
     type=options.FOLDER,
@@ -23,27 +30,84 @@ NAMES = ("fig1", "fig2", "fig7", "fig8", "fig9")
     show_default=True,
     help="Folder for the pictures.",
 )
+@click.option(
+    "--track", type=options.EXISTING, help="Hand-driven track (CSV) for fig4, fig5, fig6 and claim."
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    default=30,
+    show_default=True,
+    help="Waters that the claim is tried on.",
+)
 @options.json_option
-def command(figures: tuple[str, ...], out: Path, as_json: bool) -> None:
-    """Reproduce FIGURES of the paper (all of them by default): fly, draw, and check.
+def command(
+    figures: tuple[str, ...], out: Path, track: Path | None, seeds: int, as_json: bool
+) -> None:
+    """Reproduce FIGURES of the paper (by default all that need no --track): fly, draw, check.
 
-    The paper prints no coordinates of its sets and its region; ours are stand-ins.
+    The paper prints no coordinates of its sets and its region, and its data are not public;
+    ours are stand-ins. `claim` measures whether a planned survey makes a better map than one
+    that was driven by hand.
     """
-    from grebe.paper.reproduce import FIGURES
-
+    wanted = figures or (FLOWN if track is None else (*FLOWN, *BY_HAND))
+    if track is None and set(wanted) & {*BY_HAND, CLAIM}:
+        raise UsageError(f"{', '.join((*BY_HAND, CLAIM))} need a hand-driven track: --track FILE.")
     files.make_folder(out)
     output.note_compilation()
-    made = []
-    for name in figures or NAMES:
-        reproduction = FIGURES[name](out)
-        made.append(reproduction)
-        if not as_json:
-            click.echo(f"{name}: {reproduction.picture}")
-            for check in reproduction.checks:
-                mark = "ok" if check.holds else "NOT"
-                click.echo(f"  {mark:>3}  {check.what}: {check.found}")
+    made = _reproduced([name for name in wanted if name != CLAIM], out, track, quiet=as_json)
+    rows = _claimed(out, track, seeds, quiet=as_json) if CLAIM in wanted and track else []
     if as_json:
-        click.echo(json.dumps([asdict(one) for one in made], default=str))
+        shown = [asdict(one) for one in made]
+        click.echo(json.dumps([*shown, *([{"figure": CLAIM, "rows": rows}] if rows else [])],
+                              default=str))  # fmt: skip
     missed = [one.figure for one in made if not one.holds]
     if missed:
         raise IncompleteError(f"{', '.join(missed)}: not all that must show does.")
+
+
+def _reproduced(
+    names: Sequence[str], out: Path, track: Path | None, *, quiet: bool
+) -> list[Reproduction]:
+    from grebe.paper.hand_driven import HAND_FIGURES, HandDriven
+    from grebe.paper.reproduce import FIGURES
+
+    hand = HandDriven.read(track) if track is not None else None
+    made: list[Reproduction] = []
+    for name in names:
+        one = HAND_FIGURES[name](out, hand) if hand and name in BY_HAND else FIGURES[name](out)
+        made.append(one)
+        if quiet:
+            continue
+        click.echo(f"{name}: {one.picture}")
+        for check in one.checks:
+            mark = "ok" if check.holds else "NOT"
+            click.echo(f"  {mark:>3}  {check.what}: {check.found}")
+    return made
+
+
+def _claimed(out: Path, track: Path, seeds: int, *, quiet: bool) -> list[dict[str, float | str]]:
+    from grebe.paper import claim, drawings
+    from grebe.paper.hand_driven import HandDriven
+    from grebe.report.figures import save
+
+    hand = HandDriven.read(track)
+    sampled = claim.ways(hand)
+    for one in sampled:
+        output.note(
+            f"{one.way}: {len(one.positions)} samples, {one.length_m:.0f} m, "
+            f"{one.duration_s / 60:.1f} min"
+        )
+    with output.Countdown("waters", seeds, quiet=quiet) as countdown:
+        scores = list(claim.measure(hand, sampled, seeds, countdown.update))
+    picture = save(drawings.claim(scores), out / "claim.png")
+    rows = claim.summary(scores)
+    if not quiet:
+        click.echo(f"claim: {picture}")
+        for row in rows:
+            click.echo(
+                f"  {row['quantity']:<22}{row['way']:<24} rmse {row['rmse']:.4g}  largest error "
+                f"{row['largest']:.4g}  unsure {row['unsure']:.0%}  within 95 % "
+                f"{row['coverage95']:.0%}  better in {row['better_share']:.0%} of the waters"
+            )
+    return rows

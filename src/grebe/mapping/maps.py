@@ -22,6 +22,7 @@ from grebe.mapping.methods import (
     blocked_share,
     chosen_method,
 )
+from grebe.mapping.noise import noise_variance
 from grebe.mapping.spde import Mesh, coarse_mesh, fit_spde
 from grebe.mapping.validation import Validation, validate
 from grebe.mapping.variogram import VariogramFit, fit_variogram
@@ -59,10 +60,10 @@ class MapSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class QuantityMap:
-    """The map of one quantity: `mean` and `sd` of the signal, (rows, columns), NaN on land;
+    """The map of one quantity: `mean` and `sd` of the water, (rows, columns), NaN on land;
     how it was made and what it is worth.
 
-    An observation varies besides by `noise_sd`. `widening` is the factor that cross-validation
+    `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not. `widening` is the factor that cross-validation
     put on the standard deviations. `positions` and `values` are the samples that
     made the map.
     """
@@ -72,6 +73,7 @@ class QuantityMap:
     mean: Array
     sd: Array
     widening: float
+    micro_sd: float
     interpolator: Interpolator
     method: Method
     reason: str
@@ -88,11 +90,12 @@ class QuantityMap:
 
     @property
     def noise_sd(self) -> float:
-        """Standard deviation of an observation about the signal."""
-        return self.widening * float(np.sqrt(self.interpolator.model.nugget))
+        """Standard deviation of an observation about the water."""
+        nugget = self.widening**2 * self.interpolator.model.nugget
+        return float(np.sqrt(max(nugget - self.micro_sd**2, 0.0)))
 
     def exceedance(self, threshold: float) -> Array:
-        """Probability that the signal lies above a threshold, (rows, columns); NaN on land."""
+        """Probability that the water lies above a threshold, (rows, columns); NaN on land."""
         with np.errstate(divide="ignore", invalid="ignore"):
             z = (self.mean - threshold) / self.sd
         certain = (self.mean > threshold).astype(float)
@@ -103,7 +106,8 @@ class QuantityMap:
         """Equally likely fields given the samples, (count, rows, columns); NaN on land."""
         drawn = self.interpolator.draws(self.positions, self.values, self.grid, count, seed)
         fields = np.array([self.grid.spread(one) for one in drawn])
-        return self.mean + self.widening * (fields - self.mean)
+        fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, fields.shape)
+        return self.mean + self.widening * (fields - self.mean) + fine
 
 
 @dataclass
@@ -137,12 +141,15 @@ class Mapper:
         fit, interpolator, validation = self._best(method, at, data, fits)
         estimate = interpolator.estimate(at, data, self.grid.nodes)
         widening = _widening(validation)
+        nugget = interpolator.model.nugget
+        micro_sd = widening * float(np.sqrt(nugget - noise_variance(at, data, nugget)))
         return QuantityMap(
             quantity=quantity,
             grid=self.grid,
             mean=self.grid.spread(estimate.mean),
-            sd=self.grid.spread(estimate.sd) * widening,
+            sd=self.grid.spread(np.hypot(widening * estimate.sd, micro_sd)),
             widening=widening,
+            micro_sd=micro_sd,
             interpolator=interpolator,
             method=method,
             reason=reason,

@@ -10,12 +10,19 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from grebe.flight import Flight
+from grebe.mapping.maps import QuantityMap
 from grebe.paper import scenes
+from grebe.quantities import QUANTITIES
 from grebe.report.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, styled
 from grebe.sets import TargetSet
+from grebe.survey import Survey
 
 if TYPE_CHECKING:
+    import shapely
     from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from grebe.paper.claim import Score
 
 LABELLED_SETS = 12
 
@@ -85,6 +92,95 @@ def histories(
     speed.set_xlabel("time [s]")
     speed.legend(loc="lower right", frameon=False, ncols=2)
     port.set_title(f"Thrusts and surge, window {window[0]:g} to {window[1]:g} m/s")
+    return figure
+
+
+@styled
+def hand_track(lonlat: NDArray[np.float64], hull: shapely.Polygon) -> Figure:
+    """Fig. 4: the hand-operated trajectory in decimal coordinates, and the region it spans."""
+    figure = Figure(figsize=(7.2, 5.4))
+    axes = figure.subplots()
+    ring = np.asarray(hull.exterior.coords)
+    axes.fill(ring[:, 0], ring[:, 1], color=SKY, alpha=0.25, lw=0, label="region")
+    axes.plot(lonlat[:, 0], lonlat[:, 1], color=BLUE, lw=0.9, label="track")
+    axes.plot(*lonlat[0], "^", color=BLACK, ms=8, label="start")
+    axes.set_aspect(1 / np.cos(np.radians(lonlat[:, 1].mean())))
+    axes.ticklabel_format(useOffset=False)
+    axes.tick_params(axis="x", rotation=20)
+    axes.set_xlabel("longitude [deg]")
+    axes.set_ylabel("latitude [deg]")
+    axes.set_title("Fig. 4: the hand-operated trajectory")
+    axes.legend(loc="best", frameon=False)
+    return figure
+
+
+@styled
+def quantity_map(survey: Survey, one: QuantityMap) -> Figure:
+    """Fig. 5: the map of one quantity over the region."""
+    figure = Figure(figsize=(7.2, 5.4))
+    axes = figure.subplots()
+    grid = one.grid
+    mesh = axes.pcolormesh(
+        grid.east, grid.north, one.mean, cmap="cividis", shading="nearest", rasterized=True
+    )
+    figure.colorbar(mesh, ax=axes, label=f"{one.quantity.label} [{one.quantity.unit}]")
+    axes.plot(one.positions[:, 1], one.positions[:, 0], ".", ms=1, color=BLACK, alpha=0.4)
+    ring = np.asarray(survey.water.exterior.coords)
+    axes.plot(ring[:, 1], ring[:, 0], color=BLACK, lw=0.9)
+    axes.set_aspect("equal")
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
+    axes.set_title(f"Fig. 5: {one.quantity.label.lower()}, from the hand-operated samples")
+    return figure
+
+
+@styled
+def planned(survey: Survey) -> Figure:
+    """Fig. 6: the cells and the way through their centres."""
+    figure = Figure(figsize=(7.2, 5.4))
+    axes = figure.subplots()
+    _draw_sets(axes, survey.sets, "", BLUE)
+    centres = np.array([target.set.centre for target in survey.targets])
+    axes.plot(centres[:, 1], centres[:, 0], color=VERMILLION, lw=1.1, label="order")
+    ring = np.asarray(survey.water.exterior.coords)
+    axes.plot(ring[:, 1], ring[:, 0], color=BLACK, lw=0.9)
+    axes.plot(centres[0, 1], centres[0, 0], "^", color=BLACK, ms=8, label="first")
+    axes.set_aspect("equal")
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
+    axes.set_title("Fig. 6: squares of 100 m²")
+    axes.legend(loc="best", frameon=False)
+    return figure
+
+
+@styled
+def claim(scores: Sequence[Score]) -> Figure:
+    """RMSE of each map over that of the hand-driven one, a box for each quantity and way."""
+    ways = list(dict.fromkeys(score.way for score in scores))
+    keys = list(dict.fromkeys(score.quantity for score in scores))
+    figure = Figure(figsize=(8.0, 4.6))
+    axes = figure.subplots()
+    base = {(s.quantity, s.seed): s.rmse for s in scores if s.way == ways[0]}
+    for j, (way, colour) in enumerate(zip(ways[1:], (BLUE, VERMILLION), strict=False)):
+        ratios = [
+            [s.rmse / base[key, s.seed] for s in scores if s.way == way and s.quantity == key]
+            for key in keys
+        ]
+        boxes = axes.boxplot(
+            ratios, positions=np.arange(len(keys)) + 0.3 * j - 0.15, widths=0.24, patch_artist=True,
+            medianprops={"color": BLACK},
+        )  # fmt: skip
+        for box in boxes["boxes"]:
+            box.set_facecolor(colour)
+            box.set_alpha(0.6)
+        axes.plot([], [], color=colour, lw=6, alpha=0.6, label=way)
+    axes.axhline(1.0, color=BLACK, lw=0.9, ls="--", label=ways[0])
+    labels = {quantity.key: quantity.label for quantity in QUANTITIES}
+    axes.set_xticks(range(len(keys)), [labels[key] for key in keys])
+    axes.set_ylabel("RMSE over that of the track by hand")
+    axes.set_ylim(bottom=0)
+    axes.set_title("The same water, sampled by hand and by plan")
+    axes.legend(loc="best", frameon=False)
     return figure
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ import numpy as np
 from grebe.control.settings import settings_for
 from grebe.flight import Flight
 from grebe.paper import drawings, scenes
+from grebe.paper.checks import Check, Reproduction
 from grebe.report.figures import save
 from grebe.sets import TargetSet
 
@@ -23,29 +23,6 @@ SAME_TRACK_M = 0.01
 # What counts as touching a rim: less than half-way from it to the middle of the set.
 RIM_SHARE = 0.5
 SPAN_S = 100.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """Something that a figure must show, the number that was found, and whether it does."""
-
-    what: str
-    found: str
-    holds: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reproduction:
-    """A figure that has been drawn, and its checks."""
-
-    figure: str
-    picture: Path
-    checks: tuple[Check, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether the figure shows all that it must."""
-        return all(check.holds for check in self.checks)
 
 
 def fig1(out: Path) -> Reproduction:

@@ -1,0 +1,34 @@
+"""How much of a nugget is the sensor's noise, and how much is water that varies within metres.
+
+A variogram's nugget holds both (Cressie 1993, section 3.2.1). Only the first is not the
+water's: what the map says of its own error must hold the second.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# Samples that follow each other within this distance see the same water [m].
+NEAR_M = 3.0
+FEWEST_TRIPLES = 30
+
+
+def noise_variance(positions: Array, values: Array, nugget: float) -> float:
+    """Variance of the sensor's noise, at most the nugget.
+
+    From second differences of samples that follow each other closely, which a gradient does not
+    touch. Where there are too few, all of the nugget is taken for noise.
+    """
+    steps = np.hypot(*np.diff(positions, axis=0).T)
+    close = (steps[:-1] <= NEAR_M) & (steps[1:] <= NEAR_M)
+    if close.sum() < FEWEST_TRIPLES:
+        return nugget
+    second = (values[:-2] - 2 * values[1:-1] + values[2:])[close]
+    return min(nugget, float(np.mean(second**2)) / 6)
