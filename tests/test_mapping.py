@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from grebe.errors import InputError
 from grebe.export.netcdf import write_netcdf
 from grebe.mapping.covariance import KINDS, CovarianceModel
-from grebe.mapping.kriging import krige, merge_places
 from grebe.mapping.grid import make_grid
+from grebe.mapping.kriging import krige, merge_places
 from grebe.mapping.maps import Mapper, map_all
 from grebe.mapping.methods import Kriging
 from grebe.mapping.validation import validate

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from grebe.frames import LocalFrame
     from grebe.link.base import BoatLink, Observation
     from grebe.mapping.kriging import krige
-    from grebe.mapping.maps import map_quantity
+    from grebe.mapping.maps import Mapper
     from grebe.mapping.variogram import fit_variogram
     from grebe.mission import Mission, MissionReport
     from grebe.planning.planner import PlanSettings, plan_survey
@@ -36,6 +36,7 @@ _HOME = {
     "Controller": "control.controller",
     "GrebeError": "errors",
     "LocalFrame": "frames",
+    "Mapper": "mapping.maps",
     "Mission": "mission",
     "MissionReport": "mission",
     "Observation": "link.base",
@@ -49,7 +50,6 @@ _HOME = {
     "clean_region": "planning.region",
     "fit_variogram": "mapping.variogram",
     "krige": "mapping.kriging",
-    "map_quantity": "mapping.maps",
     "plan_survey": "planning.planner",
     "simulate": "simulated_mission",
     "vessel_named": "vessel",
@@ -62,6 +62,7 @@ __all__ = [
     "Controller",
     "GrebeError",
     "LocalFrame",
+    "Mapper",
     "Mission",
     "MissionReport",
     "Observation",
@@ -75,7 +76,6 @@ __all__ = [
     "clean_region",
     "fit_variogram",
     "krige",
-    "map_quantity",
     "plan_survey",
     "simulate",
     "vessel_named",

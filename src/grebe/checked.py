@@ -55,9 +55,7 @@ def stored_lags(survey_file: SurveyFile) -> dict[str, Lag]:
     return {key: Lag(**one) for key, one in noted.items()}
 
 
-def corrected_values(
-    table: SampleTable, lags: Mapping[str, Lag]
-) -> dict[str, NDArray[np.float64]]:
+def corrected_values(table: SampleTable, lags: Mapping[str, Lag]) -> dict[str, NDArray[np.float64]]:
     """The values without the sensors' lag; those that are not good teach the others nothing."""
     seconds = np.array([moment.timestamp() for moment in table.times])
     order = np.argsort(seconds, kind="stable")

@@ -47,9 +47,7 @@ def command(
         bands = {"difference": change.mean, "sd": change.sd}
         path = out / f"{key}_difference.tif"
         write_bands(path, before[key], survey.frame, bands, before[key].quantity.unit)
-        figures.save(
-            figures.difference_figure(before[key], change), out / f"{key}_difference.png"
-        )
+        figures.save(figures.difference_figure(before[key], change), out / f"{key}_difference.png")
         inside = before[key].grid.inside
         rows[key] = {
             "mean_difference": float(change.mean[inside].mean()),

@@ -36,9 +36,7 @@ def command(first: Path, second: Path, as_json: bool) -> None:
         )
     found: dict[str, LagEstimate] = {}
     for quantity in QUANTITIES:
-        passes = [
-            _pass(table, at, quantity.key) for table, at in zip(tables, places, strict=True)
-        ]
+        passes = [_pass(table, at, quantity.key) for table, at in zip(tables, places, strict=True)]
         if min(len(run.times) for run in passes) == 0:
             continue
         try:

@@ -94,9 +94,7 @@ def _drift(
     return combined(functions)
 
 
-def write_maps(
-    data: ReportData, out: Path, profile: Profile, draws: int = 0
-) -> list[Path]:
+def write_maps(data: ReportData, out: Path, profile: Profile, draws: int = 0) -> list[Path]:
     """Write everything that maps are given in; `InputError` when there is nothing to map."""
     if not data.maps:
         raise InputError(f"No quantity can be mapped: {'; '.join(data.left_out)}.")

@@ -11,6 +11,7 @@ import numpy as np
 import pyogrio.raw
 import shapely
 from matplotlib.ticker import MaxNLocator
+from pyogrio.errors import DataSourceError
 
 from grebe.errors import InputError
 from grebe.frames import LocalFrame
@@ -20,14 +21,14 @@ LEVELS = 10
 
 
 def contour_lines(one: QuantityMap) -> list[tuple[float, shapely.LineString]]:
-    """Level and line, local east and north swapped to north and east, of each contour."""
+    """Level and line (north, east) of each contour."""
     generator = contourpy.contour_generator(
         one.grid.east, one.grid.north, np.ma.masked_invalid(one.mean)
     )
     inside = one.mean[one.grid.inside]
     levels = MaxNLocator(LEVELS).tick_values(float(inside.min()), float(inside.max()))
     return [
-        (float(level), shapely.LineString(points[:, ::-1]))
+        (float(level), shapely.LineString(np.asarray(points)[:, ::-1]))
         for level in levels
         for points in generator.lines(float(level))
         if len(points) > 1
@@ -55,6 +56,6 @@ def write_contours(path: Path, maps: Sequence[QuantityMap], frame: LocalFrame) -
             )
         if part.exists():
             os.replace(part, path)
-    except (OSError, pyogrio.errors.DataSourceError) as error:
+    except (OSError, DataSourceError) as error:
         part.unlink(missing_ok=True)
         raise InputError(f"{path} cannot be written: {error}.") from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,20 +40,21 @@ def write_bands(
     unit: str,
 ) -> None:
     """Write named fields (rows, columns) on a map's grid; NaN becomes nodata."""
-    import rasterio
+    from rasterio.crs import CRS
+    from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
     from rasterio.shutil import copy
     from rasterio.transform import from_origin
 
     grid, step = one.grid, one.grid.step_m
     corner = (grid.east[0] - step / 2, grid.north[-1] + step / 2)
-    profile = {
+    profile: dict[str, Any] = {
         "driver": "GTiff",
         "dtype": "float32",
         "count": len(bands),
         "height": len(grid.north),
         "width": len(grid.east),
-        "crs": rasterio.crs.CRS.from_user_input(frame.definition),
+        "crs": CRS.from_user_input(frame.definition),
         "transform": from_origin(*corner, step, step),
         "nodata": NODATA,
     }
@@ -71,6 +72,6 @@ def write_bands(
             with memory.open() as dataset:
                 copy(dataset, part, driver="COG", compress="DEFLATE")
         os.replace(part, path)
-    except (OSError, rasterio.errors.RasterioError) as error:
+    except (OSError, RasterioError) as error:
         part.unlink(missing_ok=True)
         raise InputError(f"{path} cannot be written: {error}.") from None

@@ -18,7 +18,6 @@ from grebe.frames import LocalFrame
 from grebe.mapping.grid import Grid
 from grebe.mapping.maps import QuantityMap
 
-
 Fields = Mapping[str, Mapping[str, np.ndarray]]
 
 
@@ -45,7 +44,9 @@ def write_netcdf(
                 _write_map(dataset, one)
                 for index, (name, field) in enumerate((probabilities or {}).get(key, {}).items()):
                     variable = _field(dataset, f"{key}_concern_{index + 1}", field)
-                    variable.setncatts({"long_name": f"probability of concern: {name}", "units": "1"})
+                    variable.setncatts(
+                        {"long_name": f"probability of concern: {name}", "units": "1"}
+                    )
                 if draws and key in draws:
                     _write_draws(dataset, one, draws[key])
         os.replace(part, path)

@@ -108,9 +108,7 @@ def krige(
     return Estimate(mean=mean, variance=np.maximum(variance, 0.0))
 
 
-def _joined(
-    positions: Array, columns: Array, model: CovarianceModel
-) -> tuple[Array, Array, Array]:
+def _joined(positions: Array, columns: Array, model: CovarianceModel) -> tuple[Array, Array, Array]:
     """Samples merged to few enough places, as `merge_places` gives them."""
     merged = merge_places(positions, columns)
     if len(merged[0]) <= EXACT_LIMIT or model.sill == 0:
@@ -186,7 +184,7 @@ def _solve(
         missing = there[part].T - basis.T @ near
         mean[part] = near.T @ residual + there[part] @ trend
         explained = np.einsum("ij,ij->j", near, near)
-        variance[part] = model.sill - explained + np.einsum(
-            "ij,ij->j", missing, cho_solve(information, missing)
+        variance[part] = (
+            model.sill - explained + np.einsum("ij,ij->j", missing, cho_solve(information, missing))
         )
     return mean, variance

@@ -135,6 +135,4 @@ def estimate_lag(one: Pass, other: Pass) -> LagEstimate:
 
     lags = [Lag(delay_s=float(d), tau_s=float(t)) for d in DELAYS_S for t in TAUS_S]
     best = min(lags, key=difference)
-    return LagEstimate(
-        lag=best, pairs=len(near), before=difference(Lag()), after=difference(best)
-    )
+    return LagEstimate(lag=best, pairs=len(near), before=difference(Lag()), after=difference(best))

@@ -46,7 +46,8 @@ class MapSettings:
     """How maps are made where the choice is not left to the data: None chooses.
 
     The covariance is fitted by restricted likelihood and to the variogram, unless one is asked
-    for, and what predicts left-out lines better is taken. `drift` is what the mean depends on besides a constant; with it the method is kriging.
+    for, and what predicts left-out lines better is taken. `drift` is what the mean depends on
+    besides a constant; with it the method is kriging.
     """
 
     method: Method | None = None
@@ -63,9 +64,9 @@ class QuantityMap:
     """The map of one quantity: `mean` and `sd` of the water, (rows, columns), NaN on land;
     how it was made and what it is worth.
 
-    `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not. `widening` is the factor that cross-validation
-    put on the standard deviations. `positions` and `values` are the samples that
-    made the map.
+    `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not.
+    `widening` is the factor that cross-validation put on the standard deviations. `positions`
+    and `values` are the samples that made the map.
     """
 
     quantity: Quantity
@@ -198,8 +199,7 @@ class Mapper:
         for fit in fits:
             kriging = Kriging(model=fit.model, drift=self.settings.drift)
             tried.append((fit, kriging, validate(at, data, kriging)))
-        proven = [one for one in tried if one[2] is not None]
-        return min(proven, key=lambda one: one[2].score) if proven else tried[0]
+        return min(tried, key=lambda one: np.inf if one[2] is None else one[2].score)
 
     def _meshes(self) -> tuple[Mesh, Mesh]:
         if self._shared is None:

@@ -105,10 +105,10 @@ def blocked_share(
     if not len(near):
         return 0.0
     shapely.prepare(water)
+    # Samples may lie a GPS error beyond the shore: their lines say nothing.
+    near = near[shapely.intersects_xy(water, a[near])]
     lines = shapely.linestrings(np.stack([a[near], b[near]], axis=1))
-    # Samples may lie a GPS error beyond the shore: only land well within counts.
-    lines = lines[shapely.intersects_xy(water, a[near])]
-    return float(1 - np.mean(shapely.covers(water, lines))) if len(lines) else 0.0
+    return float(1 - np.mean(shapely.covers(water, lines))) if len(near) else 0.0
 
 
 def chosen_method(share: float) -> tuple[Method, str]:

@@ -141,8 +141,7 @@ def _bad(flags: Flags) -> NDArray[np.bool_]:
 
 def _tests(values: Array, times: Array, limits: Limits) -> dict[str, Flags]:
     """The tests of one quantity on its values that are there."""
-    from ioos_qc import qartod
-
+    qartod = _qartod()
     stamps = (1e9 * times).astype(np.int64).astype("datetime64[ns]")
     results: dict[str, Any] = {
         "gross range": qartod.gross_range_test(
@@ -174,6 +173,13 @@ def _tests(values: Array, times: Array, limits: Limits) -> dict[str, Flags]:
     return flags | {"settling": _settling(values, times)}
 
 
+def _qartod() -> Any:
+    """IOOS's tests, imported only when they are run; their types do not know arrays."""
+    from ioos_qc import qartod
+
+    return qartod
+
+
 def _within(limits: Limits) -> tuple[float, float]:
     """The suspect span, not wider than the failing one."""
     low, high = limits.suspect_span
@@ -181,8 +187,7 @@ def _within(limits: Limits) -> tuple[float, float]:
 
 
 def _location(record: Record, water: shapely.Polygon) -> Flags:
-    from ioos_qc import qartod
-
+    qartod = _qartod()
     lon, lat = record.lonlat.T
     on_earth = np.ma.filled(qartod.location_test(lon, lat), Flag.NOT_EVALUATED).astype(np.int64)
     away = shapely.distance(water, shapely.points(record.positions))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.fft import next_fast_len
 from scipy.ndimage import map_coordinates
 
 from grebe.mapping.covariance import CovarianceModel
@@ -33,17 +33,17 @@ def circulant_fields(
     shape = grid.inside.shape
     room = int(ROOM_RANGES * model.practical_range_m / grid.step_m) + 1
     # Samples may lie beyond the grid by a node or two.
-    size = [next_fast_len(side + max(min(room, 2 * side), 4)) for side in shape]
+    size = [int(next_fast_len(side + max(min(room, 2 * side), 4)) or side) for side in shape]
     steps = [np.minimum(np.arange(n), n - np.arange(n)) * grid.step_m for n in size]
     signed = [np.where(np.arange(n) <= n // 2, 1.0, -1.0) * s
               for n, s in zip(size, steps, strict=True)]  # fmt: skip
     offsets = np.stack(np.meshgrid(*signed, indexing="ij"), axis=-1).reshape(-1, 2)
     distance = np.hypot(*model.isotropic(offsets).T).reshape(size)
-    spectrum = np.sqrt(np.maximum(rfft2(model.covariance(distance)).real, 0.0))
+    spectrum = np.sqrt(np.maximum(np.fft.rfft2(model.covariance(distance)).real, 0.0))
     place = ((positions - [grid.north[0], grid.east[0]]) / grid.step_m).T
     nodes, seen = [], []
     for _ in range(count):
-        field = irfft2(rfft2(rng.normal(size=size)) * spectrum, s=size)
+        field = np.fft.irfft2(np.fft.rfft2(rng.normal(size=size)) * spectrum, s=size)
         nodes.append(field[: shape[0], : shape[1]][grid.inside])
         seen.append(map_coordinates(field, place, order=1, mode="grid-wrap"))
     return np.array(nodes), np.array(seen)

@@ -102,8 +102,8 @@ class Mesh:
         share = place - corner
         rows, columns, weights = [], [], []
         for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            at = corner + (i, j)
-            valid = (at >= 0).all(axis=1) & (at < grid.inside.shape).all(axis=1)
+            at = corner + np.array([i, j])
+            valid = np.all((at >= 0) & (at < np.array(grid.inside.shape)), axis=1)
             node = np.where(valid, self.index[tuple(np.where(valid[:, None], at, 0).T)], -1)
             weight = np.abs(1 - i - share[:, 0]) * np.abs(1 - j - share[:, 1])
             use = (node >= 0) & (weight > 1e-9)
@@ -126,7 +126,13 @@ class _System:
     """Samples on a mesh under given kappa and noise over s^2, the scale s^2 being profiled."""
 
     def __init__(
-        self, mesh: Mesh, weights: csr_array, values: Array, basis: Array, kappa: float, noise: float
+        self,
+        mesh: Mesh,
+        weights: csr_array,
+        values: Array,
+        basis: Array,
+        kappa: float,
+        noise: float,
     ) -> None:
         area = mesh.step_m**2
         operator = _operator(mesh, kappa)
@@ -149,7 +155,7 @@ class _System:
 
     def likelihood(self) -> float:
         """Restricted log-likelihood, but for a constant."""
-        n = self._weights.shape[0]
+        n = len(self.residual)
         log_det = _log_det(self.posterior) - self._log_prior + n * math.log(self.noise)
         _, log_information = np.linalg.slogdet(self.information)
         return -0.5 * (self.free * math.log(max(self.scale, 1e-300)) + log_det + log_information)
@@ -207,9 +213,7 @@ class ShoreField:
         noise = max(model.nugget / self._scale, LEAST_NOISE / (4 * math.pi * self._kappa**2))
         self._shift = float(values.mean())
         basis = np.ones((len(values), 1))
-        self._system = _System(
-            mesh, self._weights, values - self._shift, basis, self._kappa, noise
-        )
+        self._system = _System(mesh, self._weights, values - self._shift, basis, self._kappa, noise)
 
     def mean(self) -> Array:
         """The best estimate at each node."""

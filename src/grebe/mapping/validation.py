@@ -39,9 +39,10 @@ class Validation:
 
     `pieces` lines of the track or blocks of water (`left_out`) were left out in `folds` turns.
     `score` is the mean negative log density of the errors, but for a constant, once all standard
-    deviations are scaled to an msdr of 1: what models are chosen by. `msdr` is the mean squared standardised error (ideal 1);
-    `coverage50` and `coverage95` the shares of samples within their intervals; `nearest_rmse`
-    and `idw_rmse` what the nearest sample and the inverse squared distance would give.
+    deviations are scaled to an msdr of 1: what models are chosen by. `msdr` is the mean squared
+    standardised error (ideal 1); `coverage50` and `coverage95` the shares of samples within
+    their intervals; `nearest_rmse` and `idw_rmse` what the nearest sample and the inverse
+    squared distance would give.
     """
 
     left_out: Literal["lines", "blocks", "given"]

@@ -126,9 +126,7 @@ def empirical_variogram(
     return _classes(pairs, bins, cutoff_m, estimator)
 
 
-def _classes(
-    pairs: _Pairs, bins: int, cutoff_m: float, estimator: Estimator
-) -> EmpiricalVariogram:
+def _classes(pairs: _Pairs, bins: int, cutoff_m: float, estimator: Estimator) -> EmpiricalVariogram:
     # gstat's classes are open below and closed above: (k w, (k + 1) w].
     index = np.clip(np.ceil(pairs.distance * bins / cutoff_m).astype(int) - 1, 0, bins - 1)
     count = np.bincount(index, minlength=bins)
@@ -257,9 +255,7 @@ def _directed(
     reach, ratio, angle = best.x.tolist()
     if gain < LEAST_GAIN or ratio > CLEAR_RATIO:
         return None
-    return replace(
-        model, range_m=reach * model.range_m, ratio=ratio, angle_deg=angle % 180
-    ), gain
+    return replace(model, range_m=reach * model.range_m, ratio=ratio, angle_deg=angle % 180), gain
 
 
 def _along(

@@ -1,4 +1,4 @@
-"""The paper's claim, measured: does a planned survey make a better map than one by hand?
+"""The paper's claim, measured: whether a planned survey makes a better map than one by hand.
 
 The same water, drawn anew for each seed through the samples of a real hand-driven track, is
 sampled along that track and along a survey that Grebe plans and flies; both maps are made
@@ -32,7 +32,7 @@ from grebe.vessel import vessel_named
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    Array = NDArray[np.floating]
 
 SEEDS = 30
 NODES = 2_500

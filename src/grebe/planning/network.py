@@ -161,8 +161,8 @@ def _through_edges(
     begin = corners[np.searchsorted(edge, np.arange(len(passable)))]
     end = corners[np.searchsorted(edge, np.arange(len(passable)), side="right") - 1]
     places = begin + CROSSINGS[:, None, None] * (end - begin)
-    legs = [centres[side[passable]] - places for side in (first, second)]
-    ways[passable] = sum(np.hypot(leg[..., 0], leg[..., 1]) for leg in legs).min(axis=0)
+    legs = np.array([centres[side[passable]] - places for side in (first, second)])
+    ways[passable] = np.hypot(legs[..., 0], legs[..., 1]).sum(axis=0).min(axis=0)
     return ways
 
 

@@ -207,7 +207,9 @@ def _around_tree(blocks: set[Block], places: dict[Block, int]) -> list[int]:
         a, b, weight = np.array(edges).T
         shape = (len(listed), len(listed))
         tree = coo_array(
-            minimum_spanning_tree(coo_array((weight, (a.astype(int), b.astype(int))), shape=shape))
+            minimum_spanning_tree(
+                coo_array((weight, (a.astype(np.int32), b.astype(np.int32))), shape=shape)
+            )
         )
         pairs = zip(tree.row.tolist(), tree.col.tolist(), strict=True)
         linked = {(listed[i], listed[j]) for i, j in pairs}

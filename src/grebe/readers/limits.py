@@ -1,8 +1,8 @@
 """Read limits for quality control from TOML: one table a quantity, what is not said stays.
 
-    [ph]
-    suspect_span = [6.0, 9.5]
-    spike_suspect = 0.2
+[ph]
+suspect_span = [6.0, 9.5]
+spike_suspect = 0.2
 """
 
 from __future__ import annotations

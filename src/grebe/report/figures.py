@@ -99,9 +99,7 @@ def plan_figure(survey: Survey) -> Figure:
 
 
 @styled
-def track_figure(
-    survey: Survey, track: TrackTable, samples: SampleTable, texts: Texts
-) -> Figure:
+def track_figure(survey: Survey, track: TrackTable, samples: SampleTable, texts: Texts) -> Figure:
     """The boat's track over the cells, and where samples were taken."""
     figure = Figure(figsize=_size(survey))
     axes = figure.subplots()
@@ -142,7 +140,11 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
     speed.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
     for column, name, colour in ((0, "port", ORANGE), (1, "starboard", GREEN)):
         thrust.step(
-            track.seconds, track.thrusts[:, column], where="post", lw=0.8, color=colour,
+            track.seconds,
+            track.thrusts[:, column],
+            where="post",
+            lw=0.8,
+            color=colour,
             label=texts[name],
         )
     if survey.vessel is not None:

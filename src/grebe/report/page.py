@@ -201,11 +201,12 @@ def _quality(data: ReportData) -> list[tuple[str, str, int, int]] | None:
 def _measured(data: ReportData, t: Texts) -> list[tuple[str, str]]:
     meta, frame = data.meta, data.survey.frame
     vessel = data.survey.vessel
+    unknown = str(t["not_stated"])
     return [
-        (t["vessel"], t["not_stated"] if vessel is None else vessel.name),
-        (t["sensors"], meta.get("sensors", t["not_stated"])),
-        (t["positions"], meta.get("positions", t["not_stated"])),
-        (t["water"], meta.get("water", t["not_stated"])),
+        (t["vessel"], unknown if vessel is None else vessel.name),
+        (t["sensors"], meta.get("sensors", unknown)),
+        (t["positions"], meta.get("positions", unknown)),
+        (t["water"], meta.get("water", unknown)),
         (t["crs"], t("crs_text", lat=f"{frame.origin_lat_deg:.6f}",
                      lon=f"{frame.origin_lon_deg:.6f}")),
         (t["software"], f"Grebe {meta.get('software_version', '')}"),

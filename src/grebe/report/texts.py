@@ -20,6 +20,7 @@ class Texts:
         return self.table[key]
 
     def __call__(self, key: str, **values: object) -> str:
+        """The text of a key with its braces filled in."""
         return str(self.table[key]).format(**values)
 
     def label(self, quantity: str) -> str:

@@ -61,7 +61,9 @@ def read_profile(path: Path | None) -> Profile:
         text = (
             path.read_text(encoding="utf-8")
             if path is not None
-            else (resources.files("grebe.report") / "profiles" / "freshwater.toml").read_text("utf-8")
+            else (resources.files("grebe.report") / "profiles" / "freshwater.toml").read_text(
+                "utf-8"
+            )
         )
         table = tomllib.loads(text)
     except OSError as error:
@@ -91,4 +93,10 @@ def _threshold(name: str, row: Any) -> Threshold:
         value = float(given["value"])
     except (TypeError, ValueError):
         raise InputError(f"{name}: {given['value']!r} is no number.") from None
-    return Threshold(**(given | {"value": value}))
+    return Threshold(
+        quantity=str(given["quantity"]),
+        value=value,
+        sense=given["sense"],
+        label=str(given["label"]),
+        citation=str(given["citation"]),
+    )

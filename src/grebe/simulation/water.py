@@ -67,7 +67,7 @@ class Water:
     fields: Mapping[str, Array]
     noise_sd: Mapping[str, float]
 
-    def value(self, key: str, positions: Array) -> Array:
+    def value(self, key: str, positions: NDArray[np.floating]) -> Array:
         """Return the true value at (n, 2) positions; beyond the grid that of its edge."""
         low = [self.north[0], self.east[0]]
         high = [self.north[-1], self.east[-1]]
