@@ -44,7 +44,7 @@ def write_bands(
     from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
     from rasterio.shutil import copy
-    from rasterio.transform import from_origin
+    from rasterio.transform import Affine
 
     grid, step = one.grid, one.grid.step_m
     corner = (grid.east[0] - step / 2, grid.north[-1] + step / 2)
@@ -55,7 +55,7 @@ def write_bands(
         "height": len(grid.north),
         "width": len(grid.east),
         "crs": CRS.from_user_input(frame.definition),
-        "transform": from_origin(*corner, step, step),
+        "transform": Affine(step, 0.0, corner[0], 0.0, -step, corner[1]),
         "nodata": NODATA,
     }
     part = path.with_name(path.name + ".part")
@@ -69,8 +69,9 @@ def write_bands(
                     is_probability = name.startswith("P(")
                     dataset.set_band_unit(index, "1" if is_probability else unit or "1")
                 dataset.update_tags(quantity=one.quantity.key, interpolation=one.method)
-            with memory.open() as dataset:
-                copy(dataset, part, driver="COG", compress="DEFLATE")
+            with memory.open() as dataset, MemoryFile(ext=".tif") as optimized:
+                copy(dataset, optimized.name, driver="COG", compress="DEFLATE")
+                part.write_bytes(optimized.read())
         os.replace(part, path)
     except (OSError, RasterioError) as error:
         part.unlink(missing_ok=True)

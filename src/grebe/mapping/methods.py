@@ -25,6 +25,8 @@ METHODS: tuple[Method, ...] = ("kriging", "spde")
 # Land matters where more of the sight lines within the range cross it than this.
 BLOCKED_SHARE = 0.02
 SIGHT_LINES = 2_000
+# Fields are drawn so many times as fine as the map, where that is not too much.
+REFINE, MOST_DRAWN_NODES = 3, 2_000_000
 # The smallest draws are made of so many at once, to keep memory in bounds.
 DRAWS_AT_ONCE = 20
 
@@ -64,9 +66,12 @@ class Kriging:
         """Free fields whose error at the samples is taken away by kriging."""
         fields = np.empty((count, int(grid.inside.sum())))
         rng = np.random.default_rng(seed)
+        refine = REFINE if grid.inside.size * REFINE**2 < MOST_DRAWN_NODES else 1
         for start in range(0, count, DRAWS_AT_ONCE):
             part = slice(start, min(start + DRAWS_AT_ONCE, count))
-            free, seen = circulant_fields(self.model, grid, positions, part.stop - start, rng)
+            free, seen = circulant_fields(
+                self.model, grid, positions, part.stop - start, rng, refine
+            )
             noise = rng.normal(0.0, np.sqrt(self.model.nugget), seen.shape)
             lack = values[:, None] - (seen + noise).T
             fields[part] = free + self.estimate(positions, lack, grid.nodes).mean.T
