@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 import shapely
 from click.testing import CliRunner
@@ -9,6 +10,9 @@ from conftest import region_of
 
 from grebe.cli.main import grebe
 from grebe.errors import PlanError, UsageError
+from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.design import pitch_for_accuracy
+from grebe.mapping.kriging import krige
 from grebe.store import SurveyFile
 
 
@@ -116,3 +120,22 @@ def test_current_and_wind_lengthen_the_survey(lake, tmp_path):
 def test_an_angle_that_is_none(lake, tmp_path):
     with pytest.raises(UsageError, match="neither a number"):
         planned(lake, tmp_path, "--angle", "north")
+
+
+def test_the_wanted_accuracy_chooses_the_cells(lake, tmp_path):
+    rough, _ = planned(lake, tmp_path, "--range", "60")
+    fine, _ = planned(lake, tmp_path, "--range", "60", "--accuracy", "0.35", "--force")
+    assert fine["cell_m"] < rough["cell_m"] < 30
+    with pytest.raises(UsageError, match="one of them"):
+        planned(lake, tmp_path, "--range", "60", "--cell", "5")
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+def test_a_map_of_samples_at_that_pitch_has_the_accuracy(share):
+    """Kriging in the middle of a larger grid of that pitch gives the standard deviation."""
+    pitch = pitch_for_accuracy(100.0, share)
+    ticks = pitch * (np.arange(-7, 7) + 0.5)
+    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    model = CovarianceModel(kind="exponential", sill=4.0, range_m=100 / 2.996, nugget=0.0)
+    sd = krige(places, np.zeros(len(places)), np.zeros((1, 2)), model).sd[0]
+    assert sd / 2.0 == pytest.approx(share, abs=0.01)

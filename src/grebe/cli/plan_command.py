@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import shapely
 from grebe.cli import options, output
 from grebe.cli.files import create_survey_file
 from grebe.errors import InputError, UsageError
+from grebe.mapping.design import pitch_for_accuracy
 from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.planner import Planned, PlanSettings, plan
 from grebe.planning.region import Region, clean_region
@@ -68,6 +70,19 @@ DEFAULT_MARGIN_M = 1.0
     show_default=True,
     help="Wind force on the boat that the plan reckons with [N].",
 )
+@click.option(
+    "--range",
+    "range_m",
+    type=float,
+    help="Choose the cells' size for a quantity whose variogram has this practical range [m].",
+)
+@click.option(
+    "--accuracy",
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    default=0.5,
+    show_default=True,
+    help="With --range: the map's standard deviation over the quantity's own.",
+)
 @click.option("--minutes", type=float, help="Choose the cells' size for this time.")
 @click.option("--wh", "energy_wh", type=float, help="Choose the cells' size for this energy [Wh].")
 @click.option(
@@ -98,6 +113,8 @@ def command(
     returns: bool,
     current: tuple[float, float],
     wind: tuple[float, float],
+    range_m: float | None,
+    accuracy: float,
     minutes: float | None,
     energy_wh: float | None,
     speed: tuple[float, float],
@@ -122,6 +139,10 @@ def command(
     outline = read_outline(region, options.track_columns(columns), header_from)
     for text in outline.notes:
         output.note(f"{region}: {text}")
+    if range_m is not None:
+        if cell_m is not None:
+            raise UsageError("--range chooses the cells' size and --cell gives it; one of them.")
+        cell_m = _cell_for(range_m, accuracy)
     if cell_m is None and minutes is None and energy_wh is None:
         cell_m = DEFAULT_CELL_M
     if shore_margin_m is None:
@@ -153,6 +174,13 @@ def command(
         as_json=as_json,
         next_command=f"grebe run {path}{known}",
     )
+
+
+def _cell_for(range_m: float, accuracy: float) -> float:
+    """The cells' size for a map of that accuracy."""
+    if not 0 < range_m < math.inf:
+        raise UsageError(f"--range {range_m:g}: a range is a positive number of metres.")
+    return round(pitch_for_accuracy(range_m, accuracy), 2)
 
 
 def _angle_deg(text: str) -> float | None:
