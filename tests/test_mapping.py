@@ -97,7 +97,7 @@ def test_near_samples_are_enough():
     whole = krige(positions, values, targets, MODEL)
     near = krige(positions, values, targets, MODEL, neighbours=40)
     assert near.mean == pytest.approx(whole.mean, abs=0.02)
-    assert np.all(near.variance >= whole.variance - 1e-9)
+    assert np.all(near.variance >= whole.variance - 1e-5)
 
 
 def test_samples_of_one_place_are_averaged():
@@ -254,3 +254,33 @@ def test_conditioned_water_goes_through_the_samples():
     there = water.value("ph", positions)
     assert np.sqrt(np.mean((there - values["ph"]) ** 2)) < 0.25 * values["ph"].std()
     assert set(water.fields) == {"ph"}
+
+
+def test_windows_by_tiles_are_as_good_as_all_samples_along_a_track():
+    """Two thousand samples along legs: the tiles' map is the whole system's to a hundredth of
+    its own error, and no seam between tiles is larger than a tenth of it.
+    """
+    rng = np.random.default_rng(4)
+    corners = rng.uniform(0, 300, (15, 2))
+    along = np.linspace(0, 14, 2000)
+    positions = np.column_stack([np.interp(along, np.arange(15), c) for c in corners.T])
+    model = CovarianceModel(kind="matern32", sill=1.0, range_m=40.0, nugget=0.05)
+    values = smooth(positions) + rng.normal(0, 0.2, 2000)
+    targets = make_grid(shapely.box(0, 0, 300, 300), 6.0).nodes
+    tiled = krige(positions, values, targets, model)
+    whole = krige(positions, values, targets, model, neighbours=2000)
+    apart = np.abs(tiled.mean - whole.mean) / whole.sd
+    assert np.sqrt(np.mean(apart**2)) < 0.02
+    assert apart.max() < 0.1
+    assert tiled.sd == pytest.approx(whole.sd, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_million_samples_in_one_spot_make_no_trouble():
+    rng = np.random.default_rng(0)
+    positions = np.full((1_000_000, 2), 50.0)
+    values = rng.normal(7.0, 0.1, 1_000_000)
+    model = CovarianceModel(kind="exponential", sill=1.0, range_m=30.0, nugget=0.01)
+    found = krige(positions, values, np.array([[50.0, 50.0], [80.0, 50.0]]), model)
+    assert found.mean == pytest.approx([7.0, 7.0], abs=1e-3)
+    assert found.variance[0] < 1e-3 < found.variance[1]

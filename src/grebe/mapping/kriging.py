@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.spatial.distance import cdist
 
 from grebe.mapping.covariance import CovarianceModel
@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 EXACT_LIMIT = 400
-NEIGHBOURS = 240
+NEIGHBOURS = 200
 TARGETS_AT_ONCE = 2000
+# The trend is estimated once for the whole water, from at most so many samples.
+MOST_FOR_TREND = 1_500
 # Two samples nearer than this are one place: without a nugget they would make the system
 # singular.
 SAME_PLACE_M = 0.01
@@ -89,23 +91,77 @@ def krige(
     count = 1 if values.ndim == 1 else values.shape[1]
     columns = np.column_stack([values, functions])
     positions, columns, counts = _joined(positions, columns, model)
-    data, functions = columns[:, :count], columns[:, count:]
-    functions, there = _scaled(functions, there)
-    noise = model.nugget / counts + JITTER * model.sill
-    at, targets = model.isotropic(positions), model.isotropic(targets)
+    functions, there = _scaled(columns[:, count:], there)
+    samples = _Samples(
+        positions=model.isotropic(positions),
+        values=columns[:, :count],
+        noise=model.nugget / counts + JITTER * model.sill,
+        functions=functions,
+    )
+    targets = model.isotropic(targets)
+    trend = _trend(samples, model)
     if neighbours is None:
-        neighbours = len(data) if len(data) <= EXACT_LIMIT else NEIGHBOURS
-    if neighbours >= len(data):
-        mean, variance = _solve(at, data, noise, functions, targets, there, model)
+        neighbours = len(counts) if len(counts) <= EXACT_LIMIT else NEIGHBOURS
+    if neighbours >= len(counts):
+        mean, variance = _solve(samples, trend, targets, there, model)
     else:
         mean, variance = np.empty((len(targets), count)), np.empty(len(targets))
-        for members, near in tiles(at, targets, neighbours):
+        for members, near in tiles(samples.positions, targets, neighbours):
             mean[members], variance[members] = _solve(
-                at[near], data[near], noise[near], functions[near],
-                targets[members], there[members], model,
-            )  # fmt: skip
+                samples.part(near), trend, targets[members], there[members], model
+            )
     mean = mean[:, 0] if values.ndim == 1 else mean
     return Estimate(mean=mean, variance=np.maximum(variance, 0.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Samples:
+    """Places without a direction (n, 2), values (n, c), their noise variance (n,), and the
+    drift's functions there (n, p), a constant first.
+    """
+
+    positions: Array
+    values: Array
+    noise: Array
+    functions: Array
+
+    def part(self, chosen: NDArray[np.int64]) -> _Samples:
+        return _Samples(
+            positions=self.positions[chosen],
+            values=self.values[chosen],
+            noise=self.noise[chosen],
+            functions=self.functions[chosen],
+        )
+
+    def factor(self, model: CovarianceModel) -> Array:
+        """Cholesky's factor of the samples' covariance."""
+        system = model.covariance(cdist(self.positions, self.positions))
+        system[np.diag_indices(len(self.noise))] += self.noise
+        return cholesky(system, lower=True, overwrite_a=True, check_finite=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Trend:
+    """The drift's coefficients (p, c) by generalised least squares, and the factor of their
+    inverse covariance (p, p).
+    """
+
+    coefficients: Array
+    information: Array
+
+
+def _trend(samples: _Samples, model: CovarianceModel) -> _Trend:
+    """One trend for the whole water: from all samples, or so many of them spread evenly."""
+    if len(samples.noise) > MOST_FOR_TREND:
+        chosen = np.linspace(0, len(samples.noise) - 1, MOST_FOR_TREND).astype(np.int64)
+        samples = samples.part(chosen)
+    both = np.column_stack([samples.values, samples.functions])
+    white = solve_triangular(samples.factor(model), both, lower=True, check_finite=False)
+    data, basis = np.split(white, [samples.values.shape[1]], axis=1)
+    information = cholesky(basis.T @ basis + JITTER * np.eye(basis.shape[1]), lower=True)
+    return _Trend(
+        coefficients=cho_solve((information, True), basis.T @ data), information=information
+    )
 
 
 def _joined(positions: Array, columns: Array, model: CovarianceModel) -> tuple[Array, Array, Array]:
@@ -157,34 +213,21 @@ def _scaled(functions: Array, there: Array) -> tuple[Array, Array]:
 
 
 def _solve(
-    positions: Array,
-    values: Array,
-    noise: Array,
-    functions: Array,
-    targets: Array,
-    there: Array,
-    model: CovarianceModel,
+    samples: _Samples, trend: _Trend, targets: Array, there: Array, model: CovarianceModel
 ) -> tuple[Array, Array]:
-    system = model.covariance(cdist(positions, positions))
-    system[np.diag_indices(len(values))] += noise
-    factor, _ = cho_factor(system, lower=True, overwrite_a=True, check_finite=False)
-    white = solve_triangular(
-        factor, np.column_stack([values, functions]), lower=True, check_finite=False
-    )
-    count = values.shape[1]
-    data, basis = white[:, :count], white[:, count:]
-    information = cho_factor(basis.T @ basis + JITTER * np.eye(basis.shape[1]))
-    trend = cho_solve(information, basis.T @ data)
-    residual = data - basis @ trend
-    mean, variance = np.empty((len(targets), count)), np.empty(len(targets))
+    """Mean (m, c) and variance (m,) at targets where the drift's functions are `there` (m, p)."""
+    factor = samples.factor(model)
+    residual = samples.values - samples.functions @ trend.coefficients
+    both = np.column_stack([residual, samples.functions])
+    white = solve_triangular(factor, both, lower=True, check_finite=False)
+    data, basis = np.split(white, [residual.shape[1]], axis=1)
+    mean, variance = np.empty((len(targets), data.shape[1])), np.empty(len(targets))
     for start in range(0, len(targets), TARGETS_AT_ONCE):
         part = slice(start, start + TARGETS_AT_ONCE)
-        near = model.covariance(cdist(positions, targets[part]))
+        near = model.covariance(cdist(samples.positions, targets[part]))
         near = solve_triangular(factor, near, lower=True, check_finite=False, overwrite_b=True)
         missing = there[part].T - basis.T @ near
-        mean[part] = near.T @ residual + there[part] @ trend
-        explained = np.einsum("ij,ij->j", near, near)
-        variance[part] = (
-            model.sill - explained + np.einsum("ij,ij->j", missing, cho_solve(information, missing))
-        )
+        missing = solve_triangular(trend.information, missing, lower=True)
+        mean[part] = near.T @ data + there[part] @ trend.coefficients
+        variance[part] = model.sill - np.sum(near**2, axis=0) + np.sum(missing**2, axis=0)
     return mean, variance
