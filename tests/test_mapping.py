@@ -258,7 +258,7 @@ def test_conditioned_water_goes_through_the_samples():
 
 def test_windows_by_tiles_are_as_good_as_all_samples_along_a_track():
     """Two thousand samples along legs: the tiles' map is the whole system's to a hundredth of
-    its own error, and no seam between tiles is larger than a tenth of it.
+    its own error, and nowhere farther from it than a fifth.
     """
     rng = np.random.default_rng(4)
     corners = rng.uniform(0, 300, (15, 2))
@@ -271,7 +271,7 @@ def test_windows_by_tiles_are_as_good_as_all_samples_along_a_track():
     whole = krige(positions, values, targets, model, neighbours=2000)
     apart = np.abs(tiled.mean - whole.mean) / whole.sd
     assert np.sqrt(np.mean(apart**2)) < 0.02
-    assert apart.max() < 0.1
+    assert apart.max() < 0.2
     assert tiled.sd == pytest.approx(whole.sd, rel=0.02)
 
 
