@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 EXACT_LIMIT = 400
-NEIGHBOURS = 200
+NEIGHBOURS = 150
 TARGETS_AT_ONCE = 2000
 # The trend is estimated once for the whole water, from at most so many samples.
 MOST_FOR_TREND = 1_500
