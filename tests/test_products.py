@@ -27,6 +27,7 @@ from grebe.mapping.drift import combined, inflow, linear
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.quantities import QUANTITIES
+from grebe.readers.depth import read_depth
 from grebe.report.texts import LANGUAGES, texts_of
 from grebe.report.thresholds import read_profile
 from grebe.survey import Flag
@@ -144,6 +145,36 @@ def test_a_drift_carries_the_map_beyond_the_samples():
     assert inflow((0.0, 0.0))(np.array([[3.0, 4.0], [0.0, 0.1]])) == pytest.approx(
         np.array([[np.log(5.0)], [0.0]])
     )
+
+
+def test_a_bathymetry_carries_the_map(tmp_path):
+    """The depth grows to the north, and so does the quantity, beyond what was sampled."""
+    path = tmp_path / "depth.tif"
+    north = np.arange(99.5, 0, -1.0)
+    depth = np.repeat((north / 10)[:, None], 60, axis=1).astype("float32")
+    depth[:5] = -1.0
+    with rasterio.open(
+        path, "w", driver="GTiff", height=100, width=60, count=1, dtype="float32", nodata=-1.0,
+        crs=FRAME.definition, transform=rasterio.Affine(1, 0, 0, 0, -1, 100),
+    ) as file:  # fmt: skip
+        file.write(depth, 1)
+    at = read_depth(path, FRAME)
+    places = np.array([[20.5, 30.5], [60.25, 10.0], [99.5, 30.0]])
+    assert at(places)[:, 0] == pytest.approx([2.05, 6.025, 9.45], abs=1e-3)
+    rng = np.random.default_rng(1)
+    positions = rng.uniform(0, [50, 60], (100, 2))
+    values = 0.5 * positions[:, 0] / 10 + rng.normal(0, 0.02, 100)
+    water = shapely.box(0, 0, 90, 60)
+    mapper = Mapper(water, make_grid(water, 5.0), MapSettings(drift=combined([at])))
+    one = mapper.map_quantity(QUANTITIES[0], positions, values, np.full(100, Flag.GOOD))
+    assert np.nanmax(one.mean) == pytest.approx(4.4, abs=0.3)
+
+
+def test_a_raster_that_is_none_is_named(tmp_path):
+    path = tmp_path / "depth.tif"
+    path.write_text("no raster")
+    with pytest.raises(InputError, match=r"depth\.tif"):
+        read_depth(path, FRAME)
 
 
 def test_a_difference_knows_what_is_clear(oxygen):

@@ -18,6 +18,8 @@ from grebe.export.netcdf import write_netcdf
 from grebe.mapping.drift import DriftFunction, combined, inflow, linear
 from grebe.mapping.maps import MapSettings, QuantityMap
 from grebe.mapping.methods import METHODS, Method
+from grebe.mapping.variogram import ESTIMATORS, Estimator
+from grebe.readers.depth import read_depth
 from grebe.report import figures
 from grebe.report.data import ReportData, gather
 from grebe.report.thresholds import Profile, read_profile
@@ -44,6 +46,16 @@ from grebe.store import SurveyFile
     multiple=True,
     help="An inflow from whose distance the mean depends; may be given several times.",
 )
+@click.option(
+    "--depth", type=options.EXISTING, help="Raster of depths on which the mean depends (GeoTIFF)."
+)
+@click.option(
+    "--estimator",
+    type=click.Choice(ESTIMATORS),
+    default="matheron",
+    show_default=True,
+    help="Of the variogram; cressie and dowd bear outliers.",
+)
 @click.option("--draws", type=click.IntRange(0, 1000), default=0, help="Conditional simulations.")
 @click.option("--profile", type=options.EXISTING, help="TOML: thresholds.  [default: fresh water]")
 @options.json_option
@@ -55,6 +67,8 @@ def command(
     variogram: Any,
     drift: str | None,
     inflows: tuple[tuple[float, float], ...],
+    depth: Path | None,
+    estimator: Estimator,
     draws: int,
     profile: Path | None,
     as_json: bool,
@@ -65,7 +79,10 @@ def command(
     thresholds = read_profile(profile)
     with SurveyFile.open(file) as survey_file:
         settings = MapSettings(
-            method=method, variogram=variogram, drift=_drift(survey_file, drift, inflows)
+            method=method,
+            variogram=variogram,
+            estimator=estimator,
+            drift=_drift(survey_file, drift, inflows, depth),
         )
         data = gather(survey_file, resolution_m, settings)
     written = write_maps(data, out, thresholds, draws)
@@ -85,12 +102,18 @@ def command(
 
 
 def _drift(
-    survey_file: SurveyFile, name: str | None, inflows: Sequence[tuple[float, float]]
+    survey_file: SurveyFile,
+    name: str | None,
+    inflows: Sequence[tuple[float, float]],
+    depth: Path | None,
 ) -> DriftFunction | None:
+    frame = survey_file.survey.frame
     functions: list[DriftFunction] = [linear] if name == "linear" else []
     for place in inflows:
-        north, east = survey_file.survey.frame.to_local(place).tolist()
+        north, east = frame.to_local(place).tolist()
         functions.append(inflow((north, east)))
+    if depth is not None:
+        functions.append(read_depth(depth, frame))
     return combined(functions)
 
 

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
 from grebe.mapping.covariance import CovarianceModel, correlations
-from grebe.mapping.variogram import VariogramFit, fit_variogram
+from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,16 +35,16 @@ STEP = 1e-2
 CLEAR_GAIN = 5.0
 
 
-def fit_reml(positions: Array, values: Array) -> VariogramFit:
-    """Fit the kinds of model that fit the variogram best, with and without its direction, by
-    restricted likelihood, and take the likeliest.
+def fit_reml(positions: Array, values: Array, estimator: Estimator = "matheron") -> VariogramFit:
+    """Fit the kinds of model that fit the variogram (by `estimator`) best, with and without its
+    direction, by restricted likelihood, and take the likeliest.
 
     The range has an upper limit of `MOST_RANGE` extents: beyond that the samples cannot tell a
     trend from a range. Raises `ValueError` where there are too few pairs or nothing varies.
     """
     if np.ptp(values) == 0:
         raise ValueError("the values do not vary")
-    start = fit_variogram(positions, values)
+    start = fit_variogram(positions, values, estimator)
     chosen = thinned(len(values))
     at, data = positions[chosen], values[chosen]
     plain = _Restricted(at, data)

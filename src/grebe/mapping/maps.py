@@ -25,7 +25,7 @@ from grebe.mapping.methods import (
 from grebe.mapping.noise import noise_variance
 from grebe.mapping.spde import Mesh, coarse_mesh, fit_spde
 from grebe.mapping.validation import Validation, validate
-from grebe.mapping.variogram import VariogramFit, fit_variogram
+from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
 from grebe.quantities import QUANTITIES, Quantity
 from grebe.survey import Flag
 
@@ -52,6 +52,7 @@ class MapSettings:
 
     method: Method | None = None
     variogram: Literal["wls", "reml"] | None = None
+    estimator: Estimator = "matheron"
     drift: DriftFunction | None = None
 
     def __post_init__(self) -> None:
@@ -166,12 +167,12 @@ class Mapper:
         if self.settings.drift is not None:
             basis = np.column_stack([np.ones(len(at)), self.settings.drift(at)])
             data = data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]
-        asked = self.settings.variogram
+        asked, estimator = self.settings.variogram, self.settings.estimator
         if asked == "wls" or np.ptp(data) == 0:
-            return [fit_variogram(at, data)]
+            return [fit_variogram(at, data, estimator)]
         if asked == "reml" or len(data) < FEWEST_FOR_CHOICE:
-            return [fit_reml(at, data)]
-        return [fit_reml(at, data), fit_variogram(at, data)]
+            return [fit_reml(at, data, estimator)]
+        return [fit_reml(at, data, estimator), fit_variogram(at, data, estimator)]
 
     def _method(self, at: Array, data: Array, fit: VariogramFit) -> tuple[Method, str]:
         if self.settings.method is not None:

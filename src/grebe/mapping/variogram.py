@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 # without a nugget it believes itself beyond reason (Stein 1999, section 1.7).
 AUTOMATIC = KINDS[:-1]
 Estimator = Literal["matheron", "cressie", "dowd"]
+ESTIMATORS: tuple[Estimator, ...] = ("matheron", "cressie", "dowd")
 BINS = 15
 FEWEST_PAIRS = 10
 FEWEST_CLASSES = 3
