@@ -45,12 +45,13 @@ def read_depth(path: Path, frame: LocalFrame) -> DriftFunction:
         raise InputError(f"{path} cannot be read as a raster: {error}.") from None
     filled = _filled(path, band)
     rows, columns = (np.arange(side) + 0.5 for side in band.shape)
-    depth = RegularGridInterpolator((rows, columns), filled, bounds_error=False, fill_value=None)
+    depth = RegularGridInterpolator((rows, columns), filled)
 
     def at(positions: Array) -> Array:
         lon, lat = frame.to_wgs84(positions).T
         x, y = (np.array(one) for one in transform("EPSG:4326", crs, lon, lat))
-        column, row = inverse * (x, y)
+        column = inverse.a * x + inverse.b * y + inverse.c
+        row = inverse.d * x + inverse.e * y + inverse.f
         inside = np.column_stack(
             [np.clip(row, rows[0], rows[-1]), np.clip(column, columns[0], columns[-1])]
         )
