@@ -146,7 +146,7 @@ def _sklearn(positions, values) -> Estimate:
 
 
 _PEERS = {"PyKrige": _pykrige, "GSTools": _gstools, "scikit-learn": _sklearn}
-_LARGEST = {"PyKrige": 10_000, "GSTools": 2_000, "scikit-learn": 2_000}
+_LARGEST = {"PyKrige": 10_000, "GSTools": 500, "scikit-learn": 2_000}
 
 
 def islands() -> None:

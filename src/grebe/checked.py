@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from grebe.mapping.lag import Lag, unlagged
 from grebe.mapping.quality import DEFAULT_LIMITS, Limits, Quality, Record, check_quality
 from grebe.store import SampleTable, SurveyFile
+from grebe.survey import Flag
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,17 +28,19 @@ def check_samples(
     table = survey_file.samples()
     seconds = np.array([moment.timestamp() for moment in table.times])
     # A reading within two overlapping sets is recorded for each: it is checked once.
-    _, once, back = np.unique(seconds, return_index=True, return_inverse=True)
-    rising = np.all(np.diff(seconds) >= 0)
-    keep, back = (once, back.ravel()) if rising else (np.arange(len(seconds)),) * 2
+    rows = np.column_stack([seconds, table.positions, *table.values.values()])
+    _, once, back = np.unique(rows, axis=0, return_index=True, return_inverse=True, equal_nan=True)
+    kept = np.sort(once)
+    back = np.searchsorted(kept, once[back.ravel()])
     record = Record(
-        times=seconds[keep],
-        lonlat=survey_file.survey.frame.to_wgs84(table.positions[keep]),
-        positions=table.positions[keep],
-        values={key: column[keep] for key, column in table.values.items()},
+        times=seconds[kept],
+        lonlat=survey_file.survey.frame.to_wgs84(table.positions[kept]),
+        positions=table.positions[kept],
+        values={key: column[kept] for key, column in table.values.items()},
     )
     quality = check_quality(record, survey_file.survey.water, limits)
-    survey_file.set_flags({key: flags[back] for key, flags in quality.flags.items()})
+    quality = replace(quality, flags={key: one[back] for key, one in quality.flags.items()})
+    survey_file.set_flags(quality.flags)
     survey_file.set_meta(
         "quality", json.dumps({"counts": quality.counts, "notes": list(quality.notes)})
     )
@@ -45,8 +48,10 @@ def check_samples(
 
 
 def store_lags(survey_file: SurveyFile, lags: Mapping[str, Lag]) -> None:
-    """Note the lag of each sensor, for the maps."""
-    survey_file.set_meta("lags", json.dumps({key: asdict(lag) for key, lag in lags.items()}))
+    """Note the lag of some sensors, for the maps, beside those noted before; no lag forgets one."""
+    known = stored_lags(survey_file) | dict(lags)
+    kept = {key: asdict(lag) for key, lag in known.items() if lag != Lag()}
+    survey_file.set_meta("lags", json.dumps(kept))
 
 
 def stored_lags(survey_file: SurveyFile) -> dict[str, Lag]:
@@ -58,13 +63,12 @@ def stored_lags(survey_file: SurveyFile) -> dict[str, Lag]:
 def corrected_values(table: SampleTable, lags: Mapping[str, Lag]) -> dict[str, NDArray[np.float64]]:
     """The values without the sensors' lag; those that are not good teach the others nothing."""
     seconds = np.array([moment.timestamp() for moment in table.times])
-    order = np.argsort(seconds, kind="stable")
     corrected = dict(table.values)
     for key, lag in lags.items():
-        column = np.where(table.flags[key][order] == 1, table.values[key][order], np.nan)
-        times, once = np.unique(seconds[order], return_index=True)
-        column = np.interp(
-            seconds, times, unlagged(times, column[once], lag), left=np.nan, right=np.nan
-        )
-        corrected[key] = np.where(np.isfinite(table.values[key]), column, np.nan)
+        good = np.flatnonzero(np.isin(table.flags[key], Flag.USABLE))
+        good = good[np.argsort(seconds[good], kind="stable")]
+        times, once, back = np.unique(seconds[good], return_index=True, return_inverse=True)
+        column = np.full(len(seconds), np.nan)
+        column[good] = unlagged(times, table.values[key][good[once]], lag)[back]
+        corrected[key] = column
     return corrected

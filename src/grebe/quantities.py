@@ -14,7 +14,8 @@ class Quantity:
 
     `key` is its column in the survey file and its variable in NetCDF; `unit` is the unit
     of the column, `cf_unit` the same in UDUNITS; `span` the gross range in which a value
-    on a lake is possible at all (QARTOD's gross range test fails outside it).
+    on a lake is possible at all (QARTOD's gross range test fails outside it); `resolution` the
+    step in which common sondes report it, below which nothing is known.
     """
 
     key: str
@@ -23,6 +24,7 @@ class Quantity:
     cf_unit: str
     standard_name: str
     span: tuple[float, float]
+    resolution: float
 
 
 QUANTITIES: tuple[Quantity, ...] = (
@@ -33,6 +35,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         cf_unit="degree_Celsius",
         standard_name="sea_water_temperature",
         span=(-2.0, 45.0),
+        resolution=0.001,
     ),
     Quantity(
         key="dissolved_oxygen_mgl",
@@ -41,6 +44,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         cf_unit="mg L-1",
         standard_name="mass_concentration_of_oxygen_in_sea_water",
         span=(0.0, 30.0),
+        resolution=0.01,
     ),
     Quantity(
         key="ph",
@@ -49,6 +53,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         cf_unit="1",
         standard_name="sea_water_ph_reported_on_total_scale",
         span=(2.0, 12.0),
+        resolution=0.01,
     ),
     Quantity(
         key="conductivity_uscm",
@@ -57,6 +62,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         cf_unit="uS cm-1",
         standard_name="sea_water_electrical_conductivity",
         span=(1.0, 60000.0),
+        resolution=0.1,
     ),
     Quantity(
         key="turbidity_ntu",
@@ -65,6 +71,7 @@ QUANTITIES: tuple[Quantity, ...] = (
         cf_unit="1",
         standard_name="sea_water_turbidity",
         span=(0.0, 4000.0),
+        resolution=0.01,
     ),
 )
 

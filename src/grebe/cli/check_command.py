@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from grebe.checked import check_samples, store_lags
+from grebe.checked import check_samples, store_lags, stored_lags
 from grebe.cli import options, output
 from grebe.errors import InputError, UsageError
 from grebe.mapping.lag import Lag
@@ -24,7 +24,7 @@ from grebe.store import SurveyFile
     "lags",
     multiple=True,
     metavar="KEY=DELAY[,TAU]",
-    help="Lag of a sensor [s], corrected in the maps: a delay and a time constant.",
+    help="Lag of a sensor [s], corrected in the maps: a delay and a time constant; 0 forgets it.",
 )
 @click.option("--sensors", help="The sensors and their calibration, for the report.")
 @click.option("--positions", help="How good the positions are, for the report.")
@@ -47,6 +47,7 @@ def command(
         quality = check_samples(survey_file, limits)
         if known:
             store_lags(survey_file, known)
+        lags_known = stored_lags(survey_file)
         for name, text in (("sensors", sensors), ("positions", positions)):
             if text is not None:
                 survey_file.set_meta(name, text)
@@ -55,6 +56,7 @@ def command(
     output.result(
         {
             "good": {key: int((flags == 1).sum()) for key, flags in quality.flags.items()},
+            "lags": {key: (one.delay_s, one.tau_s) for key, one in lags_known.items()} or None,
             "found": _found(quality.counts) if not as_json else quality.counts,
         },
         as_json=as_json,

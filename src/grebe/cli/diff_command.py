@@ -63,7 +63,7 @@ def command(
 
 def _sentence(row: dict[str, Any]) -> str:
     share, mean = row["changed_share"], row["mean_difference"]
-    return f"{mean:+.3g} on average; changed beyond doubt (95 %) on {share:.0%} of the area"
+    return f"{mean:+.3g} on average; clear, node by node (95 %), on {share:.0%} of the area"
 
 
 def _common_water(one: Survey, other: Survey) -> shapely.Polygon:

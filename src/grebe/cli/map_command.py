@@ -36,7 +36,8 @@ from grebe.store import SurveyFile
 @click.option(
     "--variogram",
     type=click.Choice(("reml", "wls")),
-    help="Fit the covariance by restricted likelihood or to the variogram.  [default: reml]",
+    help="Fit the covariance by restricted likelihood or to the variogram.  "
+    "[default: what predicts left-out samples better]",
 )
 @click.option("--drift", type=click.Choice(("linear",)), help="What the mean depends on.")
 @click.option(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -103,13 +104,17 @@ class Countdown:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+        console = Console(file=sys.stderr)
+        self._what, self._began = what, time.monotonic()
+        # A log file wants lines, not a bar.
+        self._lines = not quiet and not console.is_terminal
         self._bar = Progress(
             TextColumn(f"{{task.completed}}/{{task.total}} {what}"),
             BarColumn(),
             TextColumn("left:"),
             TimeRemainingColumn(),
-            console=Console(file=sys.stderr),
-            disable=quiet,
+            console=console,
+            disable=quiet or self._lines,
         )
         self._task = self._bar.add_task(what, total=total)
 
@@ -123,3 +128,6 @@ class Countdown:
     def update(self, done: int, total: int) -> None:
         """Show how many parts are done."""
         self._bar.update(self._task, completed=done, total=total)
+        if self._lines:
+            left = (time.monotonic() - self._began) * (total - done) / max(done, 1)
+            note(f"{done}/{total} {self._what}, about {left:.0f} s left")

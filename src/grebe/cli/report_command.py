@@ -41,8 +41,11 @@ def command(
     thresholds = read_profile(profile)
     path = path or file.with_suffix(".html")
     options.refuse_same(file, options.checked_output(path))
-    if path.exists() and not force:
-        raise InputError(f"{path} exists already; give another name with -o, or --force.")
+    if path.suffix.lower() == ".pdf":
+        raise InputError(f"{path}: the page is HTML; name it so, --pdf prints it beside it.")
+    for made in (path, *([path.with_suffix(".pdf")] if pdf else [])):
+        if made.exists() and not force:
+            raise InputError(f"{made} exists already; give another name with -o, or --force.")
     with SurveyFile.open(file) as survey_file:
         data = gather(survey_file, resolution_m)
     write_report(path, data, thresholds, language)

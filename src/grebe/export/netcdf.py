@@ -94,7 +94,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
     mean.setncatts(
         {
             "standard_name": quantity.standard_name,
-            "long_name": f"{quantity.label} of the surface water, kriged",
+            "long_name": f"{quantity.label} of the surface water, interpolated ({one.method})",
             "units": quantity.cf_unit,
             "ancillary_variables": f"{quantity.key}_sd",
             "comment": "Lake water; the sea_water_* names are the nearest in the CF table.",

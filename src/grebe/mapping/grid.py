@@ -54,6 +54,11 @@ def make_grid(water: shapely.Polygon, resolution_m: float | None = None) -> Grid
     north0, east0, north1, east1 = water.bounds
     rows = int((north1 - north0) / resolution_m) + 1
     columns = int((east1 - east0) / resolution_m) + 1
+    if min(rows, columns) < 2:
+        raise InputError(
+            f"A map at {resolution_m:g} m has {rows} x {columns} nodes, which is no map; choose a "
+            "finer resolution."
+        )
     if rows * columns > MOST_NODES:
         raise InputError(
             f"A map at {resolution_m:g} m has {rows * columns:,} nodes, more than "

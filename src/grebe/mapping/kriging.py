@@ -89,7 +89,7 @@ def krige(
         functions = np.column_stack([functions, drift.at_samples])
         there = np.column_stack([there, drift.at_targets])
     count = 1 if values.ndim == 1 else values.shape[1]
-    columns = np.column_stack([values, functions])
+    positions, columns = distinct(positions, np.column_stack([values, functions]))
     positions, columns, counts = _joined(positions, columns, model)
     functions, there = _scaled(columns[:, count:], there)
     samples = _Samples(
@@ -158,7 +158,9 @@ def _trend(samples: _Samples, model: CovarianceModel) -> _Trend:
     both = np.column_stack([samples.values, samples.functions])
     white = solve_triangular(samples.factor(model), both, lower=True, check_finite=False)
     data, basis = np.split(white, [samples.values.shape[1]], axis=1)
-    information = cholesky(basis.T @ basis + JITTER * np.eye(basis.shape[1]), lower=True)
+    # Relative to the information of one sample, so that no unit matters.
+    jitter = JITTER / max(model.sill + model.nugget, 1e-300)
+    information = cholesky(basis.T @ basis + jitter * np.eye(basis.shape[1]), lower=True)
     return _Trend(
         coefficients=cho_solve((information, True), basis.T @ data), information=information
     )
@@ -179,18 +181,23 @@ def _joined(positions: Array, columns: Array, model: CovarianceModel) -> tuple[A
     return merged
 
 
+def distinct(positions: Array, columns: Array) -> tuple[Array, Array]:
+    """Leave out rows that say the same of the same place, the first of each kept in its order:
+    one reading, recorded for several sets that overlap there.
+    """
+    table = np.column_stack([positions, columns])
+    _, once = np.unique(table, axis=0, return_index=True)
+    once = np.sort(once)
+    return positions[once], columns[once]
+
+
 def merge_places(
     positions: Array, columns: Array, size_m: float = SAME_PLACE_M
 ) -> tuple[Array, Array, Array]:
     """Average samples of one place; return their mean positions and `columns` (n,) or (n, p),
     and how many each stands for.
-
-    Equal rows at one position are one reading, recorded for several sets that overlap there.
     """
     table = np.column_stack([positions, columns])
-    if size_m <= SAME_PLACE_M:
-        _, once = np.unique(table, axis=0, return_index=True)
-        table = table[np.sort(once)]
     cells = np.round((table[:, :2] - table[:, :2].min(axis=0)) / size_m).astype(np.int64)
     key = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)

@@ -24,9 +24,11 @@ LEAST_HALF_WINDOW_S = 3.0
 # Places of two passes within this distance are the same [m].
 SAME_PLACE_M = 4.0
 FEWEST_PAIRS = 30
+# Between samples farther apart than so many usual steps nothing is known.
+GAP_STEPS = 5.0
 DELAYS_S = np.arange(0.0, 31.0, 1.0)
 TAUS_S = np.arange(0.0, 31.0, 1.0)
-# A correction must lower the difference of the passes by this much to be advised.
+# A correction must lower the difference of the passes by so much more than chance does.
 CLEAR_GAIN = 0.05
 
 
@@ -62,13 +64,14 @@ class Pass:
 @dataclass(frozen=True, kw_only=True)
 class LagEstimate:
     """The lag that brings two passes closest, and the rms of their differences (less its mean)
-    before and after; `advised` where the gain is clear.
+    before and after, and at the best shift the `wrong_way`; `advised` where the gain is clear.
     """
 
     lag: Lag
     pairs: int
     before: float
     after: float
+    wrong_way: float
 
     @property
     def gain(self) -> float:
@@ -78,28 +81,41 @@ class LagEstimate:
     @property
     def advised(self) -> bool:
         """Whether the correction is worth making."""
-        return self.gain > CLEAR_GAIN
+        chance = 1 - self.wrong_way / self.before if self.before > 0 else 0.0
+        inside = self.lag.delay_s < DELAYS_S[-1] and self.lag.tau_s < TAUS_S[-1]
+        return inside and self.gain > max(chance, 0.0) + CLEAR_GAIN
 
 
 def unlagged(times: Array, values: Array, lag: Lag) -> Array:
     """Values (n,) as a sensor without lag would have given them at `times` (n,) [s], which
-    ascend; NaN where the record ends before it could tell.
+    ascend; NaN where the record ends, or has a gap, before it could tell.
     """
     known = np.isfinite(values)
     if (lag.delay_s == 0 and lag.tau_s == 0) or known.sum() < 2:
         return values
     late = times + lag.delay_s
-    shifted = np.interp(late, times[known], values[known], right=np.nan)
+    shifted = _between(late, times[known], values[known])
     if lag.tau_s > 0:
-        shifted = shifted + lag.tau_s * np.interp(
-            late, times[known], _slope(times[known], values[known], lag.tau_s)
-        )
+        slope = _line(times[known], values[known], lag.tau_s / 2)[1]
+        shifted = shifted + lag.tau_s * _between(late, times[known], slope)
     return np.where(known, shifted, np.nan)
 
 
-def _slope(times: Array, values: Array, tau_s: float) -> Array:
-    """Slope of a straight line through the samples within half a window to either side."""
-    half = max(LEAST_HALF_WINDOW_S, tau_s / 2)
+def _between(at: Array, times: Array, values: Array) -> Array:
+    """Linear interpolation; NaN before and after the record and within its gaps."""
+    steps = np.diff(times)
+    longest = GAP_STEPS * float(np.median(steps))
+    after = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
+    inside = (at >= times[0]) & (at <= times[-1])
+    known = inside & (
+        (steps[after - 1] <= longest) | (at == times[after - 1]) | (at == times[after])
+    )
+    return np.where(known, np.interp(at, times, values), np.nan)
+
+
+def _line(times: Array, values: Array, half_s: float) -> tuple[Array, Array]:
+    """Value and slope, at each sample, of a straight line through those within `half_s`."""
+    half = max(LEAST_HALF_WINDOW_S, half_s)
     low = np.searchsorted(times, times - half)
     high = np.searchsorted(times, times + half, side="right")
     t, v = times - times[0], values - values[0]
@@ -111,28 +127,62 @@ def _slope(times: Array, values: Array, tau_s: float) -> Array:
     count = (high - low).astype(float)
     spread = sums(t * t) - sums(t) ** 2 / count
     joint = sums(t * v) - sums(t) * sums(v) / count
-    return np.where(spread > 1e-9, joint / np.maximum(spread, 1e-9), 0.0)
+    slope = np.where(spread > 1e-9, joint / np.maximum(spread, 1e-9), 0.0)
+    return values[0] + sums(v) / count + slope * (t - sums(t) / count), slope
 
 
 def estimate_lag(one: Pass, other: Pass) -> LagEstimate:
     """Search delay and time constant for the smallest difference between two passes.
 
-    Raises `ValueError` where they share too few places.
+    All candidates see the same pairs of places and equally smoothed values: else a shift
+    by part of a sampling step would look better for its smoothing alone. A lag is advised only
+    if it gains clearly more than the best shift the wrong way, which no sensor has. Raises
+    `ValueError` where the passes share too few places.
     """
+    one, other = _smoothed(one), _smoothed(other)
     distance, index = KDTree(other.positions).query(one.positions)
-    near = np.flatnonzero(distance <= SAME_PLACE_M)
-    if len(near) < FEWEST_PAIRS:
+    index = np.asarray(index)
+    near = (distance <= SAME_PLACE_M) & _within_reach(one.times) & _within_reach(other.times)[index]
+    if near.sum() < FEWEST_PAIRS:
         raise ValueError(
-            f"the passes share {len(near)} places within {SAME_PLACE_M:g} m; a lag needs "
-            f"{FEWEST_PAIRS}"
+            f"the passes share {int(near.sum())} places within {SAME_PLACE_M:g} m, the ends of the "
+            f"records apart; a lag needs {FEWEST_PAIRS}"
         )
-    index = np.asarray(index)[near]
 
-    def difference(lag: Lag) -> float:
-        gap = one.corrected(lag).values[near] - other.corrected(lag).values[index]
-        gap = gap[np.isfinite(gap)]
-        return float(np.std(gap)) if len(gap) >= FEWEST_PAIRS else np.inf
+    def difference(lag: Lag, sign: float = 1.0) -> float:
+        gaps = [
+            _between(run.times + sign * lag.delay_s, run.times, run.values)
+            + lag.tau_s * _between(run.times + sign * lag.delay_s, run.times, slope)
+            for run, slope in slopes[lag.tau_s]
+        ]
+        gap = gaps[0][near] - gaps[1][index[near]]
+        return float(np.nanstd(gap))
 
+    slopes = {
+        float(tau): [(run, _line(run.times, run.values, tau / 2)[1]) for run in (one, other)]
+        for tau in TAUS_S
+    }
     lags = [Lag(delay_s=float(d), tau_s=float(t)) for d in DELAYS_S for t in TAUS_S]
     best = min(lags, key=difference)
-    return LagEstimate(lag=best, pairs=len(near), before=difference(Lag()), after=difference(best))
+    wrong_way = min(difference(Lag(delay_s=float(d)), -1.0) for d in DELAYS_S)
+    return LagEstimate(
+        lag=best,
+        pairs=int(near.sum()),
+        before=difference(Lag()),
+        after=difference(best),
+        wrong_way=wrong_way,
+    )
+
+
+def _smoothed(run: Pass) -> Pass:
+    return Pass(
+        times=run.times,
+        positions=run.positions,
+        values=_line(run.times, run.values, LEAST_HALF_WINDOW_S)[0],
+    )
+
+
+def _within_reach(times: Array) -> NDArray[np.bool_]:
+    """Samples that can be shifted either way by any delay that is tried."""
+    reach = float(DELAYS_S[-1])
+    return (times >= times[0] + reach) & (times <= times[-1] - reach)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.special import ndtr
 from grebe.errors import InputError
 from grebe.mapping.drift import DriftFunction
 from grebe.mapping.grid import Grid
+from grebe.mapping.kriging import distinct
 from grebe.mapping.likelihood import fit_reml
 from grebe.mapping.methods import (
     Interpolator,
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 FEWEST_SAMPLES = 10
 # A mean squared standardised error beyond this is not chance.
 CLEAR_MSDR = 1.2
+SHORE_REASON = "range and noise by restricted likelihood on the water's mesh"
+CHOSEN = "of the two ways to fit, this one predicts left-out samples better"
 # With fewer samples there is nothing to choose a fit by.
 FEWEST_FOR_CHOICE = 20
 
@@ -134,17 +137,19 @@ class Mapper:
             raise InputError(
                 f"{quantity.label}: {int(good.sum())} good samples; a map needs {FEWEST_SAMPLES}."
             )
-        at, data = positions[good], values[good]
+        at, data = distinct(positions[good], values[good])
         try:
             fits = self._fits(at, data)
+            method, reason = self._method(at, data, fits[0])
+            fit, interpolator, validation = self._best(method, at, data, fits)
         except ValueError as error:
             raise InputError(f"{quantity.label}: {error}.") from None
-        method, reason = self._method(at, data, fits[0])
-        fit, interpolator, validation = self._best(method, at, data, fits)
         estimate = interpolator.estimate(at, data, self.grid.nodes)
         widening = _widening(validation)
         nugget = interpolator.model.nugget
         micro_sd = widening * float(np.sqrt(nugget - noise_variance(at, data, nugget)))
+        # What is finer than the sensor resolves is not known either.
+        micro_sd = float(np.hypot(micro_sd, quantity.resolution / np.sqrt(12)))
         return QuantityMap(
             quantity=quantity,
             grid=self.grid,
@@ -195,12 +200,17 @@ class Mapper:
             mesh, coarse = self._meshes()
             model = fit_spde(coarse, at, data)
             proof = validate(at, data, ShoreInterpolator(model=model, mesh=coarse))
-            return fits[0], ShoreInterpolator(model=model, mesh=mesh), proof
+            fit = replace(fits[0], standard_errors={}, reason=SHORE_REASON)
+            return fit, ShoreInterpolator(model=model, mesh=mesh), proof
         tried: list[tuple[VariogramFit, Interpolator, Validation | None]] = []
         for fit in fits:
             kriging = Kriging(model=fit.model, drift=self.settings.drift)
             tried.append((fit, kriging, validate(at, data, kriging)))
-        return min(tried, key=lambda one: np.inf if one[2] is None else one[2].score)
+        best = min(tried, key=lambda one: np.inf if one[2] is None else one[2].score)
+        if len(tried) > 1 and best[2] is not None:
+            chosen = replace(best[0], reason=f"{best[0].reason}; {CHOSEN}")
+            best = (chosen, best[1], best[2])
+        return best
 
     def _meshes(self) -> tuple[Mesh, Mesh]:
         if self._shared is None:

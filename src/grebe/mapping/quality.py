@@ -2,15 +2,15 @@
 
 Nothing is deleted: each value gets a flag (1 good, 3 suspect, 4 failed, 9 missing), the worst of
 its tests, and only the good ones make the map. The tests: gross range, spike, flat line, rate
-of change (IOOS QARTOD manuals), location (outside the water), time (standing still or going
-back), the sonde settling after it was put in, and samples out of the water.
+of change (IOOS QARTOD manuals), location (outside the water), time (going back), the sonde
+settling after it was put in, and samples out of the water.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,8 +40,8 @@ EXPLAINED, CLEAR_FACTOR = 0.9, 2.5
 LONGEST_TAU_S = 150.0
 # Settled: what is left of the approach.
 SETTLED_SHARE = 0.05
-# In the air the conductivity of lake water falls to nearly nothing.
-AIR_SHARE = 0.3
+# In the air the conductivity falls at once to nearly nothing; an inflow thins it by and by.
+AIR_SHARE, ABRUPT = 0.1, 3.0
 # Samples beside one in the air that are suspect as well [s].
 SPLASH_S = 3.0
 
@@ -116,6 +116,8 @@ def check_quality(
 ) -> Quality:
     """Flag each value of a record of samples."""
     shared = {"location": _location(record, water), "time": _time(record.times)}
+    notes = _notes(record.times)
+    record = replace(record, times=_spread(record.times))
     air = _out_of_water(record)
     flags: dict[str, Flags] = {}
     counts: dict[str, dict[str, tuple[int, int]]] = {}
@@ -132,7 +134,21 @@ def check_quality(
             name: (int(np.sum(one == Flag.SUSPECT)), int(np.sum(one == Flag.FAIL)))
             for name, one in tests.items()
         }
-    return Quality(flags=flags, counts=counts, notes=_notes(record.times))
+    return Quality(flags=flags, counts=counts, notes=notes)
+
+
+def _spread(times: Array) -> Array:
+    """Times that ascend strictly where they stand still: a logger that writes whole seconds took
+    its readings within them.
+    """
+    if len(times) < 2 or np.any(np.diff(times) < 0):
+        return times
+    stamps, first, size = np.unique(times, return_index=True, return_counts=True)
+    if len(stamps) == len(times):
+        return times
+    until = np.append(np.diff(stamps), np.median(np.diff(stamps)) if len(stamps) > 1 else 1.0)
+    place = np.arange(len(times)) - np.repeat(first, size)
+    return times + place * np.repeat(until / size, size)
 
 
 def _bad(flags: Flags) -> NDArray[np.bool_]:
@@ -148,7 +164,7 @@ def _tests(values: Array, times: Array, limits: Limits) -> dict[str, Flags]:
             values, fail_span=limits.fail_span, suspect_span=_within(limits)
         )
     }
-    if len(values) > 2:
+    if len(values) > 2 and np.median(np.diff(times)) > 0:
         # A differential spike leaves the two neighbours of a spike alone.
         results["spike"] = qartod.spike_test(
             values,
@@ -219,7 +235,7 @@ def _out_of_water(record: Record) -> Flags:
     column = record.values.get("conductivity_uscm")
     if column is None or not np.isfinite(column).any():
         return flags
-    air = column < AIR_SHARE * float(np.nanmedian(column))
+    air = _abrupt(column, column < AIR_SHARE * float(np.nanmedian(column)))
     if air.any():
         moments = np.sort(record.times[air])
         after = np.searchsorted(moments, record.times)
@@ -230,6 +246,17 @@ def _out_of_water(record: Record) -> Flags:
         flags[gap <= SPLASH_S] = Flag.SUSPECT
         flags[air] = Flag.FAIL
     return flags
+
+
+def _abrupt(column: Array, low: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Of the runs of low values those that begin or end with a jump."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], low.astype(int), [0]])))
+    found = np.zeros(len(low), dtype=bool)
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        into = first > 0 and column[first - 1] > ABRUPT * column[first]
+        out = end < len(column) and column[end] > ABRUPT * column[end - 1]
+        found[first:end] = into or out or end - first == len(column)
+    return found
 
 
 def _settling(values: Array, times: Array) -> Flags:

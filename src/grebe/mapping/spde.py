@@ -22,6 +22,7 @@ from scipy.optimize import minimize
 from scipy.sparse import coo_array, csc_matrix, csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial import KDTree
+from scipy.special import k1
 
 from grebe.compiled import compiled
 from grebe.mapping.grid import Grid, make_grid
@@ -37,6 +38,8 @@ FIT_NODES = 3_000
 MOST_FOR_FIT = 20_000
 # 95 % of Matern's correlation of smoothness 1 is gone at 4 / kappa.
 PRACTICAL = 4.0
+# Among so many nodes around a place one is looked for that it sees.
+SIGHTED = 12
 # The search: practical ranges in grid steps and in extents of the water; noise over sill.
 LEAST_RANGE_STEPS, MOST_RANGE_EXTENTS = 3.0, 4.0
 LEAST_NOISE, MOST_NOISE = 1e-4, 1e2
@@ -53,6 +56,12 @@ class ShoreModel:
     nugget: float
 
     kind = "spde"
+    ratio = 1.0
+
+    def variogram(self, distance_m: Array) -> Array:
+        """Semivariance gamma(h) in open water for h > 0, nugget included."""
+        x = np.maximum(PRACTICAL / self.range_m * distance_m, 1e-12)
+        return self.nugget + self.sill * (1 - x * k1(x))
 
     @property
     def practical_range_m(self) -> float:
@@ -69,7 +78,7 @@ class Mesh:
     """The water's nodes, the links between them that do not cross land, and the stencil."""
 
     def __init__(self, grid: Grid, water: shapely.Polygon) -> None:
-        self.grid, self.step_m = grid, grid.step_m
+        self.grid, self.step_m, self._water = grid, grid.step_m, water
         self.nodes = grid.nodes
         self.index = np.full(grid.inside.shape, -1)
         self.index[grid.inside] = np.arange(len(self.nodes))
@@ -95,7 +104,9 @@ class Mesh:
         return csc_matrix(diags_array(adjacency.sum(axis=1)) - adjacency)
 
     def interpolation(self, positions: Array) -> csr_array:
-        """Bilinear weights (n, nodes) over the nodes in the water; the nearest where none is."""
+        """Bilinear weights (n, nodes) over the nodes that no land hides; the nearest of those where
+        none is around, and the nearest of all for a place that is itself on land.
+        """
         grid = self.grid
         place = (positions - [grid.north[0], grid.east[0]]) / self.step_m
         corner = np.floor(place).astype(int)
@@ -107,19 +118,42 @@ class Mesh:
             node = np.where(valid, self.index[tuple(np.where(valid[:, None], at, 0).T)], -1)
             weight = np.abs(1 - i - share[:, 0]) * np.abs(1 - j - share[:, 1])
             use = (node >= 0) & (weight > 1e-9)
+            use[use] = self._sees(positions[use], node[use])
             rows.append(np.flatnonzero(use))
             columns.append(node[use])
             weights.append(weight[use])
         total = np.bincount(np.concatenate(rows), np.concatenate(weights), len(positions))
         lost = np.flatnonzero(total == 0)
         rows.append(lost)
-        columns.append(self._tree.query(positions[lost])[1] if len(lost) else lost)
+        columns.append(self._nearest_seen(positions[lost]))
         weights.append(np.ones(len(lost)))
         total[lost] = 1.0
         row = np.concatenate(rows)
         data = np.concatenate(weights) / total[row]
         shape = (len(positions), len(self.nodes))
         return csr_array((data, (row, np.concatenate(columns))), shape=shape)
+
+    def _sees(self, positions: Array, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether no land lies between each place and a node beside it."""
+        seen = np.ones(len(positions), dtype=bool)
+        close = shapely.dwithin(
+            self._water.boundary, shapely.points(positions), 1.5 * self.step_m
+        ) & shapely.intersects_xy(self._water, positions)
+        lines = shapely.linestrings(np.stack([positions[close], self.nodes[nodes[close]]], axis=1))
+        seen[close] = shapely.covers(self._water, lines)
+        return seen
+
+    def _nearest_seen(self, positions: Array) -> NDArray[np.int64]:
+        """The nearest node that each place sees; the nearest of all where it sees none."""
+        if not len(positions):
+            return np.empty(0, dtype=np.int64)
+        _, near = self._tree.query(positions, k=min(SIGHTED, len(self.nodes)))
+        near = np.asarray(near, dtype=np.int64).reshape(len(positions), -1)
+        best = near[:, 0].copy()
+        for column in near.T[::-1]:
+            seen = self._sees(positions, column)
+            best[seen] = column[seen]
+        return best
 
 
 class _System:

@@ -80,7 +80,7 @@ def validate(
         simple = _simple(positions[~out], values[~out], positions[out])
         nearest[out], weighted[out] = simple - values[out]
     safe = np.maximum(variance, np.finfo(float).tiny)
-    standardised = np.where(variance > 0, error / np.sqrt(safe), 0.0)
+    standardised = np.where(error == 0, 0.0, error / np.sqrt(safe))
     return Validation(
         left_out=left_out,
         pieces=pieces or len(np.unique(folds)),

@@ -212,6 +212,7 @@ def fit_variogram(
     directed = _directed(positions, values, model, estimator)
     if directed is not None:
         model, gain = directed
+        errors = np.array([errors[0], errors[1], np.nan])
         reason += f"; its direction takes away {gain:.0%} of the directional misfit"
     return VariogramFit(
         model=model,

@@ -248,7 +248,7 @@ def _draw_concern(
 
 
 def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
-    empirical, model = one.fit.empirical, one.fit.model
+    empirical, model = one.fit.empirical, one.interpolator.model
     axes.plot(empirical.distance_m, empirical.semivariance, "o", ms=4, color=BLUE)
     h = np.linspace(empirical.distance_m[0] / 50, empirical.distance_m[-1], 200)
     for factor in (1.0, model.ratio) if model.ratio < 1 else (1.0,):

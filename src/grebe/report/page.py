@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import os
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -70,9 +72,13 @@ def write_report(
 ) -> None:
     """Render the page and write it to `path`."""
     page = render(data, profile, language)
+    part = path.with_name(path.name + ".part")
     try:
-        path.write_text(page, encoding="utf-8")
+        part.write_text(page, encoding="utf-8")
+        os.replace(part, path)
     except OSError as error:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
         raise InputError(f"{path} cannot be written: {error.strerror}.") from None
 
 

@@ -22,14 +22,16 @@ def print_pdf(page: Path, path: Path) -> None:
             f"open {page} in yours and print it."
         )
     with tempfile.TemporaryDirectory() as profile:
+        printed = Path(profile) / "page.pdf"
         command = [
             browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer",
-            f"--user-data-dir={profile}", f"--print-to-pdf={path}", page.resolve().as_uri(),
+            f"--user-data-dir={profile}", f"--print-to-pdf={printed}", page.resolve().as_uri(),
         ]  # fmt: skip
         try:
             done = subprocess.run(command, capture_output=True, timeout=LONGEST_S, check=False)
         except subprocess.TimeoutExpired:
             raise InputError(f"{browser} did not print {page} within {LONGEST_S} s.") from None
-    if done.returncode != 0 or not path.exists():
-        last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-        raise InputError(f"{browser} could not print {page}: {' '.join(last)[:200]}.")
+        if done.returncode != 0 or not printed.exists():
+            last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+            raise InputError(f"{browser} could not print {page}: {' '.join(last)[:200]}.")
+        shutil.move(printed, path)
