@@ -26,7 +26,6 @@ from grebe.planning.polish import costs_of, order_cost, polished
 from grebe.planning.region import Region, clean_region, navigable_water
 from grebe.planning.travel import travel_of
 from grebe.readers.outline import read_outline
-from grebe.sets import polygon_rows
 from grebe.vessel import PRESETS
 
 BOAT = PRESETS["spyboat"]
@@ -230,8 +229,8 @@ def test_a_real_lake_is_surveyed_without_touching_land(name, cell, current):
     """Alamillo has nine islands; of Allequash a bay is taken."""
     region = real(name) if name == "alamillo" else bay_of(real(name))
     survey = plan(region, BOAT, PlanSettings(cell_m=cell, shore_margin_m=1.0)).survey
-    rows = [polygon_rows(corridor) for corridor in survey.corridors]
-    pilot = GrebePilot(Controller(BOAT, survey.sets, settings_for("lookahead"), corridors=rows))
+    settings_ = settings_for("lookahead")
+    pilot = GrebePilot(Controller(BOAT, survey.sets, settings_, corridors=survey.corridors))
     weather = Weather(current_north_mps=0.8 * current, current_east_mps=-0.6 * current)
     world = FlightSettings(weather=weather, limit_s=5000)
     flight = fly(BOAT, survey.sets, pilot, survey.start.at_rest(), world)

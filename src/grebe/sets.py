@@ -160,6 +160,10 @@ def rectangle(
     )
 
 
+# A margin takes at most this share of the radius of the largest circle in a polygon.
+MARGIN_SHARE = 0.25
+
+
 def polygon_rows(polygon: shapely.Polygon) -> NDArray[np.float64]:
     """Half-space rows (a_x, a_y, 0, b) of a convex polygon on the water, for a corridor.
 
@@ -173,6 +177,15 @@ def polygon_rows(polygon: shapely.Polygon) -> NDArray[np.float64]:
     normal = normal / length[length > SHORTEST_SIDE_M, None]
     offset = np.max(normal @ ring.T, axis=1)
     return np.column_stack([normal, np.zeros(len(normal)), offset])
+
+
+def inner_rows(polygon: shapely.Polygon, margin_m: float) -> NDArray[np.float64]:
+    """Rows of a convex polygon moved inwards by a margin; by less where it is so narrow that
+    little would be left: a boat could only pass it at a price, and would rather wait outside.
+    """
+    radius = shapely.length(shapely.maximum_inscribed_circle(polygon))
+    aside = min(margin_m, MARGIN_SHARE * float(radius))
+    return polygon_rows(polygon) - np.array([0.0, 0.0, 0.0, aside])
 
 
 def hull_of(points: ArrayLike) -> shapely.Polygon:

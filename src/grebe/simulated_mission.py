@@ -17,7 +17,6 @@ from grebe.link.simulated import EXACT, OBSERVATION_PERIOD_S, EstimateErrors, Si
 from grebe.mission import Mission, MissionReport, Progress
 from grebe.quantities import QUANTITIES
 from grebe.readers.track import read_track
-from grebe.sets import polygon_rows
 from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water, conditioned_water, free_water
@@ -87,7 +86,7 @@ def simulate(
         survey.sets,
         control,
         reached=reached,
-        corridors=[polygon_rows(corridor) for corridor in survey.corridors],
+        corridors=survey.corridors,
     )
     if len(track) and not resume:
         survey_file.clear_mission()

@@ -21,6 +21,9 @@ from grebe.report import figures
 from grebe.store import SurveyFile
 from grebe.survey import Survey
 
+# Less common water than this is no map.
+LEAST_WATER_M2 = 25.0
+
 
 @click.command(name="diff")
 @click.argument("earlier", type=options.EXISTING)
@@ -71,9 +74,10 @@ def _common_water(one: Survey, other: Survey) -> shapely.Polygon:
     moved = one.frame.geometry_to_local(other.frame.geometry_to_wgs84(other.water))
     shared = shapely.intersection(one.water, moved, grid_size=1e-6)
     parts = [part for part in shapely.get_parts(shared) if isinstance(part, shapely.Polygon)]
-    if not parts:
+    largest = max(parts, key=lambda part: part.area, default=None)
+    if largest is None or largest.area < LEAST_WATER_M2:
         raise InputError("The two surveys do not cover any water in common.")
-    return max(parts, key=lambda part: part.area)
+    return largest
 
 
 def _maps(file: SurveyFile, base: Survey, mapper: Mapper) -> dict[str, QuantityMap]:

@@ -12,6 +12,7 @@ from grebe.cli.files import create_survey_file
 from grebe.imported import samples_of_track, survey_of_track
 from grebe.quantities import QUANTITIES
 from grebe.readers.track import read_track
+from grebe.survey import Flag
 
 
 @click.command(name="import")
@@ -40,6 +41,9 @@ def command(
         file.set_meta("water", f"measured, {track.name}")
         quality = check_samples(file)
         count = file.count("samples")
+    for key in raw.values:
+        if not (quality.flags[key] == Flag.GOOD).any():
+            output.note(f"{track}: no good value of {key}: missing, text, or flagged")
     output.result(
         {
             "name": survey.name,

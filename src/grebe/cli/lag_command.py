@@ -16,6 +16,8 @@ from grebe.quantities import QUANTITIES
 from grebe.store import SampleTable, SurveyFile
 from grebe.survey import Flag
 
+LONGEST_APART_S = 6 * 3600.0
+
 
 @click.command(name="lag")
 @click.argument("first", type=options.EXISTING)
@@ -33,6 +35,12 @@ def command(first: Path, second: Path, as_json: bool) -> None:
         places = (
             tables[0].positions,
             frame.to_local(other.survey.frame.to_wgs84(tables[1].positions)),
+        )
+    apart_s = abs(np.median(_seconds(tables[0])) - np.median(_seconds(tables[1])))
+    if apart_s > LONGEST_APART_S:
+        raise InputError(
+            f"{first} and {second} were measured {apart_s / 3600:.0f} h apart: the water itself "
+            "has changed since; a lag needs two runs of one line within hours."
         )
     found: dict[str, LagEstimate] = {}
     for quantity in QUANTITIES:
@@ -61,8 +69,13 @@ def command(first: Path, second: Path, as_json: bool) -> None:
 
 def _pass(table: SampleTable, positions: np.ndarray, key: str) -> Pass:
     good = np.isin(table.flags[key], Flag.USABLE) & np.isfinite(table.values[key])
-    seconds = np.array([moment.timestamp() for moment in table.times])
-    return Pass(times=seconds[good], positions=positions[good], values=table.values[key][good])
+    return Pass(
+        times=_seconds(table)[good], positions=positions[good], values=table.values[key][good]
+    )
+
+
+def _seconds(table: SampleTable) -> np.ndarray:
+    return np.array([moment.timestamp() for moment in table.times])
 
 
 def _row(one: LagEstimate, *, as_json: bool) -> Any:

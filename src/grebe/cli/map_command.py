@@ -8,10 +8,11 @@ from typing import Any
 
 import click
 import numpy as np
+import shapely
 
 from grebe.cli import options, output
 from grebe.cli.files import make_folder
-from grebe.errors import InputError
+from grebe.errors import InputError, UsageError
 from grebe.export.contours import write_contours
 from grebe.export.geotiff import write_geotiff
 from grebe.export.netcdf import write_netcdf
@@ -24,6 +25,8 @@ from grebe.report import figures
 from grebe.report.data import ReportData, gather
 from grebe.report.thresholds import Profile, read_profile
 from grebe.store import SurveyFile
+
+FARTHEST_INFLOW_M = 5000.0
 
 
 @click.command(name="map")
@@ -78,6 +81,7 @@ def command(
     GeoTIFF and a picture each.
     """
     thresholds = read_profile(profile)
+    make_folder(out)
     with SurveyFile.open(file) as survey_file:
         settings = MapSettings(
             method=method,
@@ -112,6 +116,12 @@ def _drift(
     functions: list[DriftFunction] = [linear] if name == "linear" else []
     for place in inflows:
         north, east = frame.to_local(place).tolist()
+        away = survey_file.survey.water.distance(shapely.Point(north, east))
+        if not away <= FARTHEST_INFLOW_M:
+            raise UsageError(
+                f"The inflow {place[0]:g},{place[1]:g} lies {away / 1000:.1f} km from the water; "
+                "give LON,LAT in degrees, longitude first."
+            )
         functions.append(inflow((north, east)))
     if depth is not None:
         functions.append(read_depth(depth, frame))

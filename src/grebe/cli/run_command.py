@@ -136,6 +136,7 @@ def command(
         if resume:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
         control, world = _settings(run)
+        before = survey_file.progress().reached if resume else 0
         survey_file.set_meta("run", json.dumps(run, default=str))
         report = simulate(
             survey_file,
@@ -147,11 +148,19 @@ def command(
             watch=bar.update,
         )
         check_samples(survey_file)
+        troubles = [event.message for event in survey_file.events() if event.level != "info"]
+        moved = len(survey_file.track()) > 0 and report.reached > before
     output.result(asdict(report), as_json=as_json, next_command=f"grebe map {file} --out maps")
     if not report.complete:
-        raise IncompleteError(
-            f"{report.targets - report.reached} of {report.targets} target sets were not reached; "
+        why = f" ({troubles[-1]})" if troubles else ""
+        advice = (
             f"go on with: grebe run {file} --resume"
+            if moved
+            else "going on from there reaches no more: plan anew with a larger --shore-margin or --cell"
+        )
+        missed = report.targets - report.reached
+        raise IncompleteError(
+            f"{missed} of {report.targets} target sets were not reached{why}; {advice}"
         )
 
 

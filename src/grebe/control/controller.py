@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 from grebe.control.fast.solver import FastSolver
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
@@ -31,7 +32,7 @@ from grebe.control.rules import (
 from grebe.control.settings import ControlSettings, RuleName
 from grebe.control.solve import CasadiSolver, Solution, Solver, Status
 from grebe.dynamics import CALM, Weather, rates, rk4
-from grebe.sets import TargetSet
+from grebe.sets import TargetSet, inner_rows
 from grebe.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -114,8 +115,8 @@ class Controller:
 
     `reached` counts the sets reached so far (Definition 5); `targets[reached]` is the
     current target set Omega_x (Definition 6) and `done` says that there is none left.
-    `corridors` holds for each target the rows of the polygon to stay in on the way to it, or
-    is empty.
+    `corridors` holds for each target the convex polygon to stay in on the way to it, or is
+    empty.
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class Controller:
         settings: ControlSettings | None = None,
         *,
         reached: int = 0,
-        corridors: Sequence[NDArray[np.float64]] = (),
+        corridors: Sequence[shapely.Polygon] = (),
         solver: Solver | None = None,
         second_solver: Solver | None = None,
     ) -> None:
@@ -133,8 +134,8 @@ class Controller:
         self.targets = tuple(targets)
         self.settings = settings or ControlSettings()
         self.reached = reached
-        aside = np.array([0.0, 0.0, 0.0, self.settings.corridor_margin_m])
-        self._corridors = tuple(rows - aside for rows in corridors)
+        margin_m = self.settings.corridor_margin_m
+        self._corridors = tuple(inner_rows(corridor, margin_m) for corridor in corridors)
         self._aims = [
             target.shrunk(self.settings.margin_m, self.settings.speed_margin_mps)
             for target in self.targets

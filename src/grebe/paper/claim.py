@@ -24,7 +24,6 @@ from grebe.mapping.maps import Mapper
 from grebe.paper.hand_driven import HandDriven
 from grebe.planning.planner import PlanSettings, plan
 from grebe.quantities import QUANTITIES, Quantity
-from grebe.sets import polygon_rows
 from grebe.simulation.water import Water, conditioned_water
 from grebe.survey import Flag, Survey
 from grebe.vessel import vessel_named
@@ -116,10 +115,8 @@ def flown(survey: Survey, way: str) -> Sampled:
     """Fly a survey in simulation; a sample each second while the surge is in the window."""
     assert survey.vessel is not None
     assert survey.start is not None
-    rows = [polygon_rows(corridor) for corridor in survey.corridors]
-    pilot = GrebePilot(
-        Controller(survey.vessel, survey.sets, settings_for("lookahead"), corridors=rows)
-    )
+    settings = settings_for("lookahead")
+    pilot = GrebePilot(Controller(survey.vessel, survey.sets, settings, corridors=survey.corridors))
     flight = fly(
         survey.vessel, survey.sets, pilot, survey.start.at_rest(), FlightSettings(limit_s=20_000)
     )

@@ -31,6 +31,7 @@ MAX_SIDES = 8
 SMALLEST_SHARE = 0.25
 # ... and one that cannot is no target below this share.
 SPECK_SHARE = 0.04
+LEAST_RADIUS_M = 0.5
 # What is thinner than this [m] and joins no neighbour is not even a way, and is left out.
 THINNEST_M = 0.1
 MAX_CELLS = 200_000
@@ -152,11 +153,16 @@ def _tidy(cells: list[Cell], full_m2: float) -> list[Cell]:
             column=cell.column,
             footprint=footprint,
             whole=own,
-            is_speck=footprint.area < SPECK_SHARE * full_m2,
+            is_speck=footprint.area < SPECK_SHARE * full_m2 or (not own and _is_thin(footprint)),
         )
         for cell, footprint, own in zip(cells, footprints, whole, strict=True)
         if footprint is not None
     ]
+
+
+def _is_thin(footprint: shapely.Polygon) -> bool:
+    """Whether no boat could turn in a cell: no circle of `LEAST_RADIUS_M` fits in."""
+    return shapely.maximum_inscribed_circle(footprint).length < LEAST_RADIUS_M
 
 
 def target_footprint(cell: shapely.Polygon) -> tuple[tuple[float, float], ...]:

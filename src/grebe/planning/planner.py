@@ -36,7 +36,8 @@ FARTHEST_START_M = 5000.0
 ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 MANY_CELLS = 5_000
 # How near a plan must come to the budget of time or energy, and in how many trials.
-BUDGET_SHARE, BUDGET_TRIALS = 0.95, 8
+BUDGET_SHARE, BUDGET_TRIALS = 0.95, 16
+SMALLEST_CELL_M = 0.5
 # A turn on the way that is counted as one [rad].
 TURN_RAD = math.radians(30)
 # Footprint of the start, for the hull with the first target [m].
@@ -69,6 +70,10 @@ class PlanSettings:
             raise PlanError(
                 f"The speed window {self.speed_min_mps:g}:{self.speed_max_mps:g} m/s is empty or "
                 "negative; give LO:HI with 0 <= LO < HI."
+            )
+        if self.cell_m is not None and not 0 < self.cell_m < math.inf:
+            raise PlanError(
+                f"A cell of {self.cell_m:g} m is none; give a positive number of metres."
             )
         if self.shape not in SHAPES:
             raise PlanError(f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.")
@@ -215,23 +220,36 @@ class _Planner:
         """The smallest cells whose plan keeps the budget, to within `BUDGET_SHARE`."""
         budget_s = self._budget_s()
         pace = 1 / float(np.mean(self.travel.slowness))
-        cell_m = max(self.water.area / (pace * budget_s), 0.5)
         largest = math.sqrt(self.water.area)
-        best: float | None = None
+        cell_m = float(np.clip(self.water.area / (pace * budget_s), SMALLEST_CELL_M, largest))
+        # Cells known to be too small, and the smallest that are known to do.
+        low, best = SMALLEST_CELL_M, None
         for _ in range(BUDGET_TRIALS):
-            cell_m = min(cell_m, largest)
-            time_s = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=True).route.time_s
-            if time_s <= budget_s:
-                best = cell_m if best is None else min(best, cell_m)
-                if time_s >= BUDGET_SHARE * budget_s or cell_m <= 0.5:
+            time_s = self._time_s(cell_m)
+            if time_s > budget_s:
+                low = cell_m
+            else:
+                best = cell_m
+                if time_s >= BUDGET_SHARE * budget_s or best <= 1.01 * low:
                     break
-            cell_m *= max(time_s / (0.98 * budget_s), 0.5)
+            if best is None and low >= largest:
+                break
+            if best is None:
+                cell_m = min(low * float(np.clip(time_s / budget_s, 1.1, 2.0)), largest)
+            else:
+                cell_m = math.sqrt(low * best)
         if best is None:
             raise PlanError(
                 f"No plan of this water takes less than {budget_s / 60:.1f} minutes; "
                 "give more time or energy, or a part of the water."
             )
         return best
+
+    def _time_s(self, cell_m: float) -> float:
+        """Predicted time of a quick plan, its transits with it."""
+        draft = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=True)
+        stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
+        return self.travel.path_s(_places(draft.start, stops))
 
     def _budget_s(self) -> float:
         if self.settings.minutes is not None:
@@ -308,8 +326,7 @@ class _Planner:
         )
 
     def _numbers(self, draft: _Draft, stops: list[Stop], notes: tuple[str, ...]) -> PlanNumbers:
-        centroids = [stop.footprint.centroid for stop in stops]
-        points = np.array([draft.start, *((c.x, c.y) for c in centroids)])
+        points = _places(draft.start, stops)
         first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
         last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
         within = points[first + 1 : last + 2]
@@ -327,6 +344,12 @@ class _Planner:
             method=draft.route.method,
             notes=notes,
         )
+
+
+def _places(start: tuple[float, float], stops: list[Stop]) -> NDArray[np.float64]:
+    """The start and the centroids of all stops, (n + 1, 2) [m]."""
+    centroids = [stop.footprint.centroid for stop in stops]
+    return np.array([start, *((c.x, c.y) for c in centroids)])
 
 
 def _length(points: NDArray[np.float64]) -> float:
