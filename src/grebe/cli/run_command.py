@@ -156,7 +156,7 @@ def command(
         advice = (
             f"go on with: grebe run {file} --resume"
             if moved
-            else "going on from there reaches no more: plan anew with a larger --shore-margin or --cell"
+            else "going on reaches no more: plan anew with a larger --shore-margin or --cell"
         )
         missed = report.targets - report.reached
         raise IncompleteError(
