@@ -284,3 +284,38 @@ def test_a_million_samples_in_one_spot_make_no_trouble():
     found = krige(positions, values, np.array([[50.0, 50.0], [80.0, 50.0]]), model)
     assert found.mean == pytest.approx([7.0, 7.0], abs=1e-3)
     assert found.variance[0] < 1e-3 < found.variance[1]
+
+
+@pytest.mark.parametrize("count", [300, 900])
+def test_a_reading_that_is_recorded_twice_counts_once(count):
+    positions, targets = scatter(count), scatter(20, 5)
+    values = smooth(positions) + np.random.default_rng(0).normal(0, 0.3, count)
+    model = CovarianceModel(kind="exponential", sill=1.0, range_m=30.0, nugget=0.09)
+    once = krige(positions, values, targets, model)
+    twice = krige(np.tile(positions, (2, 1)), np.tile(values, 2), targets, model)
+    assert twice.mean == pytest.approx(once.mean)
+    assert twice.variance == pytest.approx(once.variance)
+    flags = np.full(count, Flag.GOOD)
+    single = mapped(positions, values, flags)
+    double = mapped(np.tile(positions, (2, 1)), np.tile(values, 2), np.tile(flags, 2))
+    assert double.interpolator.model == single.interpolator.model
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e5])
+def test_the_unit_does_not_matter(factor):
+    positions, values = scatter(40), 5 + smooth(scatter(40))
+    model = CovarianceModel(kind="exponential", sill=factor**2, range_m=30.0, nugget=0.0)
+    far = krige(positions, factor * values, np.array([[2000.0, 2000.0]]), model)
+    plain = krige(positions, values, np.array([[2000.0, 2000.0]]), MODEL)
+    assert far.mean / factor == pytest.approx(plain.mean, rel=1e-6)
+    assert far.sd / factor == pytest.approx(plain.sd, rel=1e-6)
+
+
+def test_a_grid_of_one_row_is_no_map():
+    with pytest.raises(InputError, match="no map"):
+        make_grid(WATER, 120.0)
+
+
+def test_what_does_not_vary_is_not_known_better_than_the_sensor_resolves():
+    one = mapped(scatter(30), np.full(30, 7.0), np.full(30, Flag.GOOD))
+    assert np.nanmin(one.sd) == pytest.approx(QUANTITIES[0].resolution / np.sqrt(12))

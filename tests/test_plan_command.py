@@ -75,6 +75,18 @@ def test_minutes_and_watt_hours_choose_the_cells(lake, tmp_path):
     assert frugal["cell_m"] > short["cell_m"]
 
 
+@pytest.mark.parametrize("minutes", ["3", "5", "8", "12"])
+def test_any_budget_is_kept_and_used(lake, tmp_path, minutes):
+    numbers, _ = planned(lake, tmp_path, "--minutes", minutes)
+    assert 0.7 < numbers["time_s"] / (60 * float(minutes)) <= 1.02
+
+
+@pytest.mark.parametrize("cell", ["0", "-3", "nan", "inf"])
+def test_a_cell_that_is_none(lake, tmp_path, cell):
+    with pytest.raises(PlanError, match="cell"):
+        planned(lake, tmp_path, "--cell", cell)
+
+
 def test_only_one_size_may_be_given(lake, tmp_path):
     with pytest.raises(PlanError, match="Give one of"):
         planned(lake, tmp_path, "--minutes", "6", "--cell", "5")

@@ -102,6 +102,28 @@ def test_samples_in_the_air_fail_for_all_quantities():
         assert flags[390] == Flag.GOOD
 
 
+def test_an_inflow_of_thin_water_is_not_air():
+    one = record()
+    one.values["conductivity_uscm"][400:440] *= np.linspace(1, 0.05, 40)
+    one.values["conductivity_uscm"][440:480] *= np.linspace(0.05, 1, 40)
+    assert (flags_of(one, "ph") == Flag.GOOD).all()
+
+
+def test_two_readings_in_one_second_are_both_checked():
+    one = record()
+    one.times[1::2] = one.times[::2]
+    one.values["temperature_degc"][301] = 60.0
+    flags = flags_of(one, "temperature_degc")
+    assert flags[301] == Flag.FAIL
+    assert flags[300] == Flag.GOOD
+
+
+def test_times_that_stand_still_make_no_trouble():
+    one = record()
+    one.times[:] = one.times[0]
+    assert (flags_of(one, "ph") == Flag.GOOD).all()
+
+
 def test_positions_on_land_and_times_that_go_back_fail():
     one = record(water := 900)
     one.positions[20] = (20.0, 500.0)
@@ -156,6 +178,30 @@ def test_a_lag_is_undone():
     assert known.sum() >= 595
     assert np.abs(seen - truth(times)).max() > 0.3
     assert np.abs(corrected - truth(times))[known].max() < 0.03
+
+
+def test_nothing_is_invented_across_a_gap():
+    times = np.concatenate([np.arange(0.0, 20.0), np.arange(600.0, 620.0)])
+    values = np.where(times < 300, 5.0, 15.0)
+    corrected = unlagged(times, values, Lag(delay_s=10.0))
+    assert corrected[:10] == pytest.approx(5.0)
+    assert np.isnan(corrected[10:20]).all()
+
+
+@pytest.mark.parametrize("step", [1.0, 1.37, 2.0])
+def test_noise_is_not_taken_for_a_lag(step):
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        times = np.arange(0.0, 800.0, step)
+        runs = [
+            Pass(
+                times=times,
+                positions=np.column_stack([place, np.zeros(len(times))]),
+                values=np.sin(place / 60) + rng.normal(0, 0.3, len(times)),
+            )
+            for place in (times, 800 - times)
+        ]
+        assert not estimate_lag(*runs).advised
 
 
 def test_no_lag_changes_nothing():
@@ -236,6 +282,12 @@ def test_flags_and_lags_are_stored_and_the_values_stay(tmp_path):
     assert (after.flags["ph"] == Flag.SUSPECT).sum() > 50
     assert json.loads(meta["lags"])["ph"] == {"delay_s": 5.0, "tau_s": 2.0}
     assert meta["sensors"] == "YSI EXO2"
+    run("check", path, "--lag", "temperature_degc=3")
+    run("check", path, "--lag", "ph=0")
+    with SurveyFile.open(path) as file:
+        assert json.loads(file.meta()["lags"]) == {
+            "temperature_degc": {"delay_s": 3.0, "tau_s": 0.0}
+        }
     for bad in ("salt=1", "ph=x", "ph"):
         with pytest.raises(UsageError, match="--lag"):
             run("check", path, "--lag", bad)

@@ -148,3 +148,29 @@ def test_equal_values_are_refused_by_the_fit():
     mesh = spde.coarse_mesh(SEA)
     with pytest.raises(ValueError, match="vary"):
         spde.fit_spde(mesh, np.random.default_rng(0).uniform(0, 200, (30, 2)), np.ones(30))
+
+
+def test_samples_on_both_sides_of_a_thin_spit_are_kept_apart():
+    """Samples a metre from a wall as thin, on a grid of 4 m: each side keeps its own value."""
+    water = shapely.box(0, 0, 100, 100).difference(shapely.box(-1, 50.2, 80, 51.2))
+    rng = np.random.default_rng(2)
+    north = rng.uniform(2, 75, 120)
+    east = np.where(rng.random(120) < 0.5, rng.uniform(40, 50, 120), rng.uniform(51.4, 61, 120))
+    east[:4], north[:4] = (49.9, 51.5, 49.9, 51.5), (20.0, 20.0, 50.0, 50.0)
+    values = np.where(east > 50.7, 10.0, 0.0) + rng.normal(0, 0.05, 120)
+    grid = make_grid(water, 4.0)
+    one = mapped(water, grid, np.column_stack([north, east]), values, "spde")
+    west = np.argmin(np.abs(grid.east - 46))
+    row = np.argmin(np.abs(grid.north - 30))
+    assert one.mean[row, west] == pytest.approx(0.0, abs=0.5)
+    assert np.nanmin(one.mean) > -3
+    assert np.nanmax(one.mean) < 13
+
+
+def test_the_weights_of_a_place_do_not_reach_through_land():
+    water = shapely.box(0, 0, 100, 100).difference(shapely.box(-1, 50.2, 80, 51.2))
+    mesh = spde.Mesh(make_grid(water, 4.0), water)
+    weights = mesh.interpolation(np.array([[20.0, 49.9], [20.0, 51.5], [20.0, 50.7]])).toarray()
+    assert weights.sum(axis=1) == pytest.approx(1.0)
+    assert (mesh.nodes[weights[0] > 0, 1] < 50.2).all()
+    assert (mesh.nodes[weights[1] > 0, 1] > 51.2).all()

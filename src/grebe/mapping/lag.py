@@ -29,7 +29,7 @@ GAP_STEPS = 5.0
 DELAYS_S = np.arange(0.0, 31.0, 1.0)
 TAUS_S = np.arange(0.0, 31.0, 1.0)
 # A correction must lower the difference of the passes by so much more than chance does.
-CLEAR_GAIN = 0.05
+CLEAR_GAIN = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)

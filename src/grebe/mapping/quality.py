@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 OUTSIDE_M = 25.0
 # A gap this many times as long as the usual interval is told of.
 GAP_FACTOR = 10.0
+# So many times slower the clock of the flat line test goes; the fastest sonde that it can judge.
+SLOWED, FASTEST_S = 100, 0.02
 # The sonde settles within this time [s]; what comes later, up to that time, shows what is usual.
 SETTLING_S, USUAL_S = 300.0, 1500.0
 SETTLING_WINDOW_S = 100.0
@@ -82,7 +84,7 @@ def _limits(
 DEFAULT_LIMITS: dict[str, Limits] = {
     "temperature_degc": _limits("temperature_degc", (-0.5, 35.0), (1.0, 3.0), 0.5),
     "dissolved_oxygen_mgl": _limits("dissolved_oxygen_mgl", (0.0, 20.0), (1.0, 3.0), 0.5),
-    "ph": _limits("ph", (4.0, 10.5), (0.3, 1.0), 0.1),
+    "ph": _limits("ph", (4.0, 10.5), (0.3, 1.0), 0.3),
     "conductivity_uscm": _limits("conductivity_uscm", (5.0, 20000.0), (50.0, 200.0), 50.0),
     "turbidity_ntu": _limits("turbidity_ntu", (0.0, 1000.0), (20.0, 100.0), 20.0),
 }
@@ -164,7 +166,7 @@ def _tests(values: Array, times: Array, limits: Limits) -> dict[str, Flags]:
             values, fail_span=limits.fail_span, suspect_span=_within(limits)
         )
     }
-    if len(values) > 2 and np.median(np.diff(times)) > 0:
+    if len(values) > 2 and np.median(np.diff(times)) > FASTEST_S:
         # A differential spike leaves the two neighbours of a spike alone.
         results["spike"] = qartod.spike_test(
             values,
@@ -175,11 +177,13 @@ def _tests(values: Array, times: Array, limits: Limits) -> dict[str, Flags]:
         results["rate of change"] = qartod.rate_of_change_test(
             values, stamps, threshold=limits.rate_per_s
         )
+        # It counts in whole seconds, and a sonde may be faster: tell it of longer ones.
+        slowed = (SLOWED * 1e9 * (times - times[0])).astype(np.int64).astype("datetime64[ns]")
         results["flat line"] = qartod.flat_line_test(
             values,
-            stamps,
-            suspect_threshold=int(limits.flat_suspect_s),
-            fail_threshold=int(limits.flat_fail_s),
+            slowed,
+            suspect_threshold=int(SLOWED * limits.flat_suspect_s),
+            fail_threshold=int(SLOWED * limits.flat_fail_s),
             tolerance=limits.flat_tolerance,
         )
     flags = {
