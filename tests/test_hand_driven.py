@@ -37,19 +37,17 @@ def test_the_settled_samples_alone_count(hand):
 
 @pytest.mark.slow
 def test_the_same_water_is_sampled_both_ways(hand):
-    """Two seeds: the planned survey of the same duration makes the better map, mostly."""
+    """One water: the planned survey of the same duration makes the better map, mostly."""
     ways = claim.ways(hand)
     driven, timed, length = ways
     assert timed.duration_s <= driven.duration_s
     assert length.length_m == pytest.approx(driven.length_m, rel=0.2)
-    scores = list(claim.measure(hand, ways, seeds=2))
-    assert len(scores) == 3 * 4 * 2
+    scores = list(claim.measure(hand, ways, seeds=1))
+    assert len(scores) == 3 * 4
     rows = claim.summary(scores)
     base = [row["rmse"] for row in rows if row["way"] == driven.way]
     better = [row["rmse"] for row in rows if row["way"] == timed.way]
     assert np.mean(np.array(better) < np.array(base)) > 0.5
-    again = list(claim.measure(hand, ways[:1], seeds=1))
-    assert again[0] == scores[0]
 
 
 def test_the_command_asks_for_a_track(tmp_path):
