@@ -139,9 +139,9 @@ class Mapper:
             )
         at, data = distinct(positions[good], values[good])
         try:
-            fits = self._fits(at, data)
-            method, reason = self._method(at, data, fits[0])
-            fit, interpolator, validation = self._best(method, at, data, fits)
+            first = fit_variogram(at, self._detrended(at, data), self.settings.estimator)
+            method, reason = self._method(at, data, first)
+            fit, interpolator, validation = self._best(method, at, data, first)
         except ValueError as error:
             raise InputError(f"{quantity.label}: {error}.") from None
         estimate = interpolator.estimate(at, data, self.grid.nodes)
@@ -167,17 +167,21 @@ class Mapper:
             flagged=int((present & ~good).sum()),
         )
 
-    def _fits(self, at: Array, data: Array) -> list[VariogramFit]:
-        """The covariances to choose from; of what a drift leaves, where there is one."""
+    def _detrended(self, at: Array, data: Array) -> Array:
+        """What a drift leaves, where there is one."""
         if self.settings.drift is not None:
             basis = np.column_stack([np.ones(len(at)), self.settings.drift(at)])
             data = data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]
-        asked, estimator = self.settings.variogram, self.settings.estimator
-        if asked == "wls" or np.ptp(data) == 0:
-            return [fit_variogram(at, data, estimator)]
-        if asked == "reml" or len(data) < FEWEST_FOR_CHOICE:
-            return [fit_reml(at, data, estimator)]
-        return [fit_reml(at, data, estimator), fit_variogram(at, data, estimator)]
+        return data
+
+    def _fits(self, at: Array, data: Array, first: VariogramFit) -> list[VariogramFit]:
+        """The covariances to choose from, the one that was fitted to the variogram given."""
+        asked = self.settings.variogram
+        if asked == "wls" or first.model.sill == 0 or np.ptp(data) == 0:
+            return [first]
+        likeliest = fit_reml(at, self._detrended(at, data), self.settings.estimator)
+        few = len(data) < FEWEST_FOR_CHOICE
+        return [likeliest] if asked == "reml" or few else [likeliest, first]
 
     def _method(self, at: Array, data: Array, fit: VariogramFit) -> tuple[Method, str]:
         if self.settings.method is not None:
@@ -190,7 +194,7 @@ class Mapper:
         return chosen_method(blocked_share(self.water, at, self.grid.nodes, reach))
 
     def _best(
-        self, method: Method, at: Array, data: Array, fits: list[VariogramFit]
+        self, method: Method, at: Array, data: Array, first: VariogramFit
     ) -> tuple[VariogramFit, Interpolator, Validation | None]:
         """The fit that predicts the left-out lines best, with its interpolator and the proof.
 
@@ -200,10 +204,10 @@ class Mapper:
             mesh, coarse = self._meshes()
             model = fit_spde(coarse, at, data)
             proof = validate(at, data, ShoreInterpolator(model=model, mesh=coarse))
-            fit = replace(fits[0], standard_errors={}, reason=SHORE_REASON)
+            fit = replace(first, standard_errors={}, reason=SHORE_REASON)
             return fit, ShoreInterpolator(model=model, mesh=mesh), proof
         tried: list[tuple[VariogramFit, Interpolator, Validation | None]] = []
-        for fit in fits:
+        for fit in self._fits(at, data, first):
             kriging = Kriging(model=fit.model, drift=self.settings.drift)
             tried.append((fit, kriging, validate(at, data, kriging)))
         best = min(tried, key=lambda one: np.inf if one[2] is None else one[2].score)
