@@ -26,7 +26,6 @@ from scipy.special import k1
 
 from grebe.compiled import compiled
 from grebe.mapping.grid import Grid, make_grid
-from grebe.mapping.kriging import Estimate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -279,14 +278,6 @@ class ShoreField:
         """What residuals at the samples tell about each node."""
         system = self._system
         return system.posterior.solve(self._weights.T @ residual / system.noise)
-
-
-def krige_spde(
-    grid: Grid, water: shapely.Polygon, positions: Array, values: Array, model: ShoreModel
-) -> Estimate:
-    """Estimate the signal at the grid's nodes in the water."""
-    field = ShoreField(Mesh(grid, water), positions, values, model)
-    return Estimate(mean=field.mean(), variance=np.maximum(field.variance(), 0.0))
 
 
 def _operator(mesh: Mesh, kappa: float) -> csc_matrix:

@@ -81,6 +81,15 @@ class _Pairs:
     bearing: Array
     difference: Array
 
+    def along(self, direction_deg: float) -> _Pairs:
+        """The pairs within `SECTOR_DEG` of a direction."""
+        off = np.abs((self.bearing - direction_deg + 90) % 180 - 90) <= SECTOR_DEG
+        return _Pairs(
+            distance=self.distance[off],
+            bearing=self.bearing[off],
+            difference=self.difference[off],
+        )
+
 
 def _pairs(positions: Array, values: Array, cutoff_m: float) -> _Pairs:
     if len(values) > MOST_SAMPLES:
@@ -118,12 +127,7 @@ def empirical_variogram(
     cutoff_m = cutoff_m or default_cutoff_m(positions)
     pairs = _pairs(positions, values, cutoff_m)
     if direction_deg is not None:
-        off = np.abs((pairs.bearing - direction_deg + 90) % 180 - 90) <= SECTOR_DEG
-        pairs = _Pairs(
-            distance=pairs.distance[off],
-            bearing=pairs.bearing[off],
-            difference=pairs.difference[off],
-        )
+        pairs = pairs.along(direction_deg)
     return _classes(pairs, bins, cutoff_m, estimator)
 
 
@@ -201,7 +205,9 @@ def fit_variogram(
     """Estimate the variogram, choose the kind of model that fits it best, and see whether it
     has a direction. `ValueError` where there are too few pairs.
     """
-    empirical = empirical_variogram(positions, values, estimator=estimator)
+    cutoff_m = default_cutoff_m(positions)
+    pairs = _pairs(positions, values, cutoff_m)
+    empirical = _classes(pairs, BINS, cutoff_m, estimator)
     trusted = empirical.trusted()
     if len(trusted.pairs) < FEWEST_CLASSES:
         raise ValueError("too few pairs of samples for a variogram")
@@ -209,7 +215,7 @@ def fit_variogram(
     model, _, errors = fits[0]
     rivals = ", ".join(f"{one.kind} {misfit:.3g}" for one, misfit, _ in fits)
     reason = f"{model.kind} has the smallest weighted misfit to the variogram ({rivals})"
-    directed = _directed(positions, values, model, estimator)
+    directed = _directed(pairs, cutoff_m, model, estimator)
     if directed is not None:
         model, gain = directed
         errors = np.array([errors[0], errors[1], np.nan])
@@ -224,11 +230,11 @@ def fit_variogram(
 
 
 def _directed(
-    positions: Array, values: Array, model: CovarianceModel, estimator: Estimator
+    pairs: _Pairs, cutoff_m: float, model: CovarianceModel, estimator: Estimator
 ) -> tuple[CovarianceModel, float] | None:
     """The model with a direction, and by how much that lowers the misfit; None if not clearly."""
     sectors = [
-        empirical_variogram(positions, values, estimator=estimator, direction_deg=angle).trusted()
+        _classes(pairs.along(angle), BINS, cutoff_m, estimator).trusted()
         for angle in DIRECTIONS_DEG
     ]
     if min(len(sector.pairs) for sector in sectors) < FEWEST_CLASSES or model.sill == 0:
