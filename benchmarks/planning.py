@@ -14,7 +14,7 @@ from grebe.frames import LocalFrame
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
 from grebe.planning.planner import PlanSettings, plan
-from grebe.planning.polish import costs_of, order_cost
+from grebe.planning.costs import costs_of, order_cost
 from grebe.planning.region import Region
 from grebe.planning.route import best_route, first_orders
 from grebe.planning.travel import travel_of

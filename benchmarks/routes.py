@@ -18,7 +18,8 @@ from grebe.dynamics import CALM
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import Network, connect
-from grebe.planning.polish import Costs, costs_of, order_cost, polished
+from grebe.planning.costs import Costs, costs_of, order_cost
+from grebe.planning.polish import polished
 from grebe.planning.route import best_route, first_orders
 from grebe.planning.travel import travel_of
 

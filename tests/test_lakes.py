@@ -22,7 +22,8 @@ from grebe.planning.lattice import SHAPES
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
 from grebe.planning.planner import PlanSettings, plan
-from grebe.planning.polish import costs_of, order_cost, polished
+from grebe.planning.costs import costs_of, order_cost
+from grebe.planning.polish import polished
 from grebe.planning.region import Region, clean_region, navigable_water
 from grebe.planning.travel import travel_of
 from grebe.readers.outline import read_outline

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     pass
 
 MAX_SIDES = 8
+# Vertices nearer to each other than this [m] are one.
+SHORTEST_SIDE_M = 1e-5
 # A clipped piece smaller than this share of a full cell joins a neighbour ...
 SMALLEST_SHARE = 0.25
 # ... and one that cannot is no target below this share.
@@ -174,7 +176,7 @@ def target_footprint(cell: shapely.Polygon) -> tuple[tuple[float, float], ...]:
     vertices = list(ring_vertices(cell))
     tiny = 1e-9 * cell.area
     while len(vertices) > 3:
-        areas = [_corner_area(vertices, i) for i in range(len(vertices))]
+        areas = [_loss_m2(vertices, i) for i in range(len(vertices))]
         smallest = int(np.argmin(areas))
         if areas[smallest] > tiny and len(vertices) <= MAX_SIDES:
             break
@@ -182,7 +184,10 @@ def target_footprint(cell: shapely.Polygon) -> tuple[tuple[float, float], ...]:
     return tuple(vertices)
 
 
-def _corner_area(vertices: list[tuple[float, float]], i: int) -> float:
+def _loss_m2(vertices: list[tuple[float, float]], i: int) -> float:
+    """What leaving a vertex out would cost; nothing where it stands on the one before it."""
     (x0, y0), (x1, y1) = vertices[i - 1], vertices[i]
+    if math.hypot(x1 - x0, y1 - y0) < SHORTEST_SIDE_M:
+        return 0.0
     x2, y2 = vertices[(i + 1) % len(vertices)]
     return 0.5 * abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0))

@@ -16,6 +16,7 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from grebe.planning.detours import ways_around
 from grebe.planning.mesh import Cell
 
 if TYPE_CHECKING:
@@ -39,7 +40,8 @@ class Network:
     `neighbours[starts[i]:starts[i + 1]]`, with `is_open` and `ways_m`, the length of the way
     between the two centres, beside them.
 
-    `centres` (n, 2) are the cells' centroids [m], `pitch_m` their typical distance.
+    `centres` (n, 2) are the cells' centroids [m], `pitch_m` their typical distance. `around`
+    holds the lengths of ways between cells near the shore that are not linked.
     """
 
     centres: NDArray[np.float64]
@@ -47,6 +49,7 @@ class Network:
     neighbours: Indices
     is_open: NDArray[np.bool_]
     ways_m: NDArray[np.float64]
+    around: csr_array
     pitch_m: float
 
     def __len__(self) -> int:
@@ -72,7 +75,8 @@ def connect(cells: list[Cell], water: shapely.Polygon, cell_m: float) -> Network
     is_open = _open(shapes, first, second, water, cell_m)
     ways = np.hypot(*(centres[first] - centres[second]).T)
     ways[~is_open] = _through_edges(shapes, centres, first[~is_open], second[~is_open])
-    apart = _in_sight(shapes, np.array([cell.whole for cell in cells]), water, cell_m)
+    cut = np.array([not cell.whole for cell in cells])
+    apart = _in_sight(shapes, ~cut, water, cell_m)
     first, second = np.append(first, apart[0]), np.append(second, apart[1])
     is_open = np.append(is_open, np.ones(len(apart[0]), dtype=bool))
     ways = np.append(ways, np.hypot(*(centres[apart[0]] - centres[apart[1]]).T))
@@ -86,6 +90,7 @@ def connect(cells: list[Cell], water: shapely.Polygon, cell_m: float) -> Network
         neighbours=links[rank, 1],
         is_open=np.tile(is_open[keep], 2)[rank],
         ways_m=np.tile(ways[keep], 2)[rank],
+        around=ways_around(centres, cut, water, cell_m),
         pitch_m=cell_m,
     )
 

@@ -20,6 +20,7 @@ from grebe.planning.mesh import Cell, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
 from grebe.planning.region import Region, navigable_water
 from grebe.planning.route import Route, best_route
+from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
 from grebe.sets import TargetSet
 from grebe.survey import Pose, Survey, Target
@@ -90,7 +91,9 @@ class PlanSettings:
 class PlanNumbers:
     """What a plan reports of itself; `gap` is length over lower bound, less one.
 
-    Length, turns, time and energy are those of the way through the centres of all targets.
+    Length and turns are those of the shortest way through the centres of all cells by way of
+    the transits; time and energy are those of the taut way, which is what a boat does that need
+    only have been in each target.
     """
 
     length_m: float
@@ -249,7 +252,7 @@ class _Planner:
         """Predicted time of a quick plan, its transits with it."""
         draft = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=True)
         stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
-        return self.travel.path_s(_places(draft.start, stops))
+        return self.travel.path_s(_taut(draft.start, stops))
 
     def _budget_s(self) -> float:
         if self.settings.minutes is not None:
@@ -326,14 +329,14 @@ class _Planner:
         )
 
     def _numbers(self, draft: _Draft, stops: list[Stop], notes: tuple[str, ...]) -> PlanNumbers:
-        points = _places(draft.start, stops)
+        points = _through_centres(draft.start, stops)
         first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
         last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
         within = points[first + 1 : last + 2]
         targets = [cell for cell in draft.cells if not cell.is_speck]
         bound = lower_bound_m(targets, self.settings.shape, draft.cell_m)
         length = _length(within)
-        time_s = self.travel.path_s(points)
+        time_s = self.travel.path_s(_taut(draft.start, stops))
         return PlanNumbers(
             length_m=_length(points),
             turns=_turns(points),
@@ -346,10 +349,13 @@ class _Planner:
         )
 
 
-def _places(start: tuple[float, float], stops: list[Stop]) -> NDArray[np.float64]:
-    """The start and the centroids of all stops, (n + 1, 2) [m]."""
-    centroids = [stop.footprint.centroid for stop in stops]
-    return np.array([start, *((c.x, c.y) for c in centroids)])
+def _through_centres(start: tuple[float, float], stops: list[Stop]) -> NDArray[np.float64]:
+    cells = [stop.cell is not None for stop in stops]
+    return taut_way(start, [stop.footprint for stop in stops], centred=cells)
+
+
+def _taut(start: tuple[float, float], stops: list[Stop]) -> NDArray[np.float64]:
+    return taut_way(start, [stop.footprint for stop in stops])
 
 
 def _length(points: NDArray[np.float64]) -> float:

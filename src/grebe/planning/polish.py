@@ -1,8 +1,6 @@
 """Make an order of the cells faster: 2-opt and Or-opt, then kicks that must pay for themselves.
 
-The cost of an order is time: its legs at the ground speed that current and wind leave, and
-its turns. Both moves are tried between a cell and its neighbours only (Bentley 1992); a
-kick exchanges two short neighbouring stretches of the order, repairs what it broke nearby,
+Both moves are tried between a cell and its neighbours only (Bentley 1992); a kick exchanges two short neighbouring stretches of the order, repairs what it broke nearby,
 and is taken back unless the order got faster (iterated local search; Lourenco, Martin and
 Stutzle 2003).
 """
@@ -13,21 +11,16 @@ Stutzle 2003).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.compiled import compiled
-from grebe.planning.network import Network
-from grebe.planning.travel import BEARINGS, Travel
+from grebe.planning.costs import Costs, at, bend, join, leg, order_cost, window_cost
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A way between cells that are not linked is led around: longer than straight, with transits.
-DETOUR, DETOUR_PITCHES = 1.5, 1.5
-# What a gate costs besides its way: it must be hit.
-GATE_PITCHES = 0.25
 LONGEST_SEGMENT = 3
 LONGEST_KICK = 30
 # Stretches longer than this are not turned round: their cost would eat what they save.
@@ -35,49 +28,6 @@ LONGEST_REVERSAL = 50_000
 LONGEST_WINDY_REVERSAL = 1_000
 LEAST_GAIN = 1e-7
 MOST_DRAWS = 12
-
-
-class Costs(NamedTuple):
-    """What the kernel reads: places (n + 1, 2) with the start as the last, the links and the
-    length of each one's way over the straight distance, slowness by bearing, seconds a radian,
-    the detour's and a gate's seconds, and whether there and back take different times.
-    """
-
-    places: NDArray[np.float64]
-    starts: NDArray[np.int64]
-    neighbours: NDArray[np.int64]
-    is_open: NDArray[np.bool_]
-    windings: NDArray[np.float64]
-    slowness: NDArray[np.float64]
-    turn: float
-    detour_s: float
-    gate_s: float
-    windy: bool
-    returns: bool
-
-
-def costs_of(
-    network: Network, travel: Travel, start: tuple[float, float], *, returns: bool
-) -> Costs:
-    """Gather what the kernel reads."""
-    slowness = travel.slowness
-    opposite = np.roll(slowness, BEARINGS // 2)
-    first = np.repeat(np.arange(len(network)), np.diff(network.starts))
-    straight = np.hypot(*(network.centres[network.neighbours] - network.centres[first]).T)
-    pitch_s = network.pitch_m * float(slowness.mean())
-    return Costs(
-        places=np.vstack([network.centres, start]),
-        starts=network.starts,
-        neighbours=network.neighbours,
-        is_open=network.is_open,
-        windings=network.ways_m / np.maximum(straight, 1e-9),
-        slowness=slowness,
-        turn=travel.turn_s_per_rad,
-        detour_s=DETOUR_PITCHES * pitch_s,
-        gate_s=GATE_PITCHES * pitch_s,
-        windy=bool(np.abs(slowness - opposite).max() > 1e-9),
-        returns=returns,
-    )
 
 
 def polished(
@@ -90,96 +40,23 @@ def polished(
 
 
 @compiled
-def order_cost(costs, path):
-    """Cost [s] of a path that begins at the start (index n)."""
-    total = 0.0
-    last = path.shape[0] - 1
-    for k in range(last):
-        total += _leg(costs, path[k], path[k + 1])
-        if k > 0:
-            total += _turn(costs, path[k - 1], path[k], path[k + 1])
-    if costs.returns:
-        total += _leg(costs, path[last], path[0])
-    return total
-
-
-@compiled
-def _slow(costs, dx, dy):
-    if not costs.windy:
-        return costs.slowness[0]
-    place = math.atan2(dy, dx) * (BEARINGS / (2 * math.pi))
-    if place < 0:
-        place += BEARINGS
-    whole = int(place)
-    share = place - whole
-    low = costs.slowness[whole % BEARINGS]
-    return low + share * (costs.slowness[(whole + 1) % BEARINGS] - low)
-
-
-@compiled
-def _leg(costs, a, b):
-    dx = costs.places[b, 0] - costs.places[a, 0]
-    dy = costs.places[b, 1] - costs.places[a, 1]
-    seconds = math.sqrt(dx * dx + dy * dy) * _slow(costs, dx, dy)
-    n = costs.places.shape[0] - 1
-    if n in (a, b):
-        return seconds
-    for k in range(costs.starts[a], costs.starts[a + 1]):
-        if costs.neighbours[k] == b:
-            if costs.is_open[k]:
-                return seconds
-            return costs.windings[k] * seconds + costs.gate_s
-    return DETOUR * seconds + costs.detour_s
-
-
-@compiled
-def _turn(costs, a, b, c):
-    ax = costs.places[b, 0] - costs.places[a, 0]
-    ay = costs.places[b, 1] - costs.places[a, 1]
-    bx = costs.places[c, 0] - costs.places[b, 0]
-    by = costs.places[c, 1] - costs.places[b, 1]
-    return costs.turn * abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-
-
-@compiled
-def _at(path, k):
-    """The cell at a place of the path, or -1 beyond its end."""
-    return path[k] if 0 <= k < path.shape[0] else -1
-
-
-@compiled
-def _join(costs, a, b):
-    """Leg between two cells; the way home where the second lies beyond the path's end."""
-    if a < 0:
-        return 0.0
-    if b < 0:
-        return _leg(costs, a, costs.places.shape[0] - 1) if costs.returns else 0.0
-    return _leg(costs, a, b)
-
-
-@compiled
-def _bend(costs, a, b, c):
-    return _turn(costs, a, b, c) if a >= 0 and b >= 0 and c >= 0 else 0.0
-
-
-@compiled
 def _reversal_gain(costs, path, i, j, best):
     """What turning round path[i..j] saves; where that is less than `best` it need not be exact."""
-    pp, p, a, a2 = _at(path, i - 2), _at(path, i - 1), path[i], path[i + 1]
-    b2, b, q, qq = path[j - 1], path[j], _at(path, j + 1), _at(path, j + 2)
-    old = _join(costs, p, a) + _join(costs, b, q)
-    new = _join(costs, p, b) + _join(costs, a, q)
+    pp, p, a, a2 = at(path, i - 2), at(path, i - 1), path[i], path[i + 1]
+    b2, b, q, qq = path[j - 1], path[j], at(path, j + 1), at(path, j + 2)
+    old = join(costs, p, a) + join(costs, b, q)
+    new = join(costs, p, b) + join(costs, a, q)
     # Four turns cannot save more than four half-turns.
     if not costs.windy and old - new + 4 * math.pi * costs.turn <= best:
         return -1.0
-    old += _bend(costs, pp, p, a) + _bend(costs, p, a, a2)
-    old += _bend(costs, b2, b, q) + _bend(costs, b, q, qq)
-    new += _bend(costs, pp, p, b) + _bend(costs, p, b, b2)
-    new += _bend(costs, a2, a, q) + _bend(costs, a, q, qq)
+    old += bend(costs, pp, p, a) + bend(costs, p, a, a2)
+    old += bend(costs, b2, b, q) + bend(costs, b, q, qq)
+    new += bend(costs, pp, p, b) + bend(costs, p, b, b2)
+    new += bend(costs, a2, a, q) + bend(costs, a, q, qq)
     gain = old - new
     if costs.windy:
         for k in range(i, j):
-            gain += _leg(costs, path[k], path[k + 1]) - _leg(costs, path[k + 1], path[k])
+            gain += leg(costs, path[k], path[k + 1]) - leg(costs, path[k + 1], path[k])
     return gain
 
 
@@ -223,36 +100,36 @@ def _move_gain(costs, path, i, length, k, flipped, best):
     """
     j = i + length - 1
     ends = (path[j], path[i]) if flipped else (path[i], path[j])
-    pp, p, q, qq = _at(path, i - 2), _at(path, i - 1), _at(path, j + 1), _at(path, j + 2)
-    cc, c, d, dd = _at(path, k - 1), _at(path, k), _at(path, k + 1), _at(path, k + 2)
+    pp, p, q, qq = at(path, i - 2), at(path, i - 1), at(path, j + 1), at(path, j + 2)
+    cc, c, d, dd = at(path, k - 1), at(path, k), at(path, k + 1), at(path, k + 2)
     # Into the gap beside the next cell would change both its neighbours: a reversal does that.
     if d == p or c == q:
         return -1.0
     first_in, last_in = path[i], path[j]
-    inner_a = _at(path, i + 1) if length > 1 else q
-    inner_b = _at(path, j - 1) if length > 1 else p
+    inner_a = at(path, i + 1) if length > 1 else q
+    inner_b = at(path, j - 1) if length > 1 else p
     e, f = ends
-    old = _join(costs, p, first_in) + _join(costs, last_in, q) + _join(costs, c, d)
-    new = _join(costs, p, q) + _join(costs, c, e) + _join(costs, f, d)
+    old = join(costs, p, first_in) + join(costs, last_in, q) + join(costs, c, d)
+    new = join(costs, p, q) + join(costs, c, e) + join(costs, f, d)
     if not costs.windy and old - new + 6 * math.pi * costs.turn <= best:
         return -1.0
-    old += _bend(costs, _at(path, i - 2), p, first_in) + _bend(costs, p, first_in, inner_a)
-    old += _bend(costs, last_in, q, _at(path, j + 2))
+    old += bend(costs, at(path, i - 2), p, first_in) + bend(costs, p, first_in, inner_a)
+    old += bend(costs, last_in, q, at(path, j + 2))
     if length > 1:
-        old += _bend(costs, inner_b, last_in, q)
-    old += _bend(costs, _at(path, k - 1), c, d) + _bend(costs, c, d, _at(path, k + 2))
-    new += _bend(costs, pp, p, q) + _bend(costs, p, q, qq)
-    new += _bend(costs, cc, c, e) + _bend(costs, f, d, dd)
+        old += bend(costs, inner_b, last_in, q)
+    old += bend(costs, at(path, k - 1), c, d) + bend(costs, c, d, at(path, k + 2))
+    new += bend(costs, pp, p, q) + bend(costs, p, q, qq)
+    new += bend(costs, cc, c, e) + bend(costs, f, d, dd)
     if length == 1:
-        new += _bend(costs, c, e, d)
+        new += bend(costs, c, e, d)
     else:
         e2 = inner_b if flipped else inner_a
         f2 = inner_a if flipped else inner_b
-        new += _bend(costs, c, e, e2) + _bend(costs, f2, f, d)
+        new += bend(costs, c, e, e2) + bend(costs, f2, f, d)
         if flipped and costs.windy:
             for s in range(i, j):
-                old += _leg(costs, path[s], path[s + 1])
-                new += _leg(costs, path[s + 1], path[s])
+                old += leg(costs, path[s], path[s + 1])
+                new += leg(costs, path[s + 1], path[s])
     return old - new
 
 
@@ -261,12 +138,12 @@ def _at_stake(costs, path, k):
     """The most that a new link of the cell at place k could replace: its dearer leg with the
     turns beside it. Of two links that replace two others one is always cheaper than its own.
     """
-    pp, p, a = _at(path, k - 2), _at(path, k - 1), path[k]
-    q, qq = _at(path, k + 1), _at(path, k + 2)
-    bend = _bend(costs, p, a, q)
-    before = _join(costs, p, a) + _bend(costs, pp, p, a)
-    after = _join(costs, a, q) + _bend(costs, a, q, qq)
-    return bend + max(before, after)
+    pp, p, a = at(path, k - 2), at(path, k - 1), path[k]
+    q, qq = at(path, k + 1), at(path, k + 2)
+    turned = bend(costs, p, a, q)
+    before = join(costs, p, a) + bend(costs, pp, p, a)
+    after = join(costs, a, q) + bend(costs, a, q, qq)
+    return turned + max(before, after)
 
 
 @compiled
@@ -339,7 +216,7 @@ def _settle(costs, path, pos, queue, queued, head, count, spare, touched):
             at_stake = _at_stake(costs, path, pos[a])
             for s in range(costs.starts[a], costs.starts[a + 1]):
                 c = costs.neighbours[s]
-                if pos[c] < 0 or _leg(costs, a, c) + LEAST_GAIN >= at_stake:
+                if pos[c] < 0 or costs.link_s[s] + LEAST_GAIN >= at_stake:
                     continue
                 best = _try_reversals(costs, path, pos, a, c, reach, best, move)
                 best = _try_moves(costs, path, pos, a, c, reach, best, move)
@@ -368,8 +245,8 @@ def _dear_place(costs, path, draws):
     best, dearest = 0, -1.0
     for _ in range(min(draws, MOST_DRAWS)):
         k = np.random.randint(0, path.shape[0] - 1)
-        cost = _leg(costs, path[k], path[k + 1]) + _bend(
-            costs, _at(path, k - 1), path[k], path[k + 1]
+        cost = leg(costs, path[k], path[k + 1]) + bend(
+            costs, at(path, k - 1), path[k], path[k + 1]
         )
         if cost > dearest:
             best, dearest = k, cost
@@ -414,10 +291,10 @@ def _improve(costs, path, kicks, seed):
         i -= 0 if cut == 0 else (first if cut == 1 else first + second)
         i = min(max(i, 1), n - first - second + 1)
         end = i + first + second
-        old = _window_cost(costs, path, i - 2, end + 1)
+        old = window_cost(costs, path, i - 2, end + 1)
         touched[0], touched[1] = i, end - 1
         _kick(path, pos, spare, i, first, second)
-        change = old - _window_cost(costs, path, i - 2, end + 1)
+        change = old - window_cost(costs, path, i - 2, end + 1)
         count = 0
         for place in (i, i + second, end):
             for s in range(max(1, place - 2), min(n + 1, place + 2)):
@@ -436,18 +313,4 @@ def _improve(costs, path, kicks, seed):
             for s in range(low, high + 1):
                 path[s] = saved[s]
                 pos[saved[s]] = s
-    return total
-
-
-@compiled
-def _window_cost(costs, path, low, high):
-    """Cost of the legs between two places and of the turns strictly within."""
-    low, last = max(low, 0), path.shape[0] - 1
-    total = 0.0
-    for k in range(low, min(high, last)):
-        total += _leg(costs, path[k], path[k + 1])
-        if k > low:
-            total += _turn(costs, path[k - 1], path[k], path[k + 1])
-    if high > last and costs.returns:
-        total += _leg(costs, path[last], path[0])
     return total

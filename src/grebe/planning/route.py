@@ -15,7 +15,8 @@ import numpy as np
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
 from grebe.planning.orders import greedy, spanning_tree_tour, sweeps
-from grebe.planning.polish import Costs, costs_of, polished
+from grebe.planning.costs import Costs, costs_of
+from grebe.planning.polish import polished
 from grebe.planning.travel import Travel
 
 if TYPE_CHECKING:

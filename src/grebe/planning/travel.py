@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 # Share of full thrust that a leg may use; the rest is for steering.
 THRUST_SHARE = 0.9
 # Of the time that a turn would take on the spot at half the largest yaw moment: a boat
-# turns while it goes on. Fitted on 100 cells flown by `lookahead` (docs/theory.md).
-TURN_SHARE = 0.2
+# turns while it goes on. Fitted on taut ways flown by `lookahead` (docs/theory.md).
+TURN_SHARE = 0.5
+# How much longer a flown way takes than its taut legs and turns: 0.90 to 1.24 of eight flights'
+# predictions without it (docs/benchmarks.md).
+WANDER = 1.05
 BEARINGS = 72
 
 
@@ -61,7 +64,7 @@ class Travel:
             return 0.0
         bearing = np.arctan2(way[:, 1], way[:, 0])
         turns = np.abs((np.diff(bearing) + math.pi) % (2 * math.pi) - math.pi)
-        return float(np.sum(self.leg_s(way)) + self.turn_s_per_rad * np.sum(turns))
+        return WANDER * float(np.sum(self.leg_s(way)) + self.turn_s_per_rad * np.sum(turns))
 
 
 def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> Travel:

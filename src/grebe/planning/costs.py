@@ -1,0 +1,171 @@
+"""What an order of the cells costs: the time of its legs and a little for its turns.
+
+Legs lead through the cells' centres, at the ground speed that current and wind leave; turns weigh
+far less than the boat takes for them, because it cuts the corners between cells
+(docs/theory.md). `grebe.planning.polish` makes the sum smaller.
+"""
+
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from grebe.compiled import compiled
+from grebe.planning.network import Network
+from grebe.planning.travel import BEARINGS, Travel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# A way between cells that are not linked is led around: longer than straight, with transits.
+DETOUR, DETOUR_PITCHES = 1.5, 1.5
+# What a gate costs besides its way: it must be hit.
+GATE_PITCHES = 0.25
+# Share of a turn's time that an order is charged for it. Corners that are cut give back more than
+# the whole; a little decides between orders of equal length for the straighter one.
+TURN_WEIGHT = 0.05
+
+
+class Costs(NamedTuple):
+    """What the kernels read: places (n + 1, 2) with the start as the last, the links with each
+    one's seconds, slowness by bearing, seconds a radian, the detour's seconds, and whether there
+    and back take different times.
+    """
+
+    places: NDArray[np.float64]
+    starts: NDArray[np.int64]
+    neighbours: NDArray[np.int64]
+    link_s: NDArray[np.float64]
+    slowness: NDArray[np.float64]
+    turn: float
+    detour_s: float
+    windy: bool
+    returns: bool
+
+
+def costs_of(
+    network: Network, travel: Travel, start: tuple[float, float], *, returns: bool
+) -> Costs:
+    """Gather what the kernels read."""
+    slowness = travel.slowness
+    opposite = np.roll(slowness, BEARINGS // 2)
+    pitch_s = network.pitch_m * float(slowness.mean())
+    links, is_open = _links(network)
+    first = np.repeat(np.arange(len(network)), np.diff(links.indptr))
+    way = network.centres[links.indices] - network.centres[first]
+    winding = links.data / np.maximum(np.hypot(*way.T), 1e-9)
+    gate_s = np.where(is_open, 0.0, GATE_PITCHES * pitch_s)
+    return Costs(
+        places=np.vstack([network.centres, start]),
+        starts=links.indptr.astype(np.int64),
+        neighbours=links.indices.astype(np.int64),
+        link_s=winding * travel.leg_s(way) + gate_s,
+        slowness=slowness,
+        turn=TURN_WEIGHT * travel.turn_s_per_rad,
+        detour_s=DETOUR_PITCHES * pitch_s,
+        windy=bool(np.abs(slowness - opposite).max() > 1e-9),
+        returns=returns,
+    )
+
+
+def _links(network: Network) -> tuple[csr_array, NDArray[np.bool_]]:
+    """Lengths of the network's links and of the ways around land beside them, and which of them
+    are open.
+    """
+    around = coo_array(network.around)
+    first = np.repeat(np.arange(len(network)), np.diff(network.starts))
+    row, column = np.append(first, around.row), np.append(network.neighbours, around.col)
+    length = np.append(network.ways_m, around.data)
+    is_open = np.append(network.is_open, np.zeros(around.nnz, dtype=bool))
+    # Of two ways between the same cells the link counts, which comes first.
+    _, place = np.unique(row.astype(np.int64) * len(network) + column, return_index=True)
+    shape = (len(network), len(network))
+    starts = np.searchsorted(row[place], np.arange(len(network) + 1))
+    return csr_array((length[place], column[place], starts), shape=shape), is_open[place]
+
+
+@compiled
+def order_cost(costs, path):
+    """Cost [s] of a path that begins at the start (index n)."""
+    return window_cost(costs, path, 0, path.shape[0])
+
+
+@compiled
+def window_cost(costs, path, low, high):
+    """Cost of the legs between two places, the way home beyond the last, and of the turns
+    strictly within.
+    """
+    low, last = max(low, 0), path.shape[0] - 1
+    total = 0.0
+    for k in range(low, min(high, last)):
+        total += leg(costs, path[k], path[k + 1])
+        if k > low:
+            total += turn(costs, path[k - 1], path[k], path[k + 1])
+    if high > last and costs.returns:
+        total += leg(costs, path[last], path[0])
+    return total
+
+
+@compiled
+def leg(costs, a, b):
+    """Seconds from place a to place b."""
+    n = costs.places.shape[0] - 1
+    if a != n:
+        for k in range(costs.starts[a], costs.starts[a + 1]):
+            if costs.neighbours[k] == b:
+                return costs.link_s[k]
+    dx = costs.places[b, 0] - costs.places[a, 0]
+    dy = costs.places[b, 1] - costs.places[a, 1]
+    seconds = math.sqrt(dx * dx + dy * dy) * _slow(costs, dx, dy)
+    return seconds if n in (a, b) else DETOUR * seconds + costs.detour_s
+
+
+@compiled
+def _slow(costs, dx, dy):
+    if not costs.windy:
+        return costs.slowness[0]
+    place = math.atan2(dy, dx) * (BEARINGS / (2 * math.pi))
+    if place < 0:
+        place += BEARINGS
+    whole = int(place)
+    share = place - whole
+    low = costs.slowness[whole % BEARINGS]
+    return low + share * (costs.slowness[(whole + 1) % BEARINGS] - low)
+
+
+@compiled
+def turn(costs, a, b, c):
+    """Seconds of the turn at b on the way from a to c."""
+    ax = costs.places[b, 0] - costs.places[a, 0]
+    ay = costs.places[b, 1] - costs.places[a, 1]
+    bx = costs.places[c, 0] - costs.places[b, 0]
+    by = costs.places[c, 1] - costs.places[b, 1]
+    return costs.turn * abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+
+
+@compiled
+def at(path, k):
+    """The cell at a place of the path, or -1 beyond its end."""
+    return path[k] if 0 <= k < path.shape[0] else -1
+
+
+@compiled
+def join(costs, a, b):
+    """Leg between two cells; the way home where the second lies beyond the path's end."""
+    if a < 0:
+        return 0.0
+    if b < 0:
+        return leg(costs, a, costs.places.shape[0] - 1) if costs.returns else 0.0
+    return leg(costs, a, b)
+
+
+@compiled
+def bend(costs, a, b, c):
+    """The turn at b, where all three are on the path."""
+    return turn(costs, a, b, c) if a >= 0 and b >= 0 and c >= 0 else 0.0

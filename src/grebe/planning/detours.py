@@ -1,0 +1,83 @@
+"""How far it is around land: shortest ways between cells near the shore that no link joins.
+
+An order that jumps from one cell to another pays for the way between them. Straight distance
+says little about it beside a spit, so it is measured: on a visibility graph of the cells'
+centres and of the corners of the shore (Lozano-Perez and Wesley 1979), drawn a little coarser.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Places = NDArray[np.float64]
+
+# How much of a cell the shore may be drawn wider than it is.
+COARSENESS = 0.01
+# Ways are looked for between cells whose centres are nearer than so many cells, over lines of
+# sight as long, up to a length of so many cells.
+REACH_CELLS, FARTHEST_CELLS = 3.0, 12.0
+# Beyond so many centres that takes longer than it saves.
+MOST_CENTRES = 4_000
+
+
+def ways_around(
+    centres: Places, near_shore: NDArray[np.bool_], water: shapely.Polygon, cell_m: float
+) -> csr_array:
+    """Return lengths [m] of the shortest ways between cells, one of them near the shore, as a
+    symmetric sparse matrix; empty for `MOST_CENTRES` and more.
+    """
+    n = len(centres)
+    if n > MOST_CENTRES or not near_shore.any():
+        return csr_array((n, n))
+    room = water.buffer(COARSENESS * cell_m, quad_segs=2).simplify(0.9 * COARSENESS * cell_m)
+    nodes = np.vstack([centres, _corners(room)])
+    begin = np.flatnonzero(near_shore)
+    lengths = dijkstra(
+        _sight(nodes, room, REACH_CELLS * cell_m),
+        directed=False,
+        indices=begin,
+        limit=FARTHEST_CELLS * cell_m,
+    )[:, :n]
+    away = np.hypot(*np.moveaxis(centres[begin, None] - centres[None], -1, 0))
+    wanted = np.isfinite(lengths) & (away < REACH_CELLS * cell_m) & (away > 0)
+    row, column = np.nonzero(wanted)
+    one_way = coo_array(
+        (lengths[wanted], (begin[row].astype(np.int32), column.astype(np.int32))), shape=(n, n)
+    ).tocsr()
+    return csr_array(one_way.maximum(one_way.T))
+
+
+def _corners(room: shapely.Polygon) -> Places:
+    """The shore's corners that a shortest way can bend around: those where the water is on the
+    outer side.
+    """
+    rings = shapely.get_rings(shapely.orient_polygons(room))
+    corners = [_reflex(shapely.get_coordinates(ring)[:-1]) for ring in rings]
+    return np.vstack(corners)
+
+
+def _reflex(ring: Places) -> Places:
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    return ring[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0]
+
+
+def _sight(nodes: Places, room: shapely.Polygon, reach_m: float) -> csr_array:
+    """Lengths of the lines of sight between nodes up to a reach."""
+    points = shapely.points(nodes)
+    first, second = shapely.STRtree(points).query(points, predicate="dwithin", distance=reach_m)
+    once = first < second
+    first, second = first[once], second[once]
+    allowed = room.buffer(1e-6)
+    shapely.prepare(allowed)
+    seen = shapely.covers(allowed, shapely.linestrings(np.stack([nodes[first], nodes[second]], 1)))
+    first, second = first[seen].astype(np.int32), second[seen].astype(np.int32)
+    away = np.maximum(np.hypot(*(nodes[first] - nodes[second]).T), 1e-9)
+    return coo_array((away, (first, second)), shape=(len(nodes), len(nodes))).tocsr()

@@ -1,0 +1,132 @@
+"""The taut way: the shortest path that touches every target in turn.
+
+A target is reached when the boat has been in it, so a flown way leads through the targets' corners
+rather than their centres. How long it takes is predicted from the shortest such way (a touring
+polygons problem; Dror et al. 2003), which is a convex problem solved by sweeps: each place moves
+to where the way between its two neighbours is shortest.
+"""
+
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from grebe.compiled import compiled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# The controller enters a set by more than a hair: sets are drawn this much towards their centres.
+DRAWN_IN = 0.05
+MOST_SWEEPS = 200
+# Sweeps end when none of them moves a place by more than this share of the mean leg.
+STEADY = 1e-3
+
+
+def taut_way(
+    start: tuple[float, float],
+    footprints: Sequence[shapely.Polygon],
+    centred: Sequence[bool] | None = None,
+) -> NDArray[np.float64]:
+    """Return the shortest way from `start` that touches convex footprints in turn, (n + 1, 2) [m].
+
+    Where `centred` says so it leads through the footprint's centroid instead.
+    """
+    held = np.zeros(len(footprints), dtype=bool) if centred is None else np.array(centred)
+    rings = shapely.get_exterior_ring(shapely.orient_polygons(np.array(footprints, dtype=object)))
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    starts = np.searchsorted(ring, np.arange(len(footprints) + 1))
+    centroids = shapely.get_coordinates(shapely.centroid(np.array(footprints, dtype=object)))
+    corners = corners + DRAWN_IN * (centroids[ring] - corners)
+    way = np.vstack([start, centroids])
+    steady = STEADY * float(np.mean(np.hypot(*np.diff(way, axis=0).T)))
+    _tighten(way, starts, corners, held, steady)
+    return way
+
+
+@compiled
+def _tighten(way, starts, corners, held, steady):
+    """Move each place that is not held to where it lengthens the way least, there and back,
+    until nothing moves; the ring of footprint i is corners[starts[i]:starts[i + 1]], closed and
+    anticlockwise.
+    """
+    n = way.shape[0]
+    for sweep in range(MOST_SWEEPS):
+        farthest = 0.0
+        for s in range(1, n):
+            i = s if sweep % 2 == 0 else n - s
+            if held[i - 1]:
+                continue
+            x, y = way[i, 0], way[i, 1]
+            _settle(way, i, corners[starts[i - 1] : starts[i]])
+            farthest = max(farthest, math.hypot(way[i, 0] - x, way[i, 1] - y))
+        if farthest < steady:
+            break
+
+
+@compiled
+def _settle(way, i, ring):
+    """Put place i on its ring's inside, or edge, where the way by it is shortest."""
+    ax, ay = way[i - 1]
+    # The last place has nobody behind it: it comes as near to the one before as it may.
+    bx, by = way[i + 1] if i + 1 < way.shape[0] else way[i - 1]
+    enter, leave = _crossing(ax, ay, bx, by, ring)
+    if enter <= leave:
+        # Anywhere between is as good: half-way between where it stands and the middle.
+        dx, dy = bx - ax, by - ay
+        square = dx * dx + dy * dy
+        along = ((way[i, 0] - ax) * dx + (way[i, 1] - ay) * dy) / square if square > 0 else 0.0
+        along = min(max(0.5 * along + 0.25, enter), leave)
+        way[i, 0], way[i, 1] = ax + along * dx, ay + along * dy
+        return
+    shortest = np.inf
+    for k in range(ring.shape[0] - 1):
+        x, y = _beside(ax, ay, bx, by, ring[k], ring[k + 1])
+        by_it = math.hypot(x - ax, y - ay) + math.hypot(x - bx, y - by)
+        if by_it < shortest:
+            shortest = by_it
+            way[i, 0], way[i, 1] = x, y
+
+
+@compiled
+def _crossing(ax, ay, bx, by, ring):
+    """Shares of the leg from a to b at which it enters and leaves a convex ring; enter > leave
+    where it misses it (Cyrus and Beck 1978).
+    """
+    enter, leave = 0.0, 1.0
+    for k in range(ring.shape[0] - 1):
+        nx, ny = ring[k + 1, 1] - ring[k, 1], ring[k, 0] - ring[k + 1, 0]
+        room = nx * (ring[k, 0] - ax) + ny * (ring[k, 1] - ay)
+        outwards = nx * (bx - ax) + ny * (by - ay)
+        if outwards > 0:
+            leave = min(leave, room / outwards)
+        elif outwards < 0:
+            enter = max(enter, room / outwards)
+        elif room < 0:
+            return 1.0, 0.0
+    return enter, leave
+
+
+@compiled
+def _beside(ax, ay, bx, by, p, q):
+    """The place on the edge from p to q from which the ways to a and to b are shortest together:
+    where the way from a to b's mirror image crosses it.
+    """
+    ex, ey = q[0] - p[0], q[1] - p[1]
+    square = ex * ex + ey * ey
+    if square <= 0.0:
+        return p[0], p[1]
+    along_a = ((ax - p[0]) * ex + (ay - p[1]) * ey) / square
+    along_b = ((bx - p[0]) * ex + (by - p[1]) * ey) / square
+    off_a = abs((ax - p[0]) * ey - (ay - p[1]) * ex)
+    off_b = abs((bx - p[0]) * ey - (by - p[1]) * ex)
+    share = off_a / (off_a + off_b) if off_a + off_b > 0 else 0.5
+    along = min(max(along_a + (along_b - along_a) * share, 0.0), 1.0)
+    return p[0] + along * ex, p[1] + along * ey
