@@ -18,11 +18,11 @@ from grebe.flight import FlightSettings, GrebePilot, fly
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.check import check_plan
 from grebe.planning.convex import convex_pieces, is_convex
+from grebe.planning.costs import costs_of, order_cost
 from grebe.planning.lattice import SHAPES
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
 from grebe.planning.planner import PlanSettings, plan
-from grebe.planning.costs import costs_of, order_cost
 from grebe.planning.polish import polished
 from grebe.planning.region import Region, clean_region, navigable_water
 from grebe.planning.travel import travel_of

@@ -114,7 +114,7 @@ def test_a_mission_that_is_cut_off_can_be_resumed(tmp_path):
         survey = file.survey
         plant = Plant(survey.vessel, survey.start.at_rest())
         sonde = Sonde(free_water(survey.water.bounds, 1), 1)
-        link = Stopping(SimulatedLink(plant, sonde), 250)
+        link = Stopping(SimulatedLink(plant, sonde), 100)
         with pytest.raises(LinkError):
             Mission(file, Controller(survey.vessel, survey.sets), link, NOON).run()
         assert link.closed

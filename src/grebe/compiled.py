@@ -18,6 +18,15 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     return numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy")(function)
 
 
+def compiled_inline(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a small kernel into those that call it: a record of arrays costs more to hand over
+    than such a kernel takes.
+    """
+    return numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", forceinline=True)(
+        function
+    )
+
+
 def is_compiled() -> bool:
     """Whether the solver lies in the cache beside its source, so that it starts at once."""
     return any(Path(__file__).parent.glob("control/fast/__pycache__/sqp.optimise*.nbi"))

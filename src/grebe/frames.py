@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import shapely
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from pyproj import Transformer
     from shapely.geometry.base import BaseGeometry
+
+    Geometries = TypeVar("Geometries", BaseGeometry, NDArray[np.object_])
 
 WGS84 = "EPSG:4326"
 
@@ -73,12 +75,12 @@ class LocalFrame:
         lon, lat = self._transformer.transform(points[..., 1], points[..., 0], direction="INVERSE")
         return np.stack([lon, lat], axis=-1)
 
-    def geometry_to_local(self, geometry: BaseGeometry) -> BaseGeometry:
-        """Turn a geometry in degrees (lon, lat) into one in metres (north, east)."""
+    def geometry_to_local(self, geometry: Geometries) -> Geometries:
+        """Turn geometries, one or an array, in degrees (lon, lat) into metres (north, east)."""
         return shapely.transform(geometry, self.to_local)
 
-    def geometry_to_wgs84(self, geometry: BaseGeometry) -> BaseGeometry:
-        """Turn a geometry in metres (north, east) into one in degrees (lon, lat)."""
+    def geometry_to_wgs84(self, geometry: Geometries) -> Geometries:
+        """Turn geometries, one or an array, in metres (north, east) into degrees (lon, lat)."""
         return shapely.transform(geometry, self.to_wgs84)
 
 

@@ -8,6 +8,7 @@ a_x x + a_y y + a_u u <= b holds for every row.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -44,16 +45,16 @@ class TargetSet:
     speed_max_mps: float
 
     def __post_init__(self) -> None:
-        values = np.asarray([self.speed_min_mps, self.speed_max_mps, *np.ravel(self.vertices)])
-        if len(self.vertices) < 3 or not np.all(np.isfinite(values)):
+        values = itertools.chain((self.speed_min_mps, self.speed_max_mps), *self.vertices)
+        if len(self.vertices) < 3 or not all(map(math.isfinite, values)):
             raise PlanError("A target set needs three or more finite vertices and finite speeds.")
         if not self.speed_min_mps < self.speed_max_mps:
             raise PlanError(
                 f"The speed window {self.speed_min_mps}:{self.speed_max_mps} m/s is empty; "
                 "give the lower speed first."
             )
-        outside = self._sides[:, :2] @ np.asarray(self.vertices).T - self._sides[:, 3:]
-        if np.max(outside) > CONVEXITY_TOLERANCE_M:
+        farthest = max(a * x + b * y - c for a, b, c in self._sides for x, y in self.vertices)
+        if farthest > CONVEXITY_TOLERANCE_M:
             raise PlanError("A target set must be a convex polygon without repeated vertices.")
 
     @cached_property
@@ -68,24 +69,26 @@ class TargetSet:
         return point.x, point.y
 
     @cached_property
-    def _sides(self) -> NDArray[np.float64]:
-        """Half-spaces of the footprint alone: (n, 4) rows (a_x, a_y, 0, b)."""
-        points = np.asarray(self.vertices, dtype=float)
-        counterclockwise = shapely.Polygon(points).exterior.is_ccw
-        points = points if counterclockwise else points[::-1]
-        edge = np.roll(points, -1, axis=0) - points
-        length = np.hypot(edge[:, 0], edge[:, 1])
-        if np.any(length < SHORTEST_EDGE_M):
-            raise PlanError("A target set must be a convex polygon without repeated vertices.")
-        normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, None]
-        offset = np.sum(normal * points, axis=1)
-        return np.column_stack([normal, np.zeros(len(points)), offset])
+    def _sides(self) -> list[tuple[float, float, float]]:
+        """Half-spaces of the footprint: (a, b, c) with a x + b y <= c. Plain numbers: there are a
+        hundred thousand sets, and each is asked ten times a second while it is the next.
+        """
+        ring = list(zip(self.vertices, (*self.vertices[1:], self.vertices[0]), strict=True))
+        outward = math.copysign(1.0, sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in ring))
+        sides: list[tuple[float, float, float]] = []
+        for (x0, y0), (x1, y1) in ring:
+            length = math.hypot(x1 - x0, y1 - y0)
+            if length < SHORTEST_EDGE_M:
+                raise PlanError("A target set must be a convex polygon without repeated vertices.")
+            a, b = outward * (y1 - y0) / length, outward * (x0 - x1) / length
+            sides.append((a, b, a * x0 + b * y0))
+        return sides
 
     @cached_property
     def halfspaces(self) -> NDArray[np.float64]:
         """Rows (a_x, a_y, a_u, b) of the set in (x, y, u); the last two are the window."""
-        window = [[0.0, 0.0, -1.0, -self.speed_min_mps], [0.0, 0.0, 1.0, self.speed_max_mps]]
-        return np.vstack([self._sides, window])
+        window = [(0.0, 0.0, -1.0, -self.speed_min_mps), (0.0, 0.0, 1.0, self.speed_max_mps)]
+        return np.array([*((a, b, 0.0, c) for a, b, c in self._sides), *window])
 
     def contains(self, state: Sequence[float]) -> bool:
         """Tell whether a state (x, y, psi, u, v, r) lies in the set (closed)."""
@@ -93,15 +96,11 @@ class TargetSet:
 
     def covers(self, north_m: float, east_m: float) -> bool:
         """Tell whether a position lies in the footprint (closed)."""
-        return all(a * north_m + b * east_m <= c for a, b, _, c in self._side_rows)
+        return all(a * north_m + b * east_m <= c for a, b, c in self._sides)
 
     def allows(self, surge_mps: float) -> bool:
         """Tell whether a surge lies in the speed window (closed)."""
         return self.speed_min_mps <= surge_mps <= self.speed_max_mps
-
-    @cached_property
-    def _side_rows(self) -> list[list[float]]:
-        return self._sides.tolist()
 
     def distance(self, state: Sequence[float]) -> float:
         """d(z, Omega): Euclidean distance in (x, y, u), metres beside metres per second.
@@ -145,7 +144,23 @@ class TargetSet:
 
 def ring_vertices(polygon: shapely.Polygon) -> tuple[tuple[float, float], ...]:
     """Return the outer ring's vertices, each once."""
-    return tuple((x, y) for x, y, *_ in polygon.exterior.coords[:-1])
+    return rings_of([polygon])[0]
+
+
+def rings_of(polygons: Sequence[shapely.Polygon]) -> list[tuple[tuple[float, float], ...]]:
+    """Return the vertices of each polygon's outer ring, each once; for many at a time."""
+    rings = shapely.get_exterior_ring(np.array(polygons, dtype=object))
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    ends = np.searchsorted(ring, np.arange(len(polygons) + 1)).tolist()
+    places = list(map(tuple, corners.tolist()))
+    return [tuple(places[a : b - 1]) for a, b in itertools.pairwise(ends)]
+
+
+def footprints_of(sets: Sequence[TargetSet]) -> NDArray[np.object_]:
+    """Return the footprints of sets as polygons, for many at a time."""
+    corners = np.array([vertex for one in sets for vertex in one.vertices]).reshape(-1, 2)
+    ring = np.repeat(np.arange(len(sets)), [len(one.vertices) for one in sets])
+    return np.asarray(shapely.polygons(shapely.linearrings(corners, indices=ring)), dtype=object)
 
 
 def rectangle(

@@ -11,15 +11,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 import shapely
 
 from grebe.errors import InputError
 from grebe.frames import LocalFrame
 from grebe.quantities import QUANTITY_KEYS
-from grebe.sets import TargetSet
+from grebe.sets import TargetSet, footprints_of
 from grebe.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 TargetKind = Literal["cell", "transit"]
 EventLevel = Literal["info", "warning", "error"]
@@ -94,11 +98,32 @@ class Survey:
     @property
     def coverage(self) -> float:
         """Share of the water that the cells cover, 0 to 1."""
-        cells = [target.set.polygon for target in self.targets if target.kind == "cell"]
-        # Without a precision grid GEOS's union can lose cells whose vertices nearly meet.
-        union = shapely.union_all(cells, grid_size=1e-6)
-        covered = shapely.intersection(union, self.water, grid_size=1e-6).area
-        return min(1.0, float(covered / self.water.area))
+        cells = footprints_of([target.set for target in self.targets if target.kind == "cell"])
+        return covered_share(cells, self.water, overlap_m2(cells))
+
+
+def overlap_m2(cells: NDArray[np.object_]) -> float:
+    """Return the area [m2] that cells have in common, pair by pair.
+
+    Cells whose edges match those of their neighbours, corner for corner, share none; only the
+    others are looked at.
+    """
+    doubtful = np.flatnonzero(~shapely.is_empty(shapely.coverage_invalid_edges(cells)))
+    place, second = shapely.STRtree(cells).query(cells[doubtful], predicate="intersects")
+    first = doubtful[place]
+    # A pair of doubtful cells is found from both.
+    once = (first < second) | ((first > second) & ~np.isin(second, doubtful))
+    shared = shapely.intersection(cells[first[once]], cells[second[once]], grid_size=1e-6)
+    return float(shapely.area(shared).sum())
+
+
+def covered_share(cells: NDArray[np.object_], water: shapely.Polygon, overlap_m2: float) -> float:
+    """Return the share of the water that cells cover, 0 to 1; what two share counts once."""
+    shapely.prepare(water)
+    inside = shapely.covers(water, cells)
+    beyond = shapely.intersection(cells[~inside], water, grid_size=1e-6)
+    covered = shapely.area(cells[inside]).sum() + shapely.area(beyond).sum() - overlap_m2
+    return min(1.0, float(covered / water.area))
 
 
 @dataclass(frozen=True, kw_only=True)

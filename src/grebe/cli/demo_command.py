@@ -12,7 +12,7 @@ import shapely
 
 from grebe.checked import check_samples
 from grebe.cli import options, output
-from grebe.cli.files import create_survey_file, make_folder
+from grebe.cli.files import make_folder, write_survey_file
 from grebe.cli.map_command import write_maps
 from grebe.control.settings import ControlSettings
 from grebe.errors import IncompleteError
@@ -24,6 +24,7 @@ from grebe.report.data import gather
 from grebe.report.page import write_report
 from grebe.report.thresholds import read_profile
 from grebe.simulated_mission import SimulationSettings, simulate
+from grebe.store import SurveyFile
 from grebe.vessel import PRESETS
 
 # About a hectare, the size of the region of the paper's Fig. 7, whose coordinates are not
@@ -50,8 +51,9 @@ def command(out: Path, as_json: bool) -> None:
     figures.save(figures.plan_figure(survey), out / "plan.png")
     output.note(f"{NOTE} {len(survey.targets)} target sets of 25 m2; steering through them:")
     output.note_compilation()
+    write_survey_file(file, survey, force=True, note=NOTE)
     with (
-        create_survey_file(file, survey, force=True, note=NOTE) as survey_file,
+        SurveyFile.open(file) as survey_file,
         output.MissionBar(quiet=as_json) as bar,
     ):
         report = simulate(

@@ -15,7 +15,7 @@ from grebe.store.timestamps import time_text
 from grebe.survey import Survey
 
 
-def create_survey_file(path: Path, survey: Survey, *, force: bool, note: str = "") -> SurveyFile:
+def write_survey_file(path: Path, survey: Survey, *, force: bool, note: str = "") -> None:
     """Write a survey to a new file, with its identity, origin and configuration."""
     configuration = json.dumps(dict(survey.settings), sort_keys=True)
     meta = {
@@ -26,7 +26,7 @@ def create_survey_file(path: Path, survey: Survey, *, force: bool, note: str = "
         "configuration_hash": hashlib.sha256(configuration.encode()).hexdigest(),
         "note": note,
     }
-    return SurveyFile.create(path, survey, meta=meta, force=force)
+    SurveyFile.write(path, survey, meta=meta, force=force)
 
 
 def make_folder(path: Path) -> None:

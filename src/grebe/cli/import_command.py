@@ -8,10 +8,11 @@ import click
 
 from grebe.checked import check_samples
 from grebe.cli import options, output
-from grebe.cli.files import create_survey_file
+from grebe.cli.files import write_survey_file
 from grebe.imported import samples_of_track, survey_of_track
 from grebe.quantities import QUANTITIES
 from grebe.readers.track import read_track
+from grebe.store import SurveyFile
 from grebe.survey import Flag
 
 
@@ -36,7 +37,8 @@ def command(
     for text in (*raw.notes, *(f"no column for {label}: left out" for label in missing)):
         output.note(f"{track}: {text}")
     survey = survey_of_track(raw, track.stem)
-    with create_survey_file(path, survey, force=force, note=f"Imported from {track.name}.") as file:
+    write_survey_file(path, survey, force=force, note=f"Imported from {track.name}.")
+    with SurveyFile.open(path) as file:
         file.append_samples(samples_of_track(raw, survey))
         file.set_meta("water", f"measured, {track.name}")
         quality = check_samples(file)

@@ -10,7 +10,7 @@ import click
 import shapely
 
 from grebe.cli import options, output
-from grebe.cli.files import create_survey_file
+from grebe.cli.files import write_survey_file
 from grebe.errors import InputError, UsageError
 from grebe.mapping.design import pitch_for_accuracy
 from grebe.planning.lattice import SHAPES, Shape
@@ -164,7 +164,7 @@ def command(
     survey = planned.survey
     for text in planned.numbers.notes:
         output.note(f"note: {text}")
-    create_survey_file(path, survey, force=force).close()
+    write_survey_file(path, survey, force=force)
     figures.save(figures.plan_figure(survey), picture)
     for text in plan_warnings(survey):
         output.note(f"note: {text}")

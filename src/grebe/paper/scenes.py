@@ -19,7 +19,7 @@ from grebe.flight import Flight, FlightSettings, GrebePilot, fly
 from grebe.planning.mesh import mesh_water, target_footprint
 from grebe.planning.network import connect
 from grebe.planning.orders import sweeps
-from grebe.sets import TargetSet, rectangle
+from grebe.sets import TargetSet, rectangle, ring_vertices
 from grebe.vessel import Vessel, vessel_named
 
 State = tuple[float, float, float, float, float, float]
@@ -100,7 +100,7 @@ def exploration(window: tuple[float, float] = WINDOW_1_2) -> Scene:
     cells = [meshed[i] for i in order]
     targets = tuple(
         TargetSet(
-            vertices=target_footprint(cell.footprint),
+            vertices=target_footprint(ring_vertices(cell.footprint)),
             speed_min_mps=window[0],
             speed_max_mps=window[1],
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError
 
@@ -21,7 +21,9 @@ MOST_FOR_ASCENT = 2_500
 ROUNDS, PAIRS = 400, 100_000_000
 
 
-def lower_bound_m(cells: list[Cell], shape: str, cell_m: float) -> float:
+def lower_bound_m(
+    cells: list[Cell], shape: str, cell_m: float, around: csr_array | None = None
+) -> float:
     """Return a length [m] below which no path through all cells' centres can be.
 
     The largest of: the Euclidean minimum spanning tree of the centres, which every path
@@ -29,14 +31,18 @@ def lower_bound_m(cells: list[Cell], shape: str, cell_m: float) -> float:
     `MOST_FOR_ASCENT` cells; and for whole squares the parity bound: squares alternate in colour
     like a chessboard's, a path that changes colour at each step visits as many of one as of the
     other but for one, so an excess of delta forces delta - 1 diagonal steps. Leaving the other
-    cells out makes no path longer. None of them knows land.
+    cells out makes no path longer. `around` holds ways around land that are longer than straight
+    ones (`grebe.planning.detours`); only the ascent knows of them.
     """
     if len(cells) < 2:
         return 0.0
     points = np.array([(c.x, c.y) for c in (cell.footprint.centroid for cell in cells)])
     if len(points) <= MOST_FOR_ASCENT:
         rounds = min(ROUNDS, PAIRS // len(points) ** 2)
-        tree = float(_priced_tree(points, cell_m, rounds))
+        lengths = np.hypot(*np.moveaxis(points[:, None] - points[None], -1, 0))
+        if around is not None:
+            lengths = np.maximum(lengths, around.toarray())
+        tree = float(_priced_tree(lengths, cell_m, rounds))
     else:
         tree = _spanning_tree_m(points)
     return max(tree, _parity_m(cells, cell_m) if shape == "square" else 0.0)
@@ -68,9 +74,9 @@ def _spanning_tree_m(points: np.ndarray) -> float:
 
 
 @compiled
-def _tree(points, price, degree):
+def _tree(lengths, price, degree):
     """Length of the minimum spanning tree under prices, by Prim; writes the cells' degrees."""
-    n = points.shape[0]
+    n = lengths.shape[0]
     nearest = np.full(n, np.inf)
     parent = np.full(n, -1)
     degree[:] = 0
@@ -81,8 +87,7 @@ def _tree(points, price, degree):
         for j in range(n):
             if nearest[j] == -np.inf:
                 continue
-            dx, dy = points[j, 0] - points[at, 0], points[j, 1] - points[at, 1]
-            priced = math.sqrt(dx * dx + dy * dy) + price[at] + price[j]
+            priced = lengths[at, j] + price[at] + price[j]
             if priced < nearest[j]:
                 nearest[j] = priced
                 parent[j] = at
@@ -97,7 +102,7 @@ def _tree(points, price, degree):
 
 
 @compiled
-def _priced_tree(points, pitch, rounds):
+def _priced_tree(lengths, pitch, rounds):
     """Raise the tree's length by prices on the cells: the Held-Karp bound of an open path.
 
     With a stop that lies beside every cell a path becomes a tour, and a tree with that stop's
@@ -105,11 +110,11 @@ def _priced_tree(points, pitch, rounds):
     2 p: what the tree costs less twice all prices is a bound for any prices. Those of cells
     with many links are raised, of leaves lowered (Volgenant and Jonker 1982).
     """
-    n = points.shape[0]
+    n = lengths.shape[0]
     price, degree, before = np.zeros(n), np.zeros(n), np.zeros(n)
     best, step = 0.0, 0.1 * pitch
     for k in range(rounds):
-        length = _tree(points, price, degree)
+        length = _tree(lengths, price, degree)
         first, second = _two_least(price)
         degree[first] += 1
         degree[second] += 1

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from grebe.survey import Survey
+from grebe.sets import footprints_of
+from grebe.survey import Survey, covered_share, overlap_m2
 
 # Rounding of coordinates must not count as land [m].
 ROUNDING_M = 1e-5
@@ -35,7 +36,7 @@ class PlanCheck:
 
 def check_plan(survey: Survey, water: shapely.Polygon) -> PlanCheck:
     """Check a survey against the water that its boat may use."""
-    shapes = np.array([target.set.polygon for target in survey.targets], dtype=object)
+    shapes = footprints_of(survey.sets)
     is_cell = np.array([target.kind == "cell" for target in survey.targets])
     pairs = shapely.geometrycollections(np.stack([shapes[:-1], shapes[1:]], axis=-1))
     ways = [*np.asarray(shapely.convex_hull(pairs)).tolist(), *survey.corridors[1:]]
@@ -47,12 +48,11 @@ def check_plan(survey: Survey, water: shapely.Polygon) -> PlanCheck:
             ways.append(shapely.convex_hull(shapely.GeometryCollection([place, shapes[0]])))
             ways += survey.corridors[:1]
     cells = shapes[is_cell]
-    union = shapely.union_all(cells, grid_size=1e-6)
-    covered = shapely.intersection(union, water, grid_size=1e-6).area
+    overlap = overlap_m2(cells)
     return PlanCheck(
         outside_m2=_outside_m2(np.array(ways, dtype=object), water),
-        coverage=min(1.0, float(covered / water.area)),
-        overlap_m2=max(0.0, float(shapely.area(cells).sum() - union.area)),
+        coverage=covered_share(cells, water, overlap),
+        overlap_m2=overlap,
         start_afloat=afloat,
     )
 

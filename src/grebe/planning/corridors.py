@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from grebe.errors import PlanError
@@ -62,6 +63,8 @@ class Waterways:
         self._water = water
         self._matrix = network.matrix()
         # A gate must be hit: better a somewhat longer way over open links.
+        links = (network.is_open, network.neighbours, network.starts)
+        self._is_open = csr_array(links, shape=self._matrix.shape)
         self._matrix.data *= np.where(network.is_open, 1.0, CLOSED_FACTOR)
 
     def stops(self, order: NDArray[np.int64]) -> list[Stop]:
@@ -96,7 +99,7 @@ class Waterways:
         path.reverse()
         chain = [self._cells[a].footprint]
         for i, j in itertools.pairwise(path):
-            if not self._network.opens(i, j):
+            if not self._is_open[i, j]:
                 chain += self._gate(i, j)
             chain.append(self._cells[j].footprint)
         return chain

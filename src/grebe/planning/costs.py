@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from grebe.compiled import compiled
+from grebe.compiled import compiled, compiled_inline
 from grebe.planning.network import Network
 from grebe.planning.travel import BEARINGS, Travel
 
@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 # A way between cells that are not linked is led around: longer than straight, with transits.
 DETOUR, DETOUR_PITCHES = 1.5, 1.5
 # What a gate costs besides its way: it must be hit.
-GATE_PITCHES = 0.25
+GATE_PITCHES = 0.1
+# Moves are tried towards so many neighbours of a cell.
+MOST_NEAREST = 10
 # Share of a turn's time that an order is charged for it. Corners that are cut give back more than
 # the whole; a little decides between orders of equal length for the straighter one.
 TURN_WEIGHT = 0.05
@@ -34,23 +36,33 @@ TURN_WEIGHT = 0.05
 
 class Costs(NamedTuple):
     """What the kernels read: places (n + 1, 2) with the start as the last, the links with each
-    one's seconds, slowness by bearing, seconds a radian, the detour's seconds, and whether there
-    and back take different times.
+    one's seconds, the `MOST_NEAREST` nearest neighbours of each cell (n, m) with theirs, infinite
+    where there are fewer, slowness by bearing, seconds a radian, the detour's seconds, whether
+    there and back take different times, whether the path ends where it started, and whether it
+    may start anywhere.
     """
 
     places: NDArray[np.float64]
     starts: NDArray[np.int64]
     neighbours: NDArray[np.int64]
     link_s: NDArray[np.float64]
+    nearest: NDArray[np.int64]
+    nearest_s: NDArray[np.float64]
     slowness: NDArray[np.float64]
     turn: float
     detour_s: float
     windy: bool
     returns: bool
+    anywhere: bool
 
 
 def costs_of(
-    network: Network, travel: Travel, start: tuple[float, float], *, returns: bool
+    network: Network,
+    travel: Travel,
+    start: tuple[float, float],
+    *,
+    returns: bool,
+    anywhere: bool = False,
 ) -> Costs:
     """Gather what the kernels read."""
     slowness = travel.slowness
@@ -61,16 +73,21 @@ def costs_of(
     way = network.centres[links.indices] - network.centres[first]
     winding = links.data / np.maximum(np.hypot(*way.T), 1e-9)
     gate_s = np.where(is_open, 0.0, GATE_PITCHES * pitch_s)
+    link_s = winding * travel.leg_s(way) + gate_s
+    nearest, nearest_s = _nearest(links, first, link_s)
     return Costs(
         places=np.vstack([network.centres, start]),
         starts=links.indptr.astype(np.int64),
         neighbours=links.indices.astype(np.int64),
-        link_s=winding * travel.leg_s(way) + gate_s,
+        link_s=link_s,
+        nearest=nearest,
+        nearest_s=nearest_s,
         slowness=slowness,
         turn=TURN_WEIGHT * travel.turn_s_per_rad,
         detour_s=DETOUR_PITCHES * pitch_s,
         windy=bool(np.abs(slowness - opposite).max() > 1e-9),
         returns=returns,
+        anywhere=anywhere and not returns,
     )
 
 
@@ -88,6 +105,20 @@ def _links(network: Network) -> tuple[csr_array, NDArray[np.bool_]]:
     shape = (len(network), len(network))
     starts = np.searchsorted(row[place], np.arange(len(network) + 1))
     return csr_array((length[place], column[place], starts), shape=shape), is_open[place]
+
+
+def _nearest(
+    links: csr_array, first: NDArray[np.int64], link_s: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Each cell's nearest neighbours, nearest first, and their seconds."""
+    by_time = np.lexsort([link_s, first])
+    rank = np.arange(len(first)) - links.indptr[first]
+    kept, rank = by_time[rank < MOST_NEAREST], rank[rank < MOST_NEAREST]
+    shape = (links.shape[0], MOST_NEAREST)
+    nearest, nearest_s = np.zeros(shape, dtype=np.int64), np.full(shape, np.inf)
+    nearest[first[kept], rank] = links.indices[kept]
+    nearest_s[first[kept], rank] = link_s[kept]
+    return nearest, nearest_s
 
 
 @compiled
@@ -112,21 +143,29 @@ def window_cost(costs, path, low, high):
     return total
 
 
-@compiled
+@compiled_inline
 def leg(costs, a, b):
-    """Seconds from place a to place b."""
+    """Seconds from place a to place b; a cell's neighbours stand in order."""
     n = costs.places.shape[0] - 1
+    if costs.anywhere and n in (a, b):
+        return 0.0
     if a != n:
-        for k in range(costs.starts[a], costs.starts[a + 1]):
-            if costs.neighbours[k] == b:
-                return costs.link_s[k]
+        low, high = costs.starts[a], costs.starts[a + 1]
+        while low < high:
+            middle = (low + high) // 2
+            if costs.neighbours[middle] < b:
+                low = middle + 1
+            else:
+                high = middle
+        if low < costs.starts[a + 1] and costs.neighbours[low] == b:
+            return costs.link_s[low]
     dx = costs.places[b, 0] - costs.places[a, 0]
     dy = costs.places[b, 1] - costs.places[a, 1]
     seconds = math.sqrt(dx * dx + dy * dy) * _slow(costs, dx, dy)
     return seconds if n in (a, b) else DETOUR * seconds + costs.detour_s
 
 
-@compiled
+@compiled_inline
 def _slow(costs, dx, dy):
     if not costs.windy:
         return costs.slowness[0]
@@ -139,9 +178,11 @@ def _slow(costs, dx, dy):
     return low + share * (costs.slowness[(whole + 1) % BEARINGS] - low)
 
 
-@compiled
+@compiled_inline
 def turn(costs, a, b, c):
     """Seconds of the turn at b on the way from a to c."""
+    if costs.anywhere and a == costs.places.shape[0] - 1:
+        return 0.0
     ax = costs.places[b, 0] - costs.places[a, 0]
     ay = costs.places[b, 1] - costs.places[a, 1]
     bx = costs.places[c, 0] - costs.places[b, 0]
@@ -149,13 +190,13 @@ def turn(costs, a, b, c):
     return costs.turn * abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
 
 
-@compiled
+@compiled_inline
 def at(path, k):
     """The cell at a place of the path, or -1 beyond its end."""
     return path[k] if 0 <= k < path.shape[0] else -1
 
 
-@compiled
+@compiled_inline
 def join(costs, a, b):
     """Leg between two cells; the way home where the second lies beyond the path's end."""
     if a < 0:
@@ -165,7 +206,7 @@ def join(costs, a, b):
     return leg(costs, a, b)
 
 
-@compiled
+@compiled_inline
 def bend(costs, a, b, c):
     """The turn at b, where all three are on the path."""
     return turn(costs, a, b, c) if a >= 0 and b >= 0 and c >= 0 else 0.0

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -21,10 +20,8 @@ from grebe.errors import PlanError
 from grebe.planning import lattice
 from grebe.planning.convex import convex_pieces, convex_union, shared_edge_m
 from grebe.planning.lattice import Shape
-from grebe.sets import ring_vertices
 
-if TYPE_CHECKING:
-    pass
+Ring = tuple[tuple[float, float], ...]
 
 MAX_SIDES = 8
 # Vertices nearer to each other than this [m] are one.
@@ -167,14 +164,15 @@ def _is_thin(footprint: shapely.Polygon) -> bool:
     return shapely.maximum_inscribed_circle(footprint).length < LEAST_RADIUS_M
 
 
-def target_footprint(cell: shapely.Polygon) -> tuple[tuple[float, float], ...]:
-    """Return a convex polygon of at most eight sides inside a cell, losing as little as can be.
+def target_footprint(ring: Ring) -> Ring:
+    """Return a convex polygon of at most eight sides inside a convex ring, losing as little as can
+    be.
 
     Leaving out a vertex of a convex polygon cuts off the triangle it makes with its
     neighbours; the smallest triangle goes first, vertices on a straight line before all.
     """
-    vertices = list(ring_vertices(cell))
-    tiny = 1e-9 * cell.area
+    vertices = list(ring)
+    tiny = 1e-9 * shapely.Polygon(ring).area
     while len(vertices) > 3:
         areas = [_loss_m2(vertices, i) for i in range(len(vertices))]
         smallest = int(np.argmin(areas))

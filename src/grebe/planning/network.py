@@ -60,10 +60,11 @@ class Network:
         shape = (len(self), len(self))
         return csr_array((self.ways_m.copy(), self.neighbours, self.starts), shape=shape)
 
-    def opens(self, i: int, j: int) -> bool:
-        """Whether cells i and j are joined by an open link."""
-        row = slice(self.starts[i], self.starts[i + 1])
-        return bool(np.any(self.is_open[row] & (self.neighbours[row] == j)))
+    def opens(self, i: Indices, j: Indices) -> NDArray[np.bool_]:
+        """Whether cells i and j are joined by an open link, pair by pair."""
+        first = np.repeat(np.arange(len(self)), np.diff(self.starts))
+        links = first[self.is_open] * len(self) + self.neighbours[self.is_open]
+        return np.isin(np.asarray(i) * len(self) + np.asarray(j), links)
 
 
 def connect(cells: list[Cell], water: shapely.Polygon, cell_m: float) -> Network:

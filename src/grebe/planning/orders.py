@@ -10,7 +10,6 @@ takes the fastest.
 from __future__ import annotations
 
 import itertools
-from collections import defaultdict
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -39,20 +38,13 @@ def sweeps(cells: list[Cell], network: Network, start: tuple[float, float]) -> l
 
 
 def _runs(cells: list[Cell], network: Network, *, by_column: bool) -> list[list[int]]:
-    lanes: dict[int, list[int]] = defaultdict(list)
-    for i, cell in enumerate(cells):
-        if not cell.is_speck:
-            lanes[cell.column if by_column else cell.row].append(i)
-    runs: list[list[int]] = []
-    for _, lane in sorted(lanes.items()):
-        members = sorted(lane, key=lambda i: (cells[i].row if by_column else cells[i].column, i))
-        runs.append([members[0]])
-        for before, now in itertools.pairwise(members):
-            if network.opens(before, now):
-                runs[-1].append(now)
-            else:
-                runs.append([now])
-    return runs
+    places = np.array([(cell.row, cell.column) for cell in cells])
+    lane, along = places.T[::-1] if by_column else places.T
+    members = np.lexsort([along, lane])
+    members = members[[not cells[i].is_speck for i in members]]
+    before, now = members[:-1], members[1:]
+    follows = network.opens(before, now) & (lane[before] == lane[now])
+    return [run.tolist() for run in np.split(members, np.flatnonzero(~follows) + 1)]
 
 
 def _chained(runs: list[list[int]], network: Network, start: tuple[float, float]) -> Order:

@@ -16,13 +16,13 @@ from grebe.planning.bounds import lower_bound_m
 from grebe.planning.check import PlanCheck, check_plan
 from grebe.planning.corridors import Stop, Waterways, widened
 from grebe.planning.lattice import SHAPES, Shape
-from grebe.planning.mesh import Cell, mesh_water, target_footprint
+from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
 from grebe.planning.region import Region, navigable_water
 from grebe.planning.route import Route, best_route
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
-from grebe.sets import TargetSet
+from grebe.sets import TargetSet, rings_of
 from grebe.survey import Pose, Survey, Target
 from grebe.vessel import Vessel
 
@@ -194,8 +194,11 @@ class _Planner:
             cells, network = kept, connect(kept, self.water, cell_m)
         start = self.given_start or self._nearest_centre(network, corner)
         route = best_route(
-            cells, network, self.travel, start, returns=self.settings.returns, quick=quick
-        )
+            cells, network, self.travel, start, returns=self.settings.returns,
+            anywhere=self.given_start is None, quick=quick,
+        )  # fmt: skip
+        if self.given_start is None and not self.settings.returns:
+            start = tuple(network.centres[route.order[0]].tolist())
         return _Draft(
             cells=cells, network=network, route=route, start=start, cell_m=cell_m,
             angle_deg=angle_deg,
@@ -289,7 +292,11 @@ class _Planner:
         return ways.corridors(footprints)
 
     def _survey(self, draft: _Draft, stops: list[Stop], corridors: list[shapely.Polygon]) -> Survey:
-        targets = tuple(self._target(i + 1, stop) for i, stop in enumerate(stops))
+        rings = rings_of([stop.footprint for stop in stops])
+        targets = tuple(
+            self._target(seq, stop, ring if self._is_whole(draft, stop) else target_footprint(ring))
+            for seq, (stop, ring) in enumerate(zip(stops, rings, strict=True), start=1)
+        )
         north, east = targets[0].set.centre
         heading = math.atan2(east - draft.start[1], north - draft.start[0])
         weather = self.settings.weather.as_tuple()
@@ -316,13 +323,17 @@ class _Planner:
             },
         )
 
-    def _target(self, seq: int, stop: Stop) -> Target:
+    @staticmethod
+    def _is_whole(draft: _Draft, stop: Stop) -> bool:
+        return stop.cell is not None and draft.cells[stop.cell].whole
+
+    def _target(self, seq: int, stop: Stop, ring: Ring) -> Target:
         slowest = 0.0 if stop.cell is None else self.settings.speed_min_mps
         return Target(
             seq=seq,
             kind="transit" if stop.cell is None else "cell",
             set=TargetSet(
-                vertices=target_footprint(stop.footprint),
+                vertices=ring,
                 speed_min_mps=slowest,
                 speed_max_mps=self.settings.speed_max_mps,
             ),
@@ -333,8 +344,13 @@ class _Planner:
         first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
         last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
         within = points[first + 1 : last + 2]
-        targets = [cell for cell in draft.cells if not cell.is_speck]
-        bound = lower_bound_m(targets, self.settings.shape, draft.cell_m)
+        kept = np.flatnonzero([not cell.is_speck for cell in draft.cells])
+        bound = lower_bound_m(
+            [draft.cells[i] for i in kept],
+            self.settings.shape,
+            draft.cell_m,
+            draft.network.around[kept][:, kept],
+        )
         length = _length(within)
         time_s = self.travel.path_s(_taut(draft.start, stops))
         return PlanNumbers(

@@ -1,8 +1,8 @@
 """Make an order of the cells faster: 2-opt and Or-opt, then kicks that must pay for themselves.
 
-Both moves are tried between a cell and its neighbours only (Bentley 1992); a kick exchanges two short neighbouring stretches of the order, repairs what it broke nearby,
-and is taken back unless the order got faster (iterated local search; Lourenco, Martin and
-Stutzle 2003).
+Both moves are tried between a cell and its neighbours only (Bentley 1992); a kick exchanges two
+short neighbouring stretches of the order, repairs what it broke nearby, and is taken back unless
+the order got faster (iterated local search; Lourenco, Martin and Stutzle 2003).
 """
 
 # Kernels carry no annotations: numba infers their types when it compiles them.
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.compiled import compiled
+from grebe.compiled import compiled, compiled_inline
 from grebe.planning.costs import Costs, at, bend, join, leg, order_cost, window_cost
 
 if TYPE_CHECKING:
@@ -27,6 +27,9 @@ LONGEST_KICK = 30
 LONGEST_REVERSAL = 50_000
 LONGEST_WINDY_REVERSAL = 1_000
 LEAST_GAIN = 1e-7
+# What the turns beside a move can be less, together: moves that save no time but by more than this
+# are not looked at [rad].
+MOST_TURNED = 2 * math.pi
 MOST_DRAWS = 12
 
 
@@ -39,18 +42,19 @@ def polished(
     return path[1:].copy(), float(total)
 
 
-@compiled
+@compiled_inline
 def _reversal_gain(costs, path, i, j, best):
     """What turning round path[i..j] saves; where that is less than `best` it need not be exact."""
     pp, p, a, a2 = at(path, i - 2), at(path, i - 1), path[i], path[i + 1]
     b2, b, q, qq = path[j - 1], path[j], at(path, j + 1), at(path, j + 2)
     old = join(costs, p, a) + join(costs, b, q)
     new = join(costs, p, b) + join(costs, a, q)
-    # Four turns cannot save more than four half-turns.
-    if not costs.windy and old - new + 4 * math.pi * costs.turn <= best:
+    if not costs.windy and old - new + MOST_TURNED * costs.turn <= best:
         return -1.0
     old += bend(costs, pp, p, a) + bend(costs, p, a, a2)
     old += bend(costs, b2, b, q) + bend(costs, b, q, qq)
+    if not costs.windy and old - new <= best:
+        return -1.0
     new += bend(costs, pp, p, b) + bend(costs, p, b, b2)
     new += bend(costs, a2, a, q) + bend(costs, a, q, qq)
     gain = old - new
@@ -93,7 +97,7 @@ def _moved(path, i, length, k, flipped, out):
     return first, size
 
 
-@compiled
+@compiled_inline
 def _move_gain(costs, path, i, length, k, flipped, best):
     """What moving path[i..i + length - 1] to between k and k + 1 saves; where that is less than
     `best` it need not be exact.
@@ -111,13 +115,15 @@ def _move_gain(costs, path, i, length, k, flipped, best):
     e, f = ends
     old = join(costs, p, first_in) + join(costs, last_in, q) + join(costs, c, d)
     new = join(costs, p, q) + join(costs, c, e) + join(costs, f, d)
-    if not costs.windy and old - new + 6 * math.pi * costs.turn <= best:
+    if old - new + MOST_TURNED * costs.turn <= best:
         return -1.0
     old += bend(costs, at(path, i - 2), p, first_in) + bend(costs, p, first_in, inner_a)
     old += bend(costs, last_in, q, at(path, j + 2))
     if length > 1:
         old += bend(costs, inner_b, last_in, q)
     old += bend(costs, at(path, k - 1), c, d) + bend(costs, c, d, at(path, k + 2))
+    if old - new <= best and not costs.windy:
+        return -1.0
     new += bend(costs, pp, p, q) + bend(costs, p, q, qq)
     new += bend(costs, cc, c, e) + bend(costs, f, d, dd)
     if length == 1:
@@ -133,7 +139,7 @@ def _move_gain(costs, path, i, length, k, flipped, best):
     return old - new
 
 
-@compiled
+@compiled_inline
 def _at_stake(costs, path, k):
     """The most that a new link of the cell at place k could replace: its dearer leg with the
     turns beside it. Of two links that replace two others one is always cheaper than its own.
@@ -155,7 +161,7 @@ def _apply_move(path, pos, i, length, k, flipped, spare):
     return first, first + size - 1
 
 
-@compiled
+@compiled_inline
 def _try_reversals(costs, path, pos, a, c, reach, best, move):
     """Both ways to make a and c neighbours by turning a stretch round."""
     low, high = min(pos[a], pos[c]), max(pos[a], pos[c])
@@ -170,7 +176,7 @@ def _try_reversals(costs, path, pos, a, c, reach, best, move):
     return best
 
 
-@compiled
+@compiled_inline
 def _try_moves(costs, path, pos, a, c, reach, best, move):
     """All ways to bring a short segment that ends at a beside c."""
     last = path.shape[0] - 1
@@ -214,9 +220,11 @@ def _settle(costs, path, pos, queue, queued, head, count, spare, touched):
         while True:
             best = LEAST_GAIN
             at_stake = _at_stake(costs, path, pos[a])
-            for s in range(costs.starts[a], costs.starts[a + 1]):
-                c = costs.neighbours[s]
-                if pos[c] < 0 or costs.link_s[s] + LEAST_GAIN >= at_stake:
+            for s in range(costs.nearest.shape[1]):
+                if costs.nearest_s[a, s] + LEAST_GAIN >= at_stake:
+                    break
+                c = costs.nearest[a, s]
+                if pos[c] < 0:
                     continue
                 best = _try_reversals(costs, path, pos, a, c, reach, best, move)
                 best = _try_moves(costs, path, pos, a, c, reach, best, move)
@@ -245,9 +253,7 @@ def _dear_place(costs, path, draws):
     best, dearest = 0, -1.0
     for _ in range(min(draws, MOST_DRAWS)):
         k = np.random.randint(0, path.shape[0] - 1)
-        cost = leg(costs, path[k], path[k + 1]) + bend(
-            costs, at(path, k - 1), path[k], path[k + 1]
-        )
+        cost = leg(costs, path[k], path[k + 1]) + bend(costs, at(path, k - 1), path[k], path[k + 1])
         if cost > dearest:
             best, dearest = k, cost
     return best

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.planning.costs import Costs, costs_of
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
 from grebe.planning.orders import greedy, spanning_tree_tour, sweeps
-from grebe.planning.costs import Costs, costs_of
 from grebe.planning.polish import polished
 from grebe.planning.travel import Travel
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Order = NDArray[np.int64]
 
 # Kicks of the final improvement: so many a cell, within limits that keep planning quick.
-KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKS = 1, 1_500, 6_000
+KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKS = 1, 2_000, 8_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +54,13 @@ def best_route(
     start: tuple[float, float],
     *,
     returns: bool,
+    anywhere: bool = False,
     quick: bool = False,
 ) -> Route:
-    """Order the cells for the shortest predicted time; `quick` leaves the last polish out."""
-    costs = costs_of(network, travel, start, returns=returns)
+    """Order the cells for the shortest time; `quick` leaves the last polish out. The first cell
+    is near the start, or where it suits the order best if that may be `anywhere`.
+    """
+    costs = costs_of(network, travel, start, returns=returns, anywhere=anywhere)
     tried = [
         _route(name, costs, order, 0) for name, order in first_orders(cells, network, start).items()
     ]

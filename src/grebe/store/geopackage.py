@@ -10,9 +10,15 @@ from __future__ import annotations
 
 import sqlite3
 import struct
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 APPLICATION_ID = 0x47503131  # "GP11"
 WGS84_SRS_ID = 4326
@@ -86,13 +92,27 @@ def create_layer(
 
 def to_blob(geometry: BaseGeometry) -> bytes:
     """Encode a WGS 84 geometry as a GeoPackage blob (header without an envelope, then WKB)."""
+    return to_blobs([geometry])[0]
+
+
+def to_blobs(geometries: Sequence[BaseGeometry] | NDArray[np.object_]) -> list[bytes]:
+    """Encode many geometries, as `to_blob` does one."""
     header = struct.pack("<2sBBi", b"GP", 0, 0b1, WGS84_SRS_ID)
-    return header + shapely.to_wkb(geometry, byte_order=1)
+    return [header + wkb for wkb in shapely.to_wkb(geometries, byte_order=1).tolist()]
 
 
 def from_blob(blob: bytes) -> BaseGeometry:
     """Decode a GeoPackage blob; envelopes that another program added are skipped."""
+    return from_blobs([blob])[0]
+
+
+def from_blobs(blobs: Sequence[bytes]) -> NDArray[np.object_]:
+    """Decode many blobs, as `from_blob` does one."""
+    return np.asarray(shapely.from_wkb([_wkb(blob) for blob in blobs]), dtype=object)
+
+
+def _wkb(blob: bytes) -> bytes:
     if len(blob) < 8 or blob[:2] != b"GP":
         raise ValueError("not a GeoPackage geometry")
     envelope_doubles = (0, 4, 6, 6, 8)[(blob[3] >> 1) & 0b111]
-    return shapely.from_wkb(blob[8 + 8 * envelope_doubles :])
+    return blob[8 + 8 * envelope_doubles :]

@@ -10,17 +10,22 @@ import json
 import sqlite3
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
 import shapely
 
 from grebe.dynamics import STATE_NAMES
 from grebe.errors import SurveyFileError
 from grebe.frames import LocalFrame
 from grebe.quantities import QUANTITY_KEYS
-from grebe.sets import TargetSet, ring_vertices
+from grebe.sets import TargetSet, footprints_of, rings_of
 from grebe.store import geopackage
 from grebe.survey import Pose, Survey, Target
 from grebe.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 VERSION = 2
 STATE_COLUMNS = STATE_NAMES
@@ -82,23 +87,27 @@ def _write_region(connection: sqlite3.Connection, survey: Survey) -> None:
 
 
 def _write_targets(connection: sqlite3.Connection, survey: Survey) -> None:
-    for target in survey.targets:
-        blob = geopackage.to_blob(survey.frame.geometry_to_wgs84(target.set.polygon))
-        connection.execute(
-            "INSERT INTO targets (geom, seq, kind, speed_min_mps, speed_max_mps) "
-            "VALUES (?, ?, ?, ?, ?)",
-            (blob, target.seq, target.kind, target.set.speed_min_mps, target.set.speed_max_mps),
-        )
+    blobs = _blobs(survey.frame, footprints_of(survey.sets))
+    connection.executemany(
+        "INSERT INTO targets (geom, seq, kind, speed_min_mps, speed_max_mps) "
+        "VALUES (?, ?, ?, ?, ?)",
+        (
+            (blob, target.seq, target.kind, target.set.speed_min_mps, target.set.speed_max_mps)
+            for blob, target in zip(blobs, survey.targets, strict=True)
+        ),
+    )
 
 
 def _write_corridors(connection: sqlite3.Connection, survey: Survey) -> None:
+    blobs = _blobs(survey.frame, np.array(survey.corridors, dtype=object))
     connection.executemany(
         "INSERT INTO corridors (geom, seq) VALUES (?, ?)",
-        (
-            (geopackage.to_blob(survey.frame.geometry_to_wgs84(corridor)), seq)
-            for seq, corridor in enumerate(survey.corridors, start=1)
-        ),
+        ((blob, seq) for seq, blob in enumerate(blobs, start=1)),
     )
+
+
+def _blobs(frame: LocalFrame, polygons: NDArray[np.object_]) -> list[bytes]:
+    return geopackage.to_blobs(frame.geometry_to_wgs84(polygons))
 
 
 def read_survey(connection: sqlite3.Connection) -> Survey:
@@ -110,31 +119,32 @@ def read_survey(connection: sqlite3.Connection) -> Survey:
     )
     parts: dict[str, list[shapely.Polygon]] = {"water": [], "no_go": []}
     for role, blob in connection.execute("SELECT role, geom FROM region ORDER BY fid"):
-        parts[role].append(_polygon(frame, blob))
-    targets = tuple(
-        Target(
-            seq=seq,
-            kind=kind,
-            set=TargetSet(
-                vertices=ring_vertices(_polygon(frame, blob)),
-                speed_min_mps=low,
-                speed_max_mps=high,
-            ),
-        )
-        for seq, kind, low, high, blob in connection.execute(
-            "SELECT seq, kind, speed_min_mps, speed_max_mps, geom FROM targets ORDER BY seq"
-        )
-    )
+        parts[role] += _polygons(frame, [blob])
     return Survey(
         name=meta["name"],
         frame=frame,
         water=parts["water"][0],
         no_go=tuple(parts["no_go"]),
-        targets=targets,
+        targets=_read_targets(connection, frame),
         corridors=_read_corridors(connection, frame),
         vessel=Vessel(**json.loads(meta["vessel"])) if meta["vessel"] else None,
         start=Pose(**json.loads(meta["start"])) if meta["start"] else None,
         settings=json.loads(meta["settings"]),
+    )
+
+
+def _read_targets(connection: sqlite3.Connection, frame: LocalFrame) -> tuple[Target, ...]:
+    rows = connection.execute(
+        "SELECT seq, kind, speed_min_mps, speed_max_mps, geom FROM targets ORDER BY seq"
+    ).fetchall()
+    rings = rings_of(_polygons(frame, [row[-1] for row in rows]))
+    return tuple(
+        Target(
+            seq=seq,
+            kind=kind,
+            set=TargetSet(vertices=ring, speed_min_mps=low, speed_max_mps=high),
+        )
+        for (seq, kind, low, high, _), ring in zip(rows, rings, strict=True)
     )
 
 
@@ -145,14 +155,14 @@ def _read_corridors(
     if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'corridors'").fetchone():
         return ()
     rows = connection.execute("SELECT geom FROM corridors ORDER BY seq")
-    return tuple(_polygon(frame, blob) for (blob,) in rows)
+    return tuple(_polygons(frame, [blob for (blob,) in rows]))
 
 
-def _polygon(frame: LocalFrame, blob: bytes) -> shapely.Polygon:
-    polygon = frame.geometry_to_local(geopackage.from_blob(blob))
-    if not isinstance(polygon, shapely.Polygon):
+def _polygons(frame: LocalFrame, blobs: list[bytes]) -> list[shapely.Polygon]:
+    polygons = frame.geometry_to_local(geopackage.from_blobs(blobs)).tolist()
+    if not all(isinstance(polygon, shapely.Polygon) for polygon in polygons):
         raise SurveyFileError("A region or a target of the survey file is not a polygon.")
-    return polygon
+    return polygons
 
 
 def check(path: Path, connection: sqlite3.Connection) -> None:

@@ -89,6 +89,12 @@ class SurveyFile:
 
     @classmethod
     def create(cls, path: Path, survey: Survey, *, meta: dict[str, str], force: bool) -> Self:
+        """Write a new survey file and open it; see `write`."""
+        cls.write(path, survey, meta=meta, force=force)
+        return cls.open(path)
+
+    @staticmethod
+    def write(path: Path, survey: Survey, *, meta: dict[str, str], force: bool) -> None:
         """Write a new survey file.
 
         An existing file is left alone unless `force`; then it is replaced only once the new
@@ -108,7 +114,6 @@ class SurveyFile:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
             raise SurveyFileError(f"{path} cannot be written: {error}.") from None
-        return cls.open(path)
 
     @classmethod
     def open(cls, path: Path) -> Self:
