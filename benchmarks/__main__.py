@@ -16,14 +16,25 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from benchmarks.agreement import agreement
 from benchmarks.mapping import mapping
 from benchmarks.missions import missions
-from benchmarks.planning import planning
+from benchmarks.planning import lakes, planning
 from benchmarks.robustness import robustness
 from benchmarks.routes import routes
 from benchmarks.sets import sets
 from benchmarks.steps import steps
 
 BENCHMARKS = {
-    f.__name__: f for f in (steps, missions, agreement, robustness, sets, planning, routes, mapping)
+    f.__name__: f
+    for f in (
+        steps,
+        missions,
+        agreement,
+        robustness,
+        sets,
+        planning,
+        lakes,
+        routes,
+        mapping,
+    )
 }
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import resource
 import time
+from pathlib import Path
 
 import numpy as np
 import shapely
@@ -11,13 +13,16 @@ import shapely
 from benchmarks.common import print_head, print_row
 from grebe.dynamics import CALM, Weather
 from grebe.frames import LocalFrame
+from grebe.planning.corridors import Waterways
+from grebe.planning.lattice import SHAPES
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
 from grebe.planning.planner import PlanSettings, plan
-from grebe.planning.costs import costs_of, order_cost
-from grebe.planning.region import Region
+from grebe.planning.region import Region, clean_region
 from grebe.planning.route import best_route, first_orders
-from grebe.planning.travel import travel_of
+from grebe.planning.taut import taut_way
+from grebe.planning.travel import Travel, travel_of
+from grebe.readers.outline import read_outline
 from grebe.vessel import PRESETS
 
 BOAT = PRESETS["spyboat"]
@@ -44,7 +49,7 @@ def planning() -> None:
     )  # fmt: skip
     for count in (100, 1_000, 10_000, 100_000):
         water = lake(count)
-        minutes = [_minutes(water, weather) for weather in (CALM, CURRENT)]
+        predicted = [_minutes(water, weather) for weather in (CALM, CURRENT)]
         began = time.perf_counter()
         planned = plan(Region(name="lake", frame=FRAME, water=water), BOAT, PlanSettings())
         seconds = time.perf_counter() - began
@@ -52,7 +57,7 @@ def planning() -> None:
         cells = sum(target.kind == "cell" for target in planned.survey.targets)
         print_row(
             cells,
-            *(" / ".join(f"{one[name]:.1f}" for one in minutes) for name in names),
+            *(" / ".join(f"{one[name]:.1f}" for one in predicted) for name in names),
             f"{planned.numbers.gap:.4f}",
             f"{seconds:.1f}",
             resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
@@ -60,16 +65,52 @@ def planning() -> None:
 
 
 def _minutes(water: shapely.Polygon, weather: Weather) -> dict[str, float]:
+    """Predicted minutes of each single order and of the portfolio's."""
     cells = mesh_water(water, 5.0)
     network = connect(cells, water, 5.0)
     travel = travel_of(BOAT, (1.0, 2.0), weather)
     start = tuple(network.centres[0])
-    costs = costs_of(network, travel, start, returns=False)
-    head = len(network)
-    found = {
-        name: order_cost(costs, np.concatenate([[head], order])) / 60
-        for name, order in first_orders(cells, network, start).items()
-    }
-    return found | {
-        "portfolio": best_route(cells, network, travel, start, returns=False).time_s / 60
-    }
+    orders = first_orders(cells, network, start)
+    orders["portfolio"] = best_route(cells, network, travel, start, returns=False).order
+    ways = Waterways(cells, network, water, 5.0)
+    return {name: minutes(ways, travel, order, start) for name, order in orders.items()}
+
+
+def minutes(
+    ways: Waterways, travel: Travel, order: np.ndarray, start: tuple[float, float]
+) -> float:
+    """What an order is predicted to take, its transits with it."""
+    footprints = [stop.footprint for stop in ways.stops(order)]
+    return travel.path_s(taut_way(start, footprints)) / 60
+
+
+SHARED = Path(__file__).parents[1] / ".." / "shared" / "data"
+OUTLINES = {
+    "crystal": "regions/crystal.geojson",
+    "allequash": "regions/allequash.geojson",
+    "alamillo": "regions/alamillo.geojson",
+    "hull of a track": "tracks/China-catabot-20200915.csv",
+}
+
+
+def lakes() -> None:
+    """Real outlines: what every shape of cell makes of them."""
+    print_head(
+        "Real outlines", "lake", "nominal K", "shape", "cell m", "targets", "transits",
+        "over the bound", "coverage", "outside m2", "s",
+    )  # fmt: skip
+    for (name, file), count, shape in itertools.product(
+        OUTLINES.items(), (100, 1_000, 10_000), SHAPES
+    ):
+        outline = read_outline(SHARED / file)
+        region = clean_region(outline.geometry, name)
+        cell_m = float(np.sqrt(region.water.area / count))
+        began = time.perf_counter()
+        planned = plan(region, BOAT, PlanSettings(cell_m=cell_m, shape=shape))
+        seconds = time.perf_counter() - began
+        kinds = [target.kind for target in planned.survey.targets]
+        print_row(
+            name, count, shape, f"{cell_m:.1f}", kinds.count("cell"), kinds.count("transit"),
+            f"{1 + planned.numbers.gap:.4f}", f"{planned.check.coverage:.4f}",
+            f"{planned.check.outside_m2:.1f}", f"{seconds:.1f}",
+        )  # fmt: skip

@@ -1,7 +1,7 @@
 """Orders of the cells against OR-tools and against what no order can be shorter than.
 
 All are measured alike: the length of the shortest way through the water between the centres of
-consecutive cells, and the predicted time with turns, for the same cells from the same start.
+consecutive cells, and the predicted time, for the same cells; every path may begin anywhere.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ import shapely
 from scipy.sparse.csgraph import dijkstra
 
 from benchmarks.common import print_head, print_row
-from benchmarks.planning import BOAT, CURRENT, lake
+from benchmarks.planning import BOAT, CURRENT, lake, minutes
 from grebe.dynamics import CALM
 from grebe.planning.bounds import lower_bound_m
+from grebe.planning.corridors import Waterways
+from grebe.planning.costs import Costs, costs_of
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import Network, connect
-from grebe.planning.costs import Costs, costs_of, order_cost
 from grebe.planning.polish import polished
 from grebe.planning.route import best_route, first_orders
 from grebe.planning.travel import travel_of
@@ -36,22 +37,21 @@ def _compare(water: shapely.Polygon, seconds: int) -> None:
     cells = [cell for cell in mesh_water(water, 5.0) if not cell.is_speck]
     network = connect(cells, water, 5.0)
     start = tuple(network.centres[0])
-    still, windy = (
-        costs_of(network, travel_of(BOAT, (1.0, 2.0), weather), start, returns=False)
-        for weather in (CALM, CURRENT)
-    )
+    travels = [travel_of(BOAT, (1.0, 2.0), weather) for weather in (CALM, CURRENT)]
+    costs = costs_of(network, travels[0], start, returns=False, anywhere=True)
+    ways = Waterways(cells, network, water, 5.0)
     lengths = water_lengths(water, network.centres)
-    bound = lower_bound_m(cells, "square", 5.0)
+    bound = lower_bound_m(cells, "square", 5.0, network.around)
     print_head(
         f"{len(cells)} cells of a concave lake with islands; bound {bound:.1f} m",
         "method", "length m", "over the bound", "min, still", "min, current", "planned in s",
     )  # fmt: skip
-    for name, order, took in _orders(cells, network, still, start, lengths, seconds):
+    for name, order, took in _orders(cells, network, costs, start, lengths, seconds):
         metres = float(lengths[order[:-1], order[1:]].sum())
-        path = np.concatenate([[len(network)], order])
-        minutes = [order_cost(costs, path) / 60 for costs in (still, windy)]
+        begin = tuple(network.centres[order[0]])
+        predicted = [minutes(ways, travel, order, begin) for travel in travels]
         print_row(
-            name, f"{metres:.1f}", f"{metres / bound:.4f}", *(f"{m:.2f}" for m in minutes),
+            name, f"{metres:.1f}", f"{metres / bound:.4f}", *(f"{m:.2f}" for m in predicted),
             f"{took:.2f}",
         )  # fmt: skip
 
@@ -67,14 +67,8 @@ def _orders(cells, network: Network, costs: Costs, start, lengths, seconds):
     yield "OR-tools, guided local search", order, time.perf_counter() - began
     began = time.perf_counter()
     travel = travel_of(BOAT, (1.0, 2.0), CALM)
-    order = best_route(cells, network, travel, start, returns=False).order
+    order = best_route(cells, network, travel, start, returns=False, anywhere=True).order
     yield "Grebe", order, time.perf_counter() - began
-    began = time.perf_counter()
-    order, _ = min(
-        (polished(costs._replace(turn=0.0), first, 3_000) for first in firsts.values()),
-        key=lambda found: found[1],
-    )
-    yield "Grebe, turns free", order, time.perf_counter() - began
 
 
 def water_lengths(water: shapely.Polygon, places: np.ndarray) -> np.ndarray:

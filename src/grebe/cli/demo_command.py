@@ -19,7 +19,7 @@ from grebe.errors import IncompleteError
 from grebe.frames import LocalFrame
 from grebe.planning.planner import PlanSettings, plan_survey
 from grebe.planning.region import Region
-from grebe.report import figures
+from grebe.report import canvas, mission_figures
 from grebe.report.data import gather
 from grebe.report.page import write_report
 from grebe.report.thresholds import read_profile
@@ -48,7 +48,7 @@ def command(out: Path, as_json: bool) -> None:
         name="Lac du Héron (illustrative)", frame=HERON, water=shapely.Polygon(OUTLINE_M)
     )
     survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=5.0))
-    figures.save(figures.plan_figure(survey), out / "plan.png")
+    canvas.save(mission_figures.plan_figure(survey), out / "plan.png")
     output.note(f"{NOTE} {len(survey.targets)} target sets of 25 m2; steering through them:")
     output.note_compilation()
     write_survey_file(file, survey, force=True, note=NOTE)

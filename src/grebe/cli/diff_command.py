@@ -17,7 +17,7 @@ from grebe.export.geotiff import write_bands
 from grebe.mapping.difference import difference
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, QuantityMap, map_all
-from grebe.report import figures
+from grebe.report import canvas, map_figures
 from grebe.store import SurveyFile
 from grebe.survey import Survey
 
@@ -50,7 +50,9 @@ def command(
         bands = {"difference": change.mean, "sd": change.sd}
         path = out / f"{key}_difference.tif"
         write_bands(path, before[key], survey.frame, bands, before[key].quantity.unit)
-        figures.save(figures.difference_figure(before[key], change), out / f"{key}_difference.png")
+        canvas.save(
+            map_figures.difference_figure(before[key], change), out / f"{key}_difference.png"
+        )
         inside = before[key].grid.inside
         rows[key] = {
             "mean_difference": float(change.mean[inside].mean()),

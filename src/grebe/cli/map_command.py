@@ -20,13 +20,15 @@ from grebe.mapping.drift import DriftFunction, combined, inflow, linear
 from grebe.mapping.maps import MapSettings, QuantityMap
 from grebe.mapping.methods import METHODS, Method
 from grebe.mapping.variogram import ESTIMATORS, Estimator
+from grebe.quantities import QUANTITIES
 from grebe.readers.depth import read_depth
-from grebe.report import figures
+from grebe.report import canvas, map_figures
 from grebe.report.data import ReportData, gather
 from grebe.report.thresholds import Profile, read_profile
 from grebe.store import SurveyFile
 
 FARTHEST_INFLOW_M = 5000.0
+NETCDF_NAME = "map.nc"
 
 
 @click.command(name="map")
@@ -62,6 +64,7 @@ FARTHEST_INFLOW_M = 5000.0
 )
 @click.option("--draws", type=click.IntRange(0, 1000), default=0, help="Conditional simulations.")
 @click.option("--profile", type=options.EXISTING, help="TOML: thresholds.  [default: fresh water]")
+@options.force_option
 @options.json_option
 def command(
     file: Path,
@@ -75,6 +78,7 @@ def command(
     estimator: Estimator,
     draws: int,
     profile: Path | None,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Map every quantity of FILE: map.nc (CF NetCDF), contours.gpkg, and a Cloud Optimized
@@ -82,14 +86,19 @@ def command(
     """
     thresholds = read_profile(profile)
     make_folder(out)
-    with SurveyFile.open(file) as survey_file:
+    if (out / NETCDF_NAME).exists() and not force:
+        raise InputError(f"{out} holds maps already; give another folder, or --force.")
+    with (
+        SurveyFile.open(file) as survey_file,
+        output.Countdown("quantities", len(QUANTITIES), quiet=as_json) as countdown,
+    ):
         settings = MapSettings(
             method=method,
             variogram=variogram,
             estimator=estimator,
             drift=_drift(survey_file, drift, inflows, depth),
         )
-        data = gather(survey_file, resolution_m, settings)
+        data = gather(survey_file, resolution_m, settings, countdown.update)
     written = write_maps(data, out, thresholds, draws)
     for text in data.left_out:
         output.note(f"left out: {text}")
@@ -141,13 +150,13 @@ def write_maps(data: ReportData, out: Path, profile: Profile, draws: int = 0) ->
     drawn: dict[str, np.ndarray] = {
         one.quantity.key: one.draws(draws) for one in data.maps if draws
     }
-    written = [out / "map.nc", out / "contours.gpkg"]
+    written = [out / NETCDF_NAME, out / "contours.gpkg"]
     write_netcdf(written[0], data.maps, frame, _attributes(data), concerns, drawn)
     write_contours(written[1], data.maps, frame)
     for one in data.maps:
         key = one.quantity.key
         write_geotiff(out / f"{key}.tif", one, frame, concerns[key])
-        figures.save(figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
+        canvas.save(map_figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
         written += [out / f"{key}.tif", out / f"{key}.png"]
     return written
 

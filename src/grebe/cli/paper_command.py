@@ -89,7 +89,7 @@ def _reproduced(
 def _claimed(out: Path, track: Path, seeds: int, *, quiet: bool) -> list[dict[str, float | str]]:
     from grebe.paper import claim, drawings
     from grebe.paper.hand_driven import HandDriven
-    from grebe.report.figures import save
+    from grebe.report.canvas import save
 
     hand = HandDriven.read(track)
     sampled = claim.ways(hand)

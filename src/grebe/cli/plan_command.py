@@ -12,12 +12,11 @@ import shapely
 from grebe.cli import options, output
 from grebe.cli.files import write_survey_file
 from grebe.errors import InputError, UsageError
-from grebe.mapping.design import pitch_for_accuracy
 from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.planner import Planned, PlanSettings, plan
 from grebe.planning.region import Region, clean_region
 from grebe.readers.outline import read_outline
-from grebe.report import figures
+from grebe.report import canvas, mission_figures
 from grebe.survey import Survey
 from grebe.vessel import PRESETS, vessel_named
 
@@ -41,7 +40,7 @@ DEFAULT_MARGIN_M = 1.0
     default="0",
     show_default=True,
     metavar="DEG|auto",
-    help="Direction of the rows, clockwise from north; auto looks for the fastest.",
+    help="Direction of the rows, clockwise from north; auto looks for the shortest way.",
 )
 @click.option(
     "--shore-margin",
@@ -165,7 +164,7 @@ def command(
     for text in planned.numbers.notes:
         output.note(f"note: {text}")
     write_survey_file(path, survey, force=force)
-    figures.save(figures.plan_figure(survey), picture)
+    canvas.save(mission_figures.plan_figure(survey), picture)
     for text in plan_warnings(survey):
         output.note(f"note: {text}")
     known = f" --water {region}" if region.suffix.lower() == ".csv" else ""
@@ -180,6 +179,8 @@ def _cell_for(range_m: float, accuracy: float) -> float:
     """The cells' size for a map of that accuracy."""
     if not 0 < range_m < math.inf:
         raise UsageError(f"--range {range_m:g}: a range is a positive number of metres.")
+    from grebe.mapping.design import pitch_for_accuracy
+
     return round(pitch_for_accuracy(range_m, accuracy), 2)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -238,11 +238,15 @@ def map_all(
     positions: Array,
     values: Mapping[str, Array],
     flags: Mapping[str, NDArray[np.int64]],
+    on_done: Callable[[int, int], None] | None = None,
 ) -> tuple[list[QuantityMap], list[str]]:
-    """Map every quantity that can be mapped; return the maps and why others are left out."""
+    """Map every quantity that can be mapped; return the maps and why others are left out.
+
+    `on_done` is told after each quantity how many are done, and of how many.
+    """
     maps: list[QuantityMap] = []
     left_out: list[str] = []
-    for quantity in QUANTITIES:
+    for done, quantity in enumerate(QUANTITIES, start=1):
         key = quantity.key
         if not np.isfinite(values[key]).any():
             left_out.append(f"{quantity.label}: not measured")
@@ -251,4 +255,6 @@ def map_all(
             maps.append(mapper.map_quantity(quantity, positions, values[key], flags[key]))
         except InputError as error:
             left_out.append(str(error).rstrip("."))
+        if on_done is not None:
+            on_done(done, len(QUANTITIES))
     return maps, left_out

@@ -13,7 +13,7 @@ from grebe.flight import Flight
 from grebe.mapping.maps import QuantityMap
 from grebe.paper import scenes
 from grebe.quantities import QUANTITIES
-from grebe.report.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, styled
+from grebe.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, styled
 from grebe.sets import TargetSet
 from grebe.survey import Survey
 

@@ -25,7 +25,7 @@ from grebe.planning.planner import PlanSettings, plan
 from grebe.planning.region import Region
 from grebe.quantities import QUANTITIES
 from grebe.readers.track import RawTrack, read_track
-from grebe.report.figures import save
+from grebe.report.canvas import save
 from grebe.survey import Flag, Survey
 from grebe.vessel import vessel_named
 

@@ -12,7 +12,7 @@ from grebe.control.settings import settings_for
 from grebe.flight import Flight
 from grebe.paper import drawings, scenes
 from grebe.paper.checks import Check, Reproduction
-from grebe.report.figures import save
+from grebe.report.canvas import save
 from grebe.sets import TargetSet
 
 if TYPE_CHECKING:

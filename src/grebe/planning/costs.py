@@ -1,8 +1,9 @@
-"""What an order of the cells costs: the time of its legs and a little for its turns.
+"""What an order of the cells costs: the time of its legs.
 
-Legs lead through the cells' centres, at the ground speed that current and wind leave; turns weigh
-far less than the boat takes for them, because it cuts the corners between cells
-(docs/theory.md). `grebe.planning.polish` makes the sum smaller.
+Legs lead through the cells' centres, at the ground speed that current and wind leave, and around
+land by the shortest way. Turns are free: a boat that need only have been in each cell cuts its
+corners, and gains more by them than it loses (docs/theory.md). `grebe.planning.polish` makes
+the sum smaller.
 """
 
 # Kernels carry no annotations: numba infers their types when it compiles them.
@@ -29,15 +30,12 @@ DETOUR, DETOUR_PITCHES = 1.5, 1.5
 GATE_PITCHES = 0.1
 # Moves are tried towards so many neighbours of a cell.
 MOST_NEAREST = 10
-# Share of a turn's time that an order is charged for it. Corners that are cut give back more than
-# the whole; a little decides between orders of equal length for the straighter one.
-TURN_WEIGHT = 0.05
 
 
 class Costs(NamedTuple):
     """What the kernels read: places (n + 1, 2) with the start as the last, the links with each
     one's seconds, the `MOST_NEAREST` nearest neighbours of each cell (n, m) with theirs, infinite
-    where there are fewer, slowness by bearing, seconds a radian, the detour's seconds, whether
+    where there are fewer, slowness by bearing, the detour's seconds, whether
     there and back take different times, whether the path ends where it started, and whether it
     may start anywhere.
     """
@@ -49,7 +47,6 @@ class Costs(NamedTuple):
     nearest: NDArray[np.int64]
     nearest_s: NDArray[np.float64]
     slowness: NDArray[np.float64]
-    turn: float
     detour_s: float
     windy: bool
     returns: bool
@@ -83,7 +80,6 @@ def costs_of(
         nearest=nearest,
         nearest_s=nearest_s,
         slowness=slowness,
-        turn=TURN_WEIGHT * travel.turn_s_per_rad,
         detour_s=DETOUR_PITCHES * pitch_s,
         windy=bool(np.abs(slowness - opposite).max() > 1e-9),
         returns=returns,
@@ -114,7 +110,7 @@ def _nearest(
     by_time = np.lexsort([link_s, first])
     rank = np.arange(len(first)) - links.indptr[first]
     kept, rank = by_time[rank < MOST_NEAREST], rank[rank < MOST_NEAREST]
-    shape = (links.shape[0], MOST_NEAREST)
+    shape = (len(links.indptr) - 1, MOST_NEAREST)
     nearest, nearest_s = np.zeros(shape, dtype=np.int64), np.full(shape, np.inf)
     nearest[first[kept], rank] = links.indices[kept]
     nearest_s[first[kept], rank] = link_s[kept]
@@ -129,15 +125,11 @@ def order_cost(costs, path):
 
 @compiled
 def window_cost(costs, path, low, high):
-    """Cost of the legs between two places, the way home beyond the last, and of the turns
-    strictly within.
-    """
+    """Cost of the legs between two places, with the way home beyond the last."""
     low, last = max(low, 0), path.shape[0] - 1
     total = 0.0
     for k in range(low, min(high, last)):
         total += leg(costs, path[k], path[k + 1])
-        if k > low:
-            total += turn(costs, path[k - 1], path[k], path[k + 1])
     if high > last and costs.returns:
         total += leg(costs, path[last], path[0])
     return total
@@ -179,18 +171,6 @@ def _slow(costs, dx, dy):
 
 
 @compiled_inline
-def turn(costs, a, b, c):
-    """Seconds of the turn at b on the way from a to c."""
-    if costs.anywhere and a == costs.places.shape[0] - 1:
-        return 0.0
-    ax = costs.places[b, 0] - costs.places[a, 0]
-    ay = costs.places[b, 1] - costs.places[a, 1]
-    bx = costs.places[c, 0] - costs.places[b, 0]
-    by = costs.places[c, 1] - costs.places[b, 1]
-    return costs.turn * abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-
-
-@compiled_inline
 def at(path, k):
     """The cell at a place of the path, or -1 beyond its end."""
     return path[k] if 0 <= k < path.shape[0] else -1
@@ -204,9 +184,3 @@ def join(costs, a, b):
     if b < 0:
         return leg(costs, a, costs.places.shape[0] - 1) if costs.returns else 0.0
     return leg(costs, a, b)
-
-
-@compiled_inline
-def bend(costs, a, b, c):
-    """The turn at b, where all three are on the path."""
-    return turn(costs, a, b, c) if a >= 0 and b >= 0 and c >= 0 else 0.0

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from shapely.geometry.base import BaseGeometry
 
     Places = NDArray[np.float64]
 
@@ -55,7 +56,7 @@ def ways_around(
     return csr_array(one_way.maximum(one_way.T))
 
 
-def _corners(room: shapely.Polygon) -> Places:
+def _corners(room: BaseGeometry) -> Places:
     """The shore's corners that a shortest way can bend around: those where the water is on the
     outer side.
     """
@@ -69,9 +70,9 @@ def _reflex(ring: Places) -> Places:
     return ring[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0]
 
 
-def _sight(nodes: Places, room: shapely.Polygon, reach_m: float) -> csr_array:
+def _sight(nodes: Places, room: BaseGeometry, reach_m: float) -> csr_array:
     """Lengths of the lines of sight between nodes up to a reach."""
-    points = shapely.points(nodes)
+    points = np.asarray(shapely.points(nodes), dtype=object)
     first, second = shapely.STRtree(points).query(points, predicate="dwithin", distance=reach_m)
     once = first < second
     first, second = first[once], second[once]

@@ -211,16 +211,16 @@ class _Planner:
         return north, east
 
     def _angle(self, cell_m: float) -> float:
-        """The direction asked for, or the one whose quick plan is fastest for what it covers."""
+        """The direction asked for, or the one whose quick plan has the shortest way."""
         if self.settings.angle_deg is not None:
             return self.settings.angle_deg
         many = self.water.area / cell_m**2 > MANY_CELLS
         angles = [*ANGLES_DEG[:: 3 if many else 1], _long_side_deg(self.water)]
 
-        def time_s(angle: float) -> float:
-            return self._draft(cell_m, angle, quick=True).route.time_s
+        def legs_s(angle: float) -> float:
+            return self._draft(cell_m, angle, quick=True).route.legs_s
 
-        return min(angles, key=time_s)
+        return min(angles, key=legs_s)
 
     def _affordable_cell_m(self) -> float:
         """The smallest cells whose plan keeps the budget, to within `BUDGET_SHARE`."""

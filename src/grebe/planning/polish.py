@@ -10,13 +10,12 @@ the order got faster (iterated local search; Lourenco, Martin and Stutzle 2003).
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.compiled import compiled, compiled_inline
-from grebe.planning.costs import Costs, at, bend, join, leg, order_cost, window_cost
+from grebe.planning.costs import Costs, at, join, leg, order_cost, window_cost
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,9 +26,6 @@ LONGEST_KICK = 30
 LONGEST_REVERSAL = 50_000
 LONGEST_WINDY_REVERSAL = 1_000
 LEAST_GAIN = 1e-7
-# What the turns beside a move can be less, together: moves that save no time but by more than this
-# are not looked at [rad].
-MOST_TURNED = 2 * math.pi
 MOST_DRAWS = 12
 
 
@@ -43,21 +39,10 @@ def polished(
 
 
 @compiled_inline
-def _reversal_gain(costs, path, i, j, best):
-    """What turning round path[i..j] saves; where that is less than `best` it need not be exact."""
-    pp, p, a, a2 = at(path, i - 2), at(path, i - 1), path[i], path[i + 1]
-    b2, b, q, qq = path[j - 1], path[j], at(path, j + 1), at(path, j + 2)
-    old = join(costs, p, a) + join(costs, b, q)
-    new = join(costs, p, b) + join(costs, a, q)
-    if not costs.windy and old - new + MOST_TURNED * costs.turn <= best:
-        return -1.0
-    old += bend(costs, pp, p, a) + bend(costs, p, a, a2)
-    old += bend(costs, b2, b, q) + bend(costs, b, q, qq)
-    if not costs.windy and old - new <= best:
-        return -1.0
-    new += bend(costs, pp, p, b) + bend(costs, p, b, b2)
-    new += bend(costs, a2, a, q) + bend(costs, a, q, qq)
-    gain = old - new
+def _reversal_gain(costs, path, i, j):
+    """What turning round path[i..j] saves."""
+    p, a, b, q = at(path, i - 1), path[i], path[j], at(path, j + 1)
+    gain = join(costs, p, a) + join(costs, b, q) - join(costs, p, b) - join(costs, a, q)
     if costs.windy:
         for k in range(i, j):
             gain += leg(costs, path[k], path[k + 1]) - leg(costs, path[k + 1], path[k])
@@ -98,58 +83,32 @@ def _moved(path, i, length, k, flipped, out):
 
 
 @compiled_inline
-def _move_gain(costs, path, i, length, k, flipped, best):
-    """What moving path[i..i + length - 1] to between k and k + 1 saves; where that is less than
-    `best` it need not be exact.
-    """
+def _move_gain(costs, path, i, length, k, flipped):
+    """What moving path[i..i + length - 1] to between k and k + 1 saves."""
     j = i + length - 1
-    ends = (path[j], path[i]) if flipped else (path[i], path[j])
-    pp, p, q, qq = at(path, i - 2), at(path, i - 1), at(path, j + 1), at(path, j + 2)
-    cc, c, d, dd = at(path, k - 1), at(path, k), at(path, k + 1), at(path, k + 2)
+    p, q = at(path, i - 1), at(path, j + 1)
+    c, d = at(path, k), at(path, k + 1)
     # Into the gap beside the next cell would change both its neighbours: a reversal does that.
     if d == p or c == q:
         return -1.0
-    first_in, last_in = path[i], path[j]
-    inner_a = at(path, i + 1) if length > 1 else q
-    inner_b = at(path, j - 1) if length > 1 else p
-    e, f = ends
-    old = join(costs, p, first_in) + join(costs, last_in, q) + join(costs, c, d)
-    new = join(costs, p, q) + join(costs, c, e) + join(costs, f, d)
-    if old - new + MOST_TURNED * costs.turn <= best:
-        return -1.0
-    old += bend(costs, at(path, i - 2), p, first_in) + bend(costs, p, first_in, inner_a)
-    old += bend(costs, last_in, q, at(path, j + 2))
-    if length > 1:
-        old += bend(costs, inner_b, last_in, q)
-    old += bend(costs, at(path, k - 1), c, d) + bend(costs, c, d, at(path, k + 2))
-    if old - new <= best and not costs.windy:
-        return -1.0
-    new += bend(costs, pp, p, q) + bend(costs, p, q, qq)
-    new += bend(costs, cc, c, e) + bend(costs, f, d, dd)
-    if length == 1:
-        new += bend(costs, c, e, d)
-    else:
-        e2 = inner_b if flipped else inner_a
-        f2 = inner_a if flipped else inner_b
-        new += bend(costs, c, e, e2) + bend(costs, f2, f, d)
-        if flipped and costs.windy:
-            for s in range(i, j):
-                old += leg(costs, path[s], path[s + 1])
-                new += leg(costs, path[s + 1], path[s])
+    first, last = (path[j], path[i]) if flipped else (path[i], path[j])
+    old = join(costs, p, path[i]) + join(costs, path[j], q) + join(costs, c, d)
+    new = join(costs, p, q) + join(costs, c, first) + join(costs, last, d)
+    if flipped and costs.windy:
+        for s in range(i, j):
+            old += leg(costs, path[s], path[s + 1])
+            new += leg(costs, path[s + 1], path[s])
     return old - new
 
 
 @compiled_inline
 def _at_stake(costs, path, k):
-    """The most that a new link of the cell at place k could replace: its dearer leg with the
-    turns beside it. Of two links that replace two others one is always cheaper than its own.
+    """The most that a new link of the cell at place k could replace: its dearer leg. Of two links
+    that replace two others one is always cheaper than its own.
     """
-    pp, p, a = at(path, k - 2), at(path, k - 1), path[k]
-    q, qq = at(path, k + 1), at(path, k + 2)
-    turned = bend(costs, p, a, q)
-    before = join(costs, p, a) + bend(costs, pp, p, a)
-    after = join(costs, a, q) + bend(costs, a, q, qq)
-    return turned + max(before, after)
+    before = join(costs, at(path, k - 1), path[k])
+    after = join(costs, path[k], at(path, k + 1))
+    return max(before, after)
 
 
 @compiled
@@ -169,7 +128,7 @@ def _try_reversals(costs, path, pos, a, c, reach, best, move):
         i, j = (low + 1, high) if shift == 0 else (low, high - 1)
         if i < 1 or j - i < 1 or j - i > reach:
             continue
-        gain = _reversal_gain(costs, path, i, j, best)
+        gain = _reversal_gain(costs, path, i, j)
         if gain > best:
             best = gain
             move[0], move[1], move[2], move[3], move[4] = 0, i, j, 0, 0
@@ -195,7 +154,7 @@ def _try_moves(costs, path, pos, a, c, reach, best, move):
                 flipped = (side == 0) != (after == 1)
                 if length == 1 and flipped:
                     flipped = False
-                gain = _move_gain(costs, path, i, length, k, flipped, best)
+                gain = _move_gain(costs, path, i, length, k, flipped)
                 if gain > best:
                     best = gain
                     move[0], move[1], move[2], move[3], move[4] = 1, i, length, k, flipped
@@ -249,11 +208,11 @@ def _settle(costs, path, pos, queue, queued, head, count, spare, touched):
 
 @compiled
 def _dear_place(costs, path, draws):
-    """The place with the dearest leg and turn of so many drawn at random: kicks pay there."""
+    """The place with the dearest leg of so many drawn at random: kicks pay there."""
     best, dearest = 0, -1.0
     for _ in range(min(draws, MOST_DRAWS)):
         k = np.random.randint(0, path.shape[0] - 1)
-        cost = leg(costs, path[k], path[k + 1]) + bend(costs, at(path, k - 1), path[k], path[k + 1])
+        cost = leg(costs, path[k], path[k + 1])
         if cost > dearest:
             best, dearest = k, cost
     return best

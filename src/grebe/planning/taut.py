@@ -32,7 +32,7 @@ STEADY = 1e-3
 
 def taut_way(
     start: tuple[float, float],
-    footprints: Sequence[shapely.Polygon],
+    footprints: Sequence[shapely.Polygon] | NDArray[np.object_],
     centred: Sequence[bool] | None = None,
 ) -> NDArray[np.float64]:
     """Return the shortest way from `start` that touches convex footprints in turn, (n + 1, 2) [m].

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,13 +57,14 @@ def gather(
     survey_file: SurveyFile,
     resolution_m: float | None = None,
     settings: MapSettings | None = None,
+    on_mapped: Callable[[int, int], None] | None = None,
 ) -> ReportData:
-    """Read a survey file and map its samples."""
+    """Read a survey file and map its samples; `on_mapped` is told how many quantities are done."""
     samples = survey_file.samples()
     survey = survey_file.survey
     mapper = Mapper(survey.water, make_grid(survey.water, resolution_m), settings or MapSettings())
     values = corrected_values(samples, stored_lags(survey_file))
-    maps, left_out = map_all(mapper, samples.positions, values, samples.flags)
+    maps, left_out = map_all(mapper, samples.positions, values, samples.flags, on_mapped)
     return ReportData(
         survey=survey,
         meta=survey_file.meta(),

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from grebe.errors import InputError
 from grebe.mapping.maps import QuantityMap
-from grebe.report import figures
+from grebe.report import canvas, map_figures, mission_figures
 from grebe.report.data import ReportData
 from grebe.report.texts import Texts, texts_of
 from grebe.report.thresholds import Profile, Threshold, read_profile
@@ -52,12 +52,14 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         rows=[_row(one) for one in data.maps],
         concerns=concerns,
         profile=profile,
-        track_picture=_embed(figures.track_figure(data.survey, data.track, data.samples, texts)),
-        series_picture=_embed(figures.series_figure(data.survey, data.track, texts))
+        track_picture=_embed(
+            mission_figures.track_figure(data.survey, data.track, data.samples, texts)
+        ),
+        series_picture=_embed(mission_figures.series_figure(data.survey, data.track, texts))
         if len(data.track) and data.survey.targets
         else "",
         maps=[
-            (one, _embed(figures.quantity_figure(data, one, profile.of(one), texts)))
+            (one, _embed(map_figures.quantity_figure(data, one, profile.of(one), texts)))
             for one in data.maps
         ],
         methods=[_method(one, texts) for one in data.maps],
@@ -230,5 +232,5 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def _embed(figure: Figure) -> str:
-    encoded = base64.b64encode(figures.png_bytes(figure)).decode("ascii")
+    encoded = base64.b64encode(canvas.png_bytes(figure)).decode("ascii")
     return f"data:image/png;base64,{encoded}"

@@ -1,0 +1,141 @@
+"""What all pictures share: style, colours, the water and its shore, and how they are saved.
+
+East to the right, north up. Okabe-Ito colours for lines, which the colour-blind can read.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from grebe.errors import InputError
+from grebe.survey import Survey
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION = (
+    "#000000",
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#0072B2",
+    "#D55E00",
+)
+GREY = "#8c8c8c"
+STYLE: dict[str, Any] = {
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 11,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "figure.constrained_layout.use": True,
+    "svg.hashsalt": "grebe",
+}
+DPI = 130
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw within Grebe's style and leave matplotlib's settings as they were."""
+
+    def wrapped(*args: Any, **options: Any) -> Figure:
+        with mpl.rc_context(cast(Any, STYLE)):
+            return draw(*args, **options)
+
+    wrapped.__doc__ = draw.__doc__
+    return wrapped
+
+
+def draw_water(axes: Axes, survey: Survey) -> None:
+    """Fill the water and draw its shore."""
+    ring = np.asarray(survey.water.exterior.coords)
+    axes.fill(ring[:, 1], ring[:, 0], color=SKY, alpha=0.25, lw=0)
+    for island in survey.water.interiors:
+        hole = np.asarray(island.coords)
+        axes.fill(hole[:, 1], hole[:, 0], color="white", lw=0)
+    draw_shore(axes, survey)
+
+
+def draw_shore(axes: Axes, survey: Survey) -> None:
+    """Draw the outlines of the water and of its islands."""
+    for ring in (survey.water.exterior, *survey.water.interiors):
+        points = np.asarray(ring.coords)
+        axes.plot(points[:, 1], points[:, 0], color=BLACK, lw=0.9)
+
+
+def draw_no_go(axes: Axes, survey: Survey) -> None:
+    """Hatch the zones to stay out of."""
+    for i, zone in enumerate(survey.no_go):
+        ring = np.asarray(zone.exterior.coords)
+        label = "no-go" if i == 0 else None
+        axes.fill(
+            ring[:, 1], ring[:, 0], facecolor="none", edgecolor=BLACK, hatch="///", label=label
+        )
+
+
+def draw_start(axes: Axes, survey: Survey, label: str = "start") -> None:
+    """Mark where the boat starts."""
+    if survey.start is None:
+        return
+    axes.plot(
+        survey.start.east_m,
+        survey.start.north_m,
+        marker="^",
+        ms=9,
+        color=BLACK,
+        ls="",
+        label=label,
+        zorder=5,
+    )
+
+
+def finish_map(
+    axes: Axes, survey: Survey, east: str = "east [m]", north: str = "north [m]"
+) -> None:
+    """Name a map's axes and frame the water and the start."""
+    axes.set_aspect("equal")
+    axes.set_xlabel(east)
+    axes.set_ylabel(north)
+    north0, east0, north1, east1 = survey.water.bounds
+    pad = 0.04 * max(north1 - north0, east1 - east0)
+    if survey.start is not None:
+        north0, north1 = min(north0, survey.start.north_m), max(north1, survey.start.north_m)
+        east0, east1 = min(east0, survey.start.east_m), max(east1, survey.start.east_m)
+    axes.set_xlim(east0 - pad, east1 + pad)
+    axes.set_ylim(north0 - pad, north1 + pad)
+
+
+def figure_size(survey: Survey) -> tuple[float, float]:
+    """A figure's size for a map of this region, between wide and tall."""
+    ratio = aspect(survey)
+    width = 6.4 if ratio <= 1 else 5.6
+    return width, width * ratio * 0.82 + 1.1
+
+
+def aspect(survey: Survey) -> float:
+    """Height over width of the region, held between wide and tall."""
+    north0, east0, north1, east1 = survey.water.bounds
+    return float(np.clip((north1 - north0) / (east1 - east0), 0.4, 1.6))
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """Render a figure as PNG."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI)
+    return buffer.getvalue()
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Save a figure in the format that the path's ending names."""
+    try:
+        figure.savefig(path, dpi=DPI)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error}.") from None
+    return path

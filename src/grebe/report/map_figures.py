@@ -1,0 +1,201 @@
+"""Pictures of maps: a quantity's mean and standard deviation, what is uncertain, what changed.
+
+Cividis for a mean, magma reversed for a standard deviation: both can be read by the
+colour-blind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from grebe.report.canvas import (
+    BLACK,
+    BLUE,
+    GREY,
+    SKY,
+    VERMILLION,
+    aspect,
+    draw_shore,
+    finish_map,
+    styled,
+)
+from grebe.store import SampleTable
+from grebe.survey import Flag, Survey
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from grebe.mapping.difference import Difference
+    from grebe.mapping.maps import QuantityMap
+    from grebe.report.data import ReportData
+    from grebe.report.texts import Texts
+    from grebe.report.thresholds import Threshold
+
+
+@styled
+def map_figure(survey: Survey, one: QuantityMap, samples: SampleTable) -> Figure:
+    """Mean and standard deviation side by side, the samples on the second."""
+    figure = Figure(figsize=(10.9, 4.0 * aspect(survey) + 1.0))
+    left, right = figure.subplots(1, 2)
+    unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
+    _draw_field(figure, left, one, one.mean, "cividis", f"{one.quantity.label}{unit}")
+    _draw_field(figure, right, one, one.sd, "magma_r", f"Standard deviation{unit}")
+    _draw_samples(right, one.quantity.key, samples)
+    for axes in (left, right):
+        draw_shore(axes, survey)
+        finish_map(axes, survey)
+    right.set_ylabel("")
+    days = f", {min(samples.times):%Y-%m-%d}" if samples.times else ""
+    figure.suptitle(f"{survey.name}{days}", x=0.01, ha="left")
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, markerscale=3)
+    return figure
+
+
+def _draw_samples(axes: Axes, key: str, samples: SampleTable) -> None:
+    """The samples of a quantity, those that quality control left out by another mark."""
+    measured = np.isfinite(samples.values[key])
+    usable = np.isin(samples.flags[key], Flag.USABLE)
+    for chosen, mark, size, colour, label in (
+        (measured & usable, ".", 1.5, SKY, "samples"),
+        (measured & ~usable, "x", 2.5, BLACK, "flagged: not used"),
+    ):
+        points = samples.positions[chosen]
+        if len(points):
+            axes.plot(
+                points[:, 1], points[:, 0], mark, ms=size, color=colour, alpha=0.7, label=label
+            )
+
+
+@styled
+def quantity_figure(
+    data: ReportData, one: QuantityMap, thresholds: Sequence[Threshold], texts: Texts
+) -> Figure:
+    """All there is to see of a quantity: mean and standard deviation, and below them how it is
+    distributed, the probability of concern, and the variogram.
+    """
+    figure = Figure(figsize=(10.9, 4.4 * aspect(data.survey) + 4.3))
+    grid = figure.add_gridspec(2, 6, height_ratios=(1.35 * aspect(data.survey) + 0.3, 1))
+    unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
+    left, right = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3:])
+    title = texts("mean_title", label=texts.label(one.quantity.key))
+    _draw_field(figure, left, one, one.mean, "cividis", f"{title}{unit}")
+    _hatch(left, one, _uncertain(one))
+    _draw_field(figure, right, one, one.sd, "magma_r", f"{texts['sd_title']}{unit}")
+    points = one.positions
+    right.plot(points[:, 1], points[:, 0], ".", ms=1.2, color=SKY, alpha=0.7)
+    for axes in (left, right):
+        draw_shore(axes, data.survey)
+        finish_map(axes, data.survey, texts["east"], texts["north"])
+    right.set_ylabel("")
+    _draw_histogram(figure.add_subplot(grid[1, :2]), one, thresholds, texts)
+    middle = figure.add_subplot(grid[1, 2:4])
+    if thresholds:
+        _draw_concern(figure, middle, data.survey, one, thresholds, texts)
+    else:
+        middle.set_axis_off()
+    _draw_variogram(figure.add_subplot(grid[1, 4:]), one, texts)
+    return figure
+
+
+@styled
+def difference_figure(one: QuantityMap, change: Difference) -> Figure:
+    """What changed, from blue (less) to red (more); hatched where it may be nothing."""
+    figure = Figure(figsize=(6.4, 5.2))
+    axes = figure.subplots()
+    unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
+    most = float(np.nanmax(np.abs(change.mean))) or 1.0
+    grid = one.grid
+    mesh = axes.pcolormesh(
+        grid.east, grid.north, change.mean, cmap="RdBu_r", vmin=-most, vmax=most, shading="nearest",
+        rasterized=True,
+    )  # fmt: skip
+    figure.colorbar(mesh, ax=axes, shrink=0.8)
+    doubt = np.where(np.isfinite(change.mean), ~change.clear, False).astype(float)
+    _hatch(axes, one, doubt)
+    axes.set_aspect("equal")
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
+    axes.set_title(f"{one.quantity.label}: later less earlier{unit}")
+    return figure
+
+
+def _uncertain(one: QuantityMap) -> NDArray:
+    """1 where the 95 % error is larger than the map's range, from 5 to 95 % of its area."""
+    low, high = np.nanpercentile(one.mean, [5, 95])
+    return np.where(1.96 * one.sd > high - low, 1.0, 0.0)
+
+
+def _draw_histogram(
+    axes: Axes, one: QuantityMap, thresholds: Sequence[Threshold], texts: Texts
+) -> None:
+    inside = one.mean[one.grid.inside]
+    share = np.full(len(inside), 100 / len(inside))
+    axes.hist(inside, bins=30, weights=share, color=BLUE)
+    low, high = axes.get_xlim()
+    for threshold in thresholds:
+        if low <= threshold.value <= high:
+            axes.axvline(threshold.value, color=VERMILLION, lw=1.4, ls="--")
+    axes.set_xlim(low, high)
+    axes.set_title(f"{texts['histogram_title']} [%]")
+    axes.set_xlabel(one.quantity.unit or one.quantity.label)
+
+
+def _draw_concern(
+    figure: Figure,
+    axes: Axes,
+    survey: Survey,
+    one: QuantityMap,
+    thresholds: Sequence[Threshold],
+    texts: Texts,
+) -> None:
+    """The probability of the threshold that is the likeliest to be passed."""
+    worst = max(thresholds, key=lambda each: float(np.nanmean(each.probability(one))))
+    mesh = axes.pcolormesh(
+        one.grid.east, one.grid.north, worst.probability(one), cmap="magma_r", vmin=0, vmax=1,
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
+    figure.colorbar(mesh, ax=axes, shrink=0.8)
+    draw_shore(axes, survey)
+    axes.set_aspect("equal")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.set_title(texts("concern_title", sense=texts[worst.sense], value=f"{worst.value:g}"))
+
+
+def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
+    empirical, model = one.fit.empirical, one.interpolator.model
+    axes.plot(empirical.distance_m, empirical.semivariance, "o", ms=4, color=BLUE)
+    h = np.linspace(empirical.distance_m[0] / 50, empirical.distance_m[-1], 200)
+    for factor in (1.0, model.ratio) if model.ratio < 1 else (1.0,):
+        axes.plot(h, model.variogram(h / factor), color=VERMILLION, lw=1.4)
+    axes.set_ylim(bottom=0, top=1.35 * float(empirical.semivariance.max()) or None)
+    axes.set_xlim(left=0)
+    axes.set_title(texts["variogram_title"])
+    axes.set_xlabel(texts["distance"])
+
+
+def _hatch(axes: Axes, one: QuantityMap, where: NDArray) -> None:
+    """Hatch the nodes where a field of 0 and 1 is 1."""
+    if where.max() < 0.5:
+        return
+    with mpl.rc_context({"hatch.color": GREY, "hatch.linewidth": 0.6}):
+        axes.contourf(
+            one.grid.east, one.grid.north, where, levels=[0.5, 1.5], colors="none",
+            hatches=["////"],
+        )  # fmt: skip
+
+
+def _draw_field(
+    figure: Figure, axes: Axes, one: QuantityMap, values: NDArray, colours: str, title: str
+) -> None:
+    mesh = axes.pcolormesh(
+        one.grid.east, one.grid.north, values, cmap=colours, shading="nearest", rasterized=True
+    )
+    figure.colorbar(mesh, ax=axes, shrink=0.8)
+    axes.set_title(title)

@@ -1,0 +1,151 @@
+"""Pictures of a plan and of a mission: cells in their order, the track, speed and thrusts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from grebe.report.canvas import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    SKY,
+    VERMILLION,
+    draw_no_go,
+    draw_start,
+    draw_water,
+    figure_size,
+    finish_map,
+    styled,
+)
+from grebe.store import SampleTable, TrackTable
+from grebe.survey import Survey
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from grebe.report.texts import Texts
+
+# Beyond so many cells their edges and arrows would be all there is to see.
+MANY_CELLS = 3_000
+ARROWS = 24
+
+
+@styled
+def plan_figure(survey: Survey) -> Figure:
+    """The water, the cells coloured by their order, the way through them and the start."""
+    figure = Figure(figsize=figure_size(survey))
+    axes = figure.subplots()
+    draw_water(axes, survey)
+    visited = [t for t in survey.targets if t.kind == "cell"]
+    corners = [np.asarray(t.set.vertices)[:, ::-1] for t in visited]
+    many = len(corners) > MANY_CELLS
+    edges = "none" if many else "white"
+    cells = PolyCollection(corners, cmap="cividis", edgecolors=edges, linewidths=0.5, alpha=0.85)
+    cells.set_array([t.seq for t in visited])
+    axes.add_collection(cells)
+    draw_no_go(axes, survey)
+    centres = np.array([t.set.centre for t in survey.targets])
+    axes.plot(
+        centres[:, 1], centres[:, 0], color=VERMILLION, lw=0.4 if many else 1.0,
+        label="order of the cells",
+    )  # fmt: skip
+    _draw_transits(axes, survey)
+    if not many:
+        _draw_direction(axes, centres)
+    if survey.start is not None:
+        lead = np.array([[survey.start.north_m, survey.start.east_m], centres[0]])
+        axes.plot(lead[:, 1], lead[:, 0], color=VERMILLION, lw=1.0, ls=":", label="lead-in")
+    draw_start(axes, survey)
+    figure.colorbar(cells, ax=axes, label="order of visit", shrink=0.8)
+    axes.set_title(f"{survey.name}: {len(survey.targets)} target sets")
+    finish_map(axes, survey)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    return figure
+
+
+@styled
+def track_figure(survey: Survey, track: TrackTable, samples: SampleTable, texts: Texts) -> Figure:
+    """The boat's track over the cells, and where samples were taken."""
+    figure = Figure(figsize=figure_size(survey))
+    axes = figure.subplots()
+    draw_water(axes, survey)
+    corners = [np.asarray(t.set.vertices)[:, ::-1] for t in survey.targets]
+    axes.add_collection(PolyCollection(corners, facecolors="none", edgecolors=GREY, linewidths=0.5))
+    if len(track):
+        axes.plot(
+            track.states[:, 1], track.states[:, 0], color=BLUE, lw=1.1, label=texts["track_label"]
+        )
+    axes.plot(
+        samples.positions[:, 1],
+        samples.positions[:, 0],
+        ".",
+        ms=3.5,
+        color=VERMILLION,
+        label=texts["samples_label"],
+    )
+    draw_start(axes, survey, texts["start"])
+    axes.set_title(f"{survey.name}: {texts['track_title'].lower()}")
+    finish_map(axes, survey, texts["east"], texts["north"])
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    return figure
+
+
+@styled
+def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
+    """Speed and thrusts over time, the speed window shaded (the paper's Figs. 8 and 9)."""
+    figure = Figure(figsize=(9.0, 4.6))
+    speed, thrust = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    low = min(t.set.speed_min_mps for t in survey.targets)
+    high = max(t.set.speed_max_mps for t in survey.targets)
+    speed.axhspan(low, high, color=SKY, alpha=0.3, lw=0,
+                  label=texts("window_label", low=f"{low:g}", high=f"{high:g}"))  # fmt: skip
+    speed.plot(track.seconds, track.states[:, 3], color=BLUE, lw=0.9, label=texts["surge"])
+    speed.set_ylabel(texts["surge_axis"])
+    speed.set_title(texts["speed_title"])
+    speed.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
+    for column, name, colour in ((0, "port", ORANGE), (1, "starboard", GREEN)):
+        thrust.step(
+            track.seconds,
+            track.thrusts[:, column],
+            where="post",
+            lw=0.8,
+            color=colour,
+            label=texts[name],
+        )
+    if survey.vessel is not None:
+        for limit in (survey.vessel.thrust_min_n, survey.vessel.thrust_max_n):
+            thrust.axhline(limit, color=GREY, lw=0.8, ls="--")
+    thrust.set_ylabel(texts["thrust_axis"])
+    thrust.set_xlabel(texts["time_axis"])
+    thrust.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
+    return figure
+
+
+def _draw_transits(axes: Axes, survey: Survey) -> None:
+    """The way to each transit and from it: where the boat goes around land."""
+    centres = np.array([t.set.centre for t in survey.targets])
+    is_transit = np.array([t.kind == "transit" for t in survey.targets])
+    if not is_transit.any():
+        return
+    near = is_transit | np.roll(is_transit, 1) | np.roll(is_transit, -1)
+    gaps = np.where(near[:, None], centres, np.nan)
+    axes.plot(gaps[:, 1], gaps[:, 0], color=ORANGE, lw=1.6, label="transits")
+    places = centres[is_transit]
+    axes.plot(places[:, 1], places[:, 0], ".", color=ORANGE, ms=4)
+
+
+def _draw_direction(axes: Axes, centres: NDArray[np.float64]) -> None:
+    """A few arrows along the way."""
+    step = max(1, len(centres) // ARROWS)
+    tails = centres[:-1:step]
+    way = (centres[1:] - centres[:-1])[::step]
+    axes.quiver(
+        tails[:, 1], tails[:, 0], way[:, 1], way[:, 0], color=VERMILLION, angles="xy",
+        scale_units="xy", scale=1, width=0.004, headwidth=6, headlength=7, headaxislength=6,
+    )  # fmt: skip
