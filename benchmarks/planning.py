@@ -17,9 +17,10 @@ from grebe.planning.corridors import Waterways
 from grebe.planning.lattice import SHAPES
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
-from grebe.planning.planner import PlanSettings, plan
+from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.route import best_route, first_orders
+from grebe.planning.settings import PlanSettings
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
 from grebe.readers.outline import read_outline

@@ -13,8 +13,9 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from grebe.frames import LocalFrame
-from grebe.planning.planner import PlanSettings, plan_survey
+from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
+from grebe.planning.settings import PlanSettings
 from grebe.sets import TargetSet
 from grebe.survey import Survey
 from grebe.vessel import PRESETS

@@ -22,9 +22,10 @@ from grebe.planning.costs import costs_of, order_cost
 from grebe.planning.lattice import SHAPES
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
-from grebe.planning.planner import PlanSettings, plan
+from grebe.planning.planner import plan
 from grebe.planning.polish import polished
 from grebe.planning.region import Region, clean_region, navigable_water
+from grebe.planning.settings import PlanSettings
 from grebe.planning.travel import travel_of
 from grebe.readers.outline import read_outline
 from grebe.vessel import PRESETS

@@ -14,8 +14,9 @@ from grebe.errors import InputError, PlanError, RegionError
 from grebe.planning.mesh import MAX_SIDES, mesh_water, target_footprint
 from grebe.planning.network import connect
 from grebe.planning.orders import sweeps
-from grebe.planning.planner import PlanSettings, plan_survey
+from grebe.planning.planner import plan_survey
 from grebe.planning.region import clean_region, navigable_water
+from grebe.planning.settings import PlanSettings
 from grebe.readers.outline import read_outline
 from grebe.sets import ring_vertices
 from grebe.vessel import PRESETS

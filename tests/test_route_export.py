@@ -15,7 +15,8 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 from grebe.cli.main import grebe
 from grebe.errors import InputError, UsageError
 from grebe.export.route import export_text, write_export
-from grebe.planning.planner import PlanSettings, plan_survey
+from grebe.planning.planner import plan_survey
+from grebe.planning.settings import PlanSettings
 from grebe.store import SurveyFile
 from grebe.vessel import PRESETS
 

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from grebe.mapping.maps import Mapper
     from grebe.mapping.variogram import fit_variogram
     from grebe.mission import Mission, MissionReport
-    from grebe.planning.planner import PlanSettings, plan_survey
+    from grebe.planning.planner import plan_survey
     from grebe.planning.region import Region, clean_region
+    from grebe.planning.settings import PlanSettings
     from grebe.sets import TargetSet
     from grebe.simulated_mission import simulate
     from grebe.store import SurveyFile
@@ -40,7 +41,7 @@ _HOME = {
     "Mission": "mission",
     "MissionReport": "mission",
     "Observation": "link.base",
-    "PlanSettings": "planning.planner",
+    "PlanSettings": "planning.settings",
     "Region": "planning.region",
     "Survey": "survey",
     "SurveyFile": "store",

@@ -156,6 +156,16 @@ def rings_of(polygons: Sequence[shapely.Polygon]) -> list[tuple[tuple[float, flo
     return [tuple(places[a : b - 1]) for a, b in itertools.pairwise(ends)]
 
 
+def drawn_in(
+    ring: tuple[tuple[float, float], ...], share: float
+) -> tuple[tuple[float, float], ...]:
+    """Return a convex ring drawn towards its centroid to a share of its size."""
+    middle = shapely.Polygon(ring).centroid
+    return tuple(
+        (middle.x + share * (x - middle.x), middle.y + share * (y - middle.y)) for x, y in ring
+    )
+
+
 def footprints_of(sets: Sequence[TargetSet]) -> NDArray[np.object_]:
     """Return the footprints of sets as polygons, for many at a time."""
     corners = np.array([vertex for one in sets for vertex in one.vertices]).reshape(-1, 2)

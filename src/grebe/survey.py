@@ -96,9 +96,22 @@ class Survey:
         return [target.set for target in self.targets]
 
     @property
+    def cells(self) -> NDArray[np.object_]:
+        """The cells that the targets stand for: where `core` is less than 1 in the settings, each
+        target is its cell drawn in to that share.
+        """
+        footprints = footprints_of([t.set for t in self.targets if t.kind == "cell"])
+        core = float(self.settings.get("core", 1.0))
+        if core == 1.0:
+            return footprints
+        corners, cell = shapely.get_coordinates(footprints, return_index=True)
+        middle = shapely.get_coordinates(shapely.centroid(footprints))[cell]
+        return shapely.set_coordinates(footprints.copy(), middle + (corners - middle) / core)
+
+    @property
     def coverage(self) -> float:
         """Share of the water that the cells cover, 0 to 1."""
-        cells = footprints_of([target.set for target in self.targets if target.kind == "cell"])
+        cells = self.cells
         return covered_share(cells, self.water, overlap_m2(cells))
 
 

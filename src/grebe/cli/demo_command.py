@@ -17,8 +17,9 @@ from grebe.cli.map_command import write_maps
 from grebe.control.settings import ControlSettings
 from grebe.errors import IncompleteError
 from grebe.frames import LocalFrame
-from grebe.planning.planner import PlanSettings, plan_survey
+from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
+from grebe.planning.settings import PlanSettings
 from grebe.report import canvas, mission_figures
 from grebe.report.data import gather
 from grebe.report.page import write_report

@@ -13,8 +13,9 @@ from grebe.cli import options, output
 from grebe.cli.files import write_survey_file
 from grebe.errors import InputError, UsageError
 from grebe.planning.lattice import SHAPES, Shape
-from grebe.planning.planner import Planned, PlanSettings, plan
+from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
+from grebe.planning.settings import PlanSettings
 from grebe.readers.outline import read_outline
 from grebe.report import canvas, mission_figures
 from grebe.survey import Survey
@@ -34,6 +35,14 @@ DEFAULT_MARGIN_M = 1.0
     default="square",
     show_default=True,
     help="Of the cells; all have the area of the square.",
+)
+@click.option(
+    "--core",
+    type=float,
+    default=1.0,
+    show_default=True,
+    help="Share of each cell, about its middle, that the boat must have been in; less than 1 keeps "
+    "it from cutting corners.",
 )
 @click.option(
     "--angle",
@@ -106,6 +115,7 @@ def command(
     path: Path,
     cell_m: float | None,
     shape: Shape,
+    core: float,
     angle: str,
     shore_margin_m: float | None,
     no_go: tuple[Path, ...],
@@ -149,6 +159,7 @@ def command(
     settings = PlanSettings(
         cell_m=cell_m,
         shape=shape,
+        core=core,
         angle_deg=_angle_deg(angle),
         speed_min_mps=speed[0],
         speed_max_mps=speed[1],

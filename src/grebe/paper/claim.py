@@ -22,7 +22,8 @@ from grebe.flight import FlightSettings, GrebePilot, fly
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
 from grebe.paper.hand_driven import HandDriven
-from grebe.planning.planner import PlanSettings, plan
+from grebe.planning.planner import plan
+from grebe.planning.settings import PlanSettings
 from grebe.quantities import QUANTITIES, Quantity
 from grebe.simulation.water import Water, conditioned_water
 from grebe.survey import Flag, Survey

@@ -21,8 +21,9 @@ from grebe.mapping.maps import Mapper, QuantityMap
 from grebe.mapping.quality import Record, check_quality
 from grebe.paper import drawings
 from grebe.paper.checks import Check, Reproduction
-from grebe.planning.planner import PlanSettings, plan
+from grebe.planning.planner import plan
 from grebe.planning.region import Region
+from grebe.planning.settings import PlanSettings
 from grebe.quantities import QUANTITIES
 from grebe.readers.track import RawTrack, read_track
 from grebe.report.canvas import save

@@ -37,7 +37,6 @@ class PlanCheck:
 def check_plan(survey: Survey, water: shapely.Polygon) -> PlanCheck:
     """Check a survey against the water that its boat may use."""
     shapes = footprints_of(survey.sets)
-    is_cell = np.array([target.kind == "cell" for target in survey.targets])
     pairs = shapely.geometrycollections(np.stack([shapes[:-1], shapes[1:]], axis=-1))
     ways = [*np.asarray(shapely.convex_hull(pairs)).tolist(), *survey.corridors[1:]]
     afloat = False
@@ -47,7 +46,7 @@ def check_plan(survey: Survey, water: shapely.Polygon) -> PlanCheck:
         if afloat:
             ways.append(shapely.convex_hull(shapely.GeometryCollection([place, shapes[0]])))
             ways += survey.corridors[:1]
-    cells = shapes[is_cell]
+    cells = survey.cells
     overlap = overlap_m2(cells)
     return PlanCheck(
         outside_m2=_outside_m2(np.array(ways, dtype=object), water),

@@ -10,28 +10,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.dynamics import CALM, Weather
 from grebe.errors import PlanError
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.check import PlanCheck, check_plan
 from grebe.planning.corridors import Stop, Waterways, widened
-from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
 from grebe.planning.region import Region, navigable_water
 from grebe.planning.route import Route, best_route
+from grebe.planning.settings import PlanSettings, check_speed
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
-from grebe.sets import TargetSet, rings_of
+from grebe.sets import TargetSet, drawn_in, footprints_of, rings_of
 from grebe.survey import Pose, Survey, Target
 from grebe.vessel import Vessel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A window whose lower end needs more than this share of the top speed leaves no thrust to
-# steer with.
-SPEED_RESERVE = 0.9
 FARTHEST_START_M = 5000.0
 # Directions of the rows that `auto` tries [deg]; for large plans only every third of them.
 ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
@@ -43,48 +39,6 @@ SMALLEST_CELL_M = 0.5
 TURN_RAD = math.radians(30)
 # Footprint of the start, for the hull with the first target [m].
 START_RADIUS_M = 0.05
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlanSettings:
-    """What a plan is made with.
-
-    `cell_m` is the side of a square of the cells' area, whatever their `shape`; None with a
-    budget of `minutes` or `energy_wh`. `angle_deg` is the direction of the rows (None: the best
-    one is looked for). `returns`: the way back to the start belongs to the survey. `weather` is
-    what the plan reckons with.
-    """
-
-    cell_m: float | None = 5.0
-    shape: Shape = "square"
-    angle_deg: float | None = 0.0
-    speed_min_mps: float = 1.0
-    speed_max_mps: float = 2.0
-    shore_margin_m: float = 0.0
-    returns: bool = False
-    weather: Weather = CALM
-    minutes: float | None = None
-    energy_wh: float | None = None
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.speed_min_mps < self.speed_max_mps:
-            raise PlanError(
-                f"The speed window {self.speed_min_mps:g}:{self.speed_max_mps:g} m/s is empty or "
-                "negative; give LO:HI with 0 <= LO < HI."
-            )
-        if self.cell_m is not None and not 0 < self.cell_m < math.inf:
-            raise PlanError(
-                f"A cell of {self.cell_m:g} m is none; give a positive number of metres."
-            )
-        if self.shape not in SHAPES:
-            raise PlanError(f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.")
-        if not 0 <= self.shore_margin_m < math.inf:
-            raise PlanError(f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.")
-        budgets = [b for b in (self.minutes, self.energy_wh) if b is not None]
-        if len(budgets) + (self.cell_m is not None) != 1:
-            raise PlanError("Give one of: the cells' size, the minutes, the watt-hours.")
-        if budgets and not 0 < budgets[0] < math.inf:
-            raise PlanError(f"A budget of {budgets[0]} is none; it must be positive.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +135,7 @@ class _Planner:
         survey = self._survey(draft, stops, corridors)
         return Planned(
             survey=survey,
-            numbers=self._numbers(draft, stops, notes),
+            numbers=self._numbers(draft, stops, survey, notes),
             check=check_plan(survey, self.water),
         )
 
@@ -255,7 +209,8 @@ class _Planner:
         """Predicted time of a quick plan, its transits with it."""
         draft = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=True)
         stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
-        return self.travel.path_s(_taut(draft.start, stops))
+        sets = [target.set for target in self._targets(draft, stops)]
+        return self.travel.path_s(taut_way(draft.start, footprints_of(sets)))
 
     def _budget_s(self) -> float:
         if self.settings.minutes is not None:
@@ -292,11 +247,7 @@ class _Planner:
         return ways.corridors(footprints)
 
     def _survey(self, draft: _Draft, stops: list[Stop], corridors: list[shapely.Polygon]) -> Survey:
-        rings = rings_of([stop.footprint for stop in stops])
-        targets = tuple(
-            self._target(seq, stop, ring if self._is_whole(draft, stop) else target_footprint(ring))
-            for seq, (stop, ring) in enumerate(zip(stops, rings, strict=True), start=1)
-        )
+        targets = self._targets(draft, stops)
         north, east = targets[0].set.centre
         heading = math.atan2(east - draft.start[1], north - draft.start[0])
         weather = self.settings.weather.as_tuple()
@@ -312,6 +263,7 @@ class _Planner:
             settings={
                 "cell_m": draft.cell_m,
                 "shape": self.settings.shape,
+                "core": self.settings.core,
                 "angle_deg": draft.angle_deg,
                 "speed_min_mps": self.settings.speed_min_mps,
                 "speed_max_mps": self.settings.speed_max_mps,
@@ -323,12 +275,21 @@ class _Planner:
             },
         )
 
+    def _targets(self, draft: _Draft, stops: list[Stop]) -> tuple[Target, ...]:
+        rings = rings_of([stop.footprint for stop in stops])
+        return tuple(
+            self._target(seq, stop, ring if self._is_whole(draft, stop) else target_footprint(ring))
+            for seq, (stop, ring) in enumerate(zip(stops, rings, strict=True), start=1)
+        )
+
     @staticmethod
     def _is_whole(draft: _Draft, stop: Stop) -> bool:
         return stop.cell is not None and draft.cells[stop.cell].whole
 
     def _target(self, seq: int, stop: Stop, ring: Ring) -> Target:
         slowest = 0.0 if stop.cell is None else self.settings.speed_min_mps
+        if stop.cell is not None and self.settings.core < 1:
+            ring = drawn_in(ring, self.settings.core)
         return Target(
             seq=seq,
             kind="transit" if stop.cell is None else "cell",
@@ -339,7 +300,9 @@ class _Planner:
             ),
         )
 
-    def _numbers(self, draft: _Draft, stops: list[Stop], notes: tuple[str, ...]) -> PlanNumbers:
+    def _numbers(
+        self, draft: _Draft, stops: list[Stop], survey: Survey, notes: tuple[str, ...]
+    ) -> PlanNumbers:
         points = _through_centres(draft.start, stops)
         first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
         last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
@@ -352,7 +315,7 @@ class _Planner:
             draft.network.around[kept][:, kept],
         )
         length = _length(within)
-        time_s = self.travel.path_s(_taut(draft.start, stops))
+        time_s = self.travel.path_s(taut_way(draft.start, footprints_of(survey.sets)))
         return PlanNumbers(
             length_m=_length(points),
             turns=_turns(points),
@@ -368,10 +331,6 @@ class _Planner:
 def _through_centres(start: tuple[float, float], stops: list[Stop]) -> NDArray[np.float64]:
     cells = [stop.cell is not None for stop in stops]
     return taut_way(start, [stop.footprint for stop in stops], centred=cells)
-
-
-def _taut(start: tuple[float, float], stops: list[Stop]) -> NDArray[np.float64]:
-    return taut_way(start, [stop.footprint for stop in stops])
 
 
 def _length(points: NDArray[np.float64]) -> float:
@@ -397,16 +356,6 @@ def _long_side_deg(water: shapely.Polygon) -> float:
     way = np.diff(ring[:3], axis=0)
     north, east = way[int(np.argmax(np.hypot(*way.T)))]
     return math.degrees(math.atan2(east, north)) % 180.0
-
-
-def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
-    """Refuse a speed window that the vessel cannot hold."""
-    if settings.speed_min_mps > SPEED_RESERVE * vessel.speed_max_mps:
-        raise PlanError(
-            f"The speed window {settings.speed_min_mps:g}:{settings.speed_max_mps:g} m/s is beyond "
-            f"the reach of vessel {vessel.name!r}, which makes {vessel.speed_max_mps:.2f} m/s at "
-            f"full thrust; its lower end must be below {SPEED_RESERVE * vessel.speed_max_mps:.2f}."
-        )
 
 
 def _start_position(

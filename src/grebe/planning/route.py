@@ -26,8 +26,11 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
-# Kicks of the final improvement: so many a cell, within limits that keep planning quick.
-KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKS = 2, 4_000, 20_000
+# Kicks of the final improvement: so many a cell, but fewer in a large plan, where each takes
+# longer: what they look at together is limited.
+KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKED = 4, 4_000, 400_000_000
+# How much longer than the shortest an order may be that is predicted to be faster.
+LENGTH_SLACK = 1.005
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,10 +83,11 @@ def best_route(
     if quick:
         return shortest
     fastest = min(tried, key=predicted_s)
-    kicks = int(np.clip(KICKS_PER_CELL * len(cells), FEWEST_KICKS, MOST_KICKS))
+    kicks = max(min(KICKS_PER_CELL * len(cells), MOST_KICKED // len(cells)), FEWEST_KICKS)
     further = [shortest] if shortest is fastest else [shortest, fastest]
     improved = [_polished(route.method, costs, route.order, kicks) for route in further]
-    return min([fastest, *improved], key=predicted_s)
+    longest = LENGTH_SLACK * min(route.legs_s for route in improved)
+    return min((one for one in improved if one.legs_s <= longest), key=predicted_s)
 
 
 def _polished(name: str, costs: Costs, order: Order, kicks: int) -> Route:

@@ -1,0 +1,76 @@
+"""What a plan is made with."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from grebe.dynamics import CALM, Weather
+from grebe.errors import PlanError
+from grebe.planning.lattice import SHAPES, Shape
+from grebe.vessel import Vessel
+
+# A window whose lower end needs more than this share of the top speed leaves no thrust to
+# steer with.
+SPEED_RESERVE = 0.9
+# A target must stay large enough to be entered by more than the controller's own margin.
+SMALLEST_CORE = 0.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanSettings:
+    """What a plan is made with.
+
+    `cell_m` is the side of a square of the cells' area, whatever their `shape`; None with a
+    budget of `minutes` or `energy_wh`. `core` is the share of its cell, about the middle, to
+    which a target is drawn in: less than 1 keeps the boat from cutting the cells' corners.
+    `angle_deg` is the direction of the rows (None: the best one is looked for). `returns`: the
+    way back to the start belongs to the survey. `weather` is what the plan reckons with.
+    """
+
+    cell_m: float | None = 5.0
+    shape: Shape = "square"
+    core: float = 1.0
+    angle_deg: float | None = 0.0
+    speed_min_mps: float = 1.0
+    speed_max_mps: float = 2.0
+    shore_margin_m: float = 0.0
+    returns: bool = False
+    weather: Weather = CALM
+    minutes: float | None = None
+    energy_wh: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.speed_min_mps < self.speed_max_mps:
+            raise PlanError(
+                f"The speed window {self.speed_min_mps:g}:{self.speed_max_mps:g} m/s is empty or "
+                "negative; give LO:HI with 0 <= LO < HI."
+            )
+        if self.cell_m is not None and not 0 < self.cell_m < math.inf:
+            raise PlanError(
+                f"A cell of {self.cell_m:g} m is none; give a positive number of metres."
+            )
+        if self.shape not in SHAPES:
+            raise PlanError(f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.")
+        if not SMALLEST_CORE <= self.core <= 1:
+            raise PlanError(
+                f"A core of {self.core:g} is none; give a share of the cell from {SMALLEST_CORE:g} "
+                "to 1."
+            )
+        if not 0 <= self.shore_margin_m < math.inf:
+            raise PlanError(f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.")
+        budgets = [b for b in (self.minutes, self.energy_wh) if b is not None]
+        if len(budgets) + (self.cell_m is not None) != 1:
+            raise PlanError("Give one of: the cells' size, the minutes, the watt-hours.")
+        if budgets and not 0 < budgets[0] < math.inf:
+            raise PlanError(f"A budget of {budgets[0]} is none; it must be positive.")
+
+
+def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
+    """Refuse a speed window that the vessel cannot hold."""
+    if settings.speed_min_mps > SPEED_RESERVE * vessel.speed_max_mps:
+        raise PlanError(
+            f"The speed window {settings.speed_min_mps:g}:{settings.speed_max_mps:g} m/s is beyond "
+            f"the reach of vessel {vessel.name!r}, which makes {vessel.speed_max_mps:.2f} m/s at "
+            f"full thrust; its lower end must be below {SPEED_RESERVE * vessel.speed_max_mps:.2f}."
+        )
