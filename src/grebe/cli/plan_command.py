@@ -15,6 +15,7 @@ from grebe.errors import InputError, UsageError
 from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
+from grebe.planning.route import PATTERNS, Pattern
 from grebe.planning.settings import PlanSettings
 from grebe.readers.outline import read_outline
 from grebe.report import canvas, mission_figures
@@ -43,6 +44,13 @@ DEFAULT_MARGIN_M = 1.0
     show_default=True,
     help="Share of each cell, about its middle, that the boat must have been in; less than 1 keeps "
     "it from cutting corners.",
+)
+@click.option(
+    "--pattern",
+    type=click.Choice(PATTERNS),
+    default="free",
+    show_default=True,
+    help="The order that takes the shortest time, or lanes along rows or columns.",
 )
 @click.option(
     "--angle",
@@ -116,6 +124,7 @@ def command(
     cell_m: float | None,
     shape: Shape,
     core: float,
+    pattern: Pattern,
     angle: str,
     shore_margin_m: float | None,
     no_go: tuple[Path, ...],
@@ -160,6 +169,7 @@ def command(
         cell_m=cell_m,
         shape=shape,
         core=core,
+        pattern=pattern,
         angle_deg=_angle_deg(angle),
         speed_min_mps=speed[0],
         speed_max_mps=speed[1],

@@ -150,6 +150,7 @@ class _Planner:
         route = best_route(
             cells, network, self.travel, start, returns=self.settings.returns,
             anywhere=self.given_start is None, quick=quick,
+            pattern=self.settings.pattern,
         )  # fmt: skip
         if self.given_start is None and not self.settings.returns:
             start = tuple(network.centres[route.order[0]].tolist())

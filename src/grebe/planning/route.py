@@ -9,11 +9,11 @@ leave, with its turns, and the ways around land.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from grebe.planning.costs import Costs, costs_of
+from grebe.planning.costs import Costs, costs_of, order_cost
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
 from grebe.planning.orders import greedy, spanning_tree_tour, sweeps
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
+# How the cells may be ordered: for the shortest time, or as a lawn is mown.
+Pattern = Literal["free", "rows", "columns"]
+PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
 # Kicks of the final improvement: so many a cell, but fewer in a large plan, where each takes
 # longer: what they look at together is limited.
 KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKED = 4, 4_000, 400_000_000
@@ -61,11 +64,17 @@ def best_route(
     returns: bool,
     anywhere: bool = False,
     quick: bool = False,
+    pattern: Pattern = "free",
 ) -> Route:
     """Order the cells for the shortest time; `quick` leaves the last polish out. The first cell
-    is near the start, or where it suits the order best if that may be `anywhere`.
+    is near the start, or where it suits the order best if that may be `anywhere`. A `pattern` of
+    rows or columns is swept as it is.
     """
     costs = costs_of(network, travel, start, returns=returns, anywhere=anywhere)
+    if pattern != "free":
+        order = first_orders(cells, network, start)[pattern]
+        legs_s = order_cost(costs, np.append(len(network), order))
+        return Route(order=order, legs_s=float(legs_s), method=pattern)
     footprints = np.array([cell.footprint for cell in cells], dtype=object)
 
     def predicted_s(route: Route) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from grebe.dynamics import CALM, Weather
 from grebe.errors import PlanError
 from grebe.planning.lattice import SHAPES, Shape
+from grebe.planning.route import PATTERNS, Pattern
 from grebe.vessel import Vessel
 
 # A window whose lower end needs more than this share of the top speed leaves no thrust to
@@ -31,6 +32,7 @@ class PlanSettings:
     cell_m: float | None = 5.0
     shape: Shape = "square"
     core: float = 1.0
+    pattern: Pattern = "free"
     angle_deg: float | None = 0.0
     speed_min_mps: float = 1.0
     speed_max_mps: float = 2.0
@@ -52,6 +54,8 @@ class PlanSettings:
             )
         if self.shape not in SHAPES:
             raise PlanError(f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.")
+        if self.pattern not in PATTERNS:
+            raise PlanError(f"There is no pattern {self.pattern!r}; choose {', '.join(PATTERNS)}.")
         if not SMALLEST_CORE <= self.core <= 1:
             raise PlanError(
                 f"A core of {self.core:g} is none; give a share of the cell from {SMALLEST_CORE:g} "
