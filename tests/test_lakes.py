@@ -207,6 +207,19 @@ def test_real_lakes_are_planned_within_their_water(name, cell, shape):
 @REAL
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("count", "gap"), [(100, 0.02), (1000, 0.03)])
+@pytest.mark.parametrize("name", ["alamillo", "crystal", "allequash"])
+def test_ways_over_real_lakes_are_nearly_as_short_as_can_be(name, count, gap, shape):
+    region = real(name)
+    cell_m = math.sqrt(region.water.area / count)
+    planned = plan(region, BOAT, PlanSettings(cell_m=cell_m, shape=shape))
+    assert 0 <= planned.numbers.gap < gap
+    assert planned.check.holds
+
+
+@REAL
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", SHAPES)
 def test_the_hull_of_a_real_track_is_planned(shape):
     outline = read_outline(DATA / "tracks" / "China-catabot-20200915.csv")
     region = clean_region(outline.geometry, outline.name)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     Places = NDArray[np.float64]
 
+# What a boat can pass between [m].
+PASSAGE_M = 0.4
 # How much of a cell the shore may be drawn wider than it is.
 COARSENESS = 0.01
 # Ways are looked for between cells whose centres are nearer than so many cells, over lines of
@@ -38,7 +40,7 @@ def ways_around(
     n = len(centres)
     if n > MOST_CENTRES or not near_shore.any():
         return csr_array((n, n))
-    room = water.buffer(COARSENESS * cell_m, quad_segs=2).simplify(0.9 * COARSENESS * cell_m)
+    room = _room(water, COARSENESS * cell_m)
     nodes = np.vstack([centres, _corners(room)])
     begin = np.flatnonzero(near_shore)
     lengths = dijkstra(
@@ -54,6 +56,13 @@ def ways_around(
         (lengths[wanted], (begin[row].astype(np.int32), column.astype(np.int32))), shape=(n, n)
     ).tocsr()
     return csr_array(one_way.maximum(one_way.T))
+
+
+def _room(water: shapely.Polygon, coarse_m: float) -> BaseGeometry:
+    """The water without what is too narrow for a boat, its shore drawn coarser and wider."""
+    half = 0.5 * PASSAGE_M
+    passable = water.buffer(-half, join_style="mitre").buffer(half + coarse_m, join_style="mitre")
+    return passable.simplify(0.9 * coarse_m)
 
 
 def _corners(room: BaseGeometry) -> Places:

@@ -32,7 +32,7 @@ SMALLEST_SHARE = 0.25
 SPECK_SHARE = 0.04
 LEAST_RADIUS_M = 0.5
 # What is thinner than this [m] and joins no neighbour is not even a way, and is left out.
-THINNEST_M = 0.1
+THINNEST_M = 0.03
 MAX_CELLS = 200_000
 # Of the lattice over the region's bounds, most of which may be land.
 MAX_GRID = 2_000_000

@@ -16,7 +16,7 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from grebe.planning.detours import ways_around
+from grebe.planning.detours import PASSAGE_M, ways_around
 from grebe.planning.mesh import Cell
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 # What rounding may put a hull outside the water that it touches [m].
 ROUNDING_M = 1e-6
-# What two neighbours must share for a boat to pass between them [m].
-PASSAGE_M = 0.4
 # Cut cells are linked to all cells within so many cell sizes that are in plain sight.
 SIGHT_CELLS = 1.0
 # Where a way may cross a shared edge, as shares of it.
