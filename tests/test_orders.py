@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from grebe.control.controller import Controller
 from grebe.control.settings import settings_for
 from grebe.dynamics import CALM, Weather
-from grebe.errors import PlanError
+from grebe.errors import UsageError
 from grebe.flight import FlightSettings, GrebePilot, fly
 from grebe.planning.costs import costs_of
 from grebe.planning.mesh import mesh_water
@@ -116,7 +116,7 @@ def test_the_lanes_of_a_pattern_are_swept_one_after_the_other():
         lanes = np.unique(np.round(centres[:, 1 - along], 3))
         changes = np.sum(np.abs(np.diff(centres[:, 1 - along])) > 1e-6)
         assert changes == len(lanes) - 1
-    with pytest.raises(PlanError, match="no pattern"):
+    with pytest.raises(UsageError, match="no pattern"):
         PlanSettings(pattern="spiral")
 
 
@@ -130,7 +130,7 @@ def test_a_core_keeps_the_boat_near_the_middle_of_each_cell():
         assert target.set.polygon.area == pytest.approx(16.0)
     cells = shapely.union_all(core.survey.cells)
     assert cells.area == pytest.approx(1600.0)
-    with pytest.raises(PlanError, match="core of 0.1"):
+    with pytest.raises(UsageError, match="A core of"):
         PlanSettings(core=0.1)
 
 

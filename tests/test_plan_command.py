@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from conftest import region_of
 
 from grebe.cli.main import grebe
-from grebe.errors import PlanError, UsageError
+from grebe.errors import UsageError
 from grebe.mapping.covariance import CovarianceModel
 from grebe.mapping.design import pitch_for_accuracy
 from grebe.mapping.kriging import krige
@@ -83,12 +83,12 @@ def test_any_budget_is_kept_and_used(lake, tmp_path, minutes):
 
 @pytest.mark.parametrize("cell", ["0", "-3", "nan", "inf"])
 def test_a_cell_that_is_none(lake, tmp_path, cell):
-    with pytest.raises(PlanError, match="cell"):
+    with pytest.raises(UsageError, match="cell"):
         planned(lake, tmp_path, "--cell", cell)
 
 
 def test_only_one_size_may_be_given(lake, tmp_path):
-    with pytest.raises(PlanError, match="Give one of"):
+    with pytest.raises(UsageError, match="Give one of"):
         planned(lake, tmp_path, "--minutes", "6", "--cell", "5")
 
 

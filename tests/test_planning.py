@@ -10,7 +10,7 @@ from conftest import DATA, convex_polygons, region_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.errors import InputError, PlanError, RegionError
+from grebe.errors import InputError, PlanError, RegionError, UsageError
 from grebe.planning.mesh import MAX_SIDES, mesh_water, target_footprint
 from grebe.planning.network import connect
 from grebe.planning.orders import sweeps
@@ -186,9 +186,9 @@ def test_plans_that_cannot_be_are_refused():
         plan_survey(region, boat, PlanSettings(cell_m=0.05))
     with pytest.raises(PlanError, match="reach of vessel"):
         plan_survey(region, boat, PlanSettings(speed_min_mps=3, speed_max_mps=4))
-    with pytest.raises(PlanError, match="km from the region"):
+    with pytest.raises(InputError, match="km from the water"):
         plan_survey(region, boat, PlanSettings(), (HERON[1], HERON[0]))
-    with pytest.raises(PlanError, match="LO:HI"):
+    with pytest.raises(UsageError, match="LO:HI"):
         PlanSettings(speed_min_mps=2, speed_max_mps=1)
 
 

@@ -3,7 +3,7 @@
 The tree, with the exit code the command line gives to each branch::
 
     GrebeError
-    |- UsageError         2   the command was put together wrongly
+    |- UsageError         2   the command was put together wrongly: a setting that cannot be
     |- InputError         3   a file or a value from outside is not what it should be
     |  |- RegionError         an outline that cannot be surveyed
     |  |- TrackError          a track that cannot be read
@@ -28,7 +28,7 @@ class GrebeError(Exception):
 
 
 class UsageError(GrebeError):
-    """The command was put together wrongly."""
+    """The command, or a setting, was put together wrongly."""
 
     exit_code = 2
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     Geometries = TypeVar("Geometries", BaseGeometry, NDArray[np.object_])
 
 WGS84 = "EPSG:4326"
+# Farther from the water a place is a mistake.
+FARTHEST_PLACE_M = 5000.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +76,21 @@ class LocalFrame:
         points = np.asarray(north_east, dtype=float)
         lon, lat = self._transformer.transform(points[..., 1], points[..., 0], direction="INVERSE")
         return np.stack([lon, lat], axis=-1)
+
+    def place_near(
+        self, water: BaseGeometry, lonlat: tuple[float, float], what: str
+    ) -> tuple[float, float]:
+        """Return a place given in degrees as (north, east) [m]; `InputError` says `what` it is that
+        lies too far from the water to be meant.
+        """
+        north, east = self.to_local(lonlat).tolist()
+        away = water.distance(shapely.Point(north, east))
+        if not away <= FARTHEST_PLACE_M:
+            raise InputError(
+                f"The {what} {lonlat[0]:g},{lonlat[1]:g} lies {away / 1000:.1f} km from the water; "
+                "give LON,LAT in degrees, longitude first."
+            )
+        return north, east
 
     def geometry_to_local(self, geometry: Geometries) -> Geometries:
         """Turn geometries, one or an array, in degrees (lon, lat) into metres (north, east)."""

@@ -8,11 +8,10 @@ from typing import Any
 
 import click
 import numpy as np
-import shapely
 
 from grebe.cli import options, output
 from grebe.cli.files import make_folder
-from grebe.errors import InputError, UsageError
+from grebe.errors import InputError
 from grebe.export.contours import write_contours
 from grebe.export.geotiff import write_geotiff
 from grebe.export.netcdf import write_netcdf
@@ -27,7 +26,6 @@ from grebe.report.data import ReportData, gather
 from grebe.report.thresholds import Profile, read_profile
 from grebe.store import SurveyFile
 
-FARTHEST_INFLOW_M = 5000.0
 NETCDF_NAME = "map.nc"
 
 
@@ -123,15 +121,8 @@ def _drift(
 ) -> DriftFunction | None:
     frame = survey_file.survey.frame
     functions: list[DriftFunction] = [linear] if name == "linear" else []
-    for place in inflows:
-        north, east = frame.to_local(place).tolist()
-        away = survey_file.survey.water.distance(shapely.Point(north, east))
-        if not away <= FARTHEST_INFLOW_M:
-            raise UsageError(
-                f"The inflow {place[0]:g},{place[1]:g} lies {away / 1000:.1f} km from the water; "
-                "give LON,LAT in degrees, longitude first."
-            )
-        functions.append(inflow((north, east)))
+    water = survey_file.survey.water
+    functions += [inflow(frame.place_near(water, place, "inflow")) for place in inflows]
     if depth is not None:
         functions.append(read_depth(depth, frame))
     return combined(functions)

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 SEEDS = 30
 NODES = 2_500
 SAMPLE_S = 1.0
+# Every cell is measured near its middle.
+CORE = 0.5
 WINDOW = (1.0, 2.0)
 # A place counts as badly known where the map's sd exceeds this share of the truth's own sd.
 SD_BOUND_SHARE = 0.5
@@ -83,7 +85,7 @@ def ways(hand: HandDriven) -> list[Sampled]:
     minutes = hand.duration_s / 60
     timed = plan(
         hand.region, vessel_named("spyboat"),
-        PlanSettings(cell_m=None, minutes=minutes, speed_min_mps=WINDOW[0],
+        PlanSettings(cell_m=None, minutes=minutes, core=CORE, speed_min_mps=WINDOW[0],
                      speed_max_mps=WINDOW[1]),
     ).survey  # fmt: skip
     return [
@@ -99,7 +101,9 @@ def _as_long(hand: HandDriven, way: str) -> Sampled:
     best: Sampled | None = None
     for _ in range(BISECTIONS):
         cell_m = float(np.sqrt(low * high))
-        survey = plan(hand.region, vessel_named("spyboat"), PlanSettings(cell_m=cell_m)).survey
+        survey = plan(
+            hand.region, vessel_named("spyboat"), PlanSettings(cell_m=cell_m, core=CORE)
+        ).survey
         sampled = flown(survey, way)
         if sampled.length_m > hand.length_m:
             low = cell_m

@@ -28,10 +28,9 @@ from grebe.vessel import Vessel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-FARTHEST_START_M = 5000.0
-# Directions of the rows that `auto` tries [deg]; for large plans only every third of them.
+# Directions of the rows that `auto` tries [deg]; of many cells only every third of them.
 ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
-MANY_CELLS = 5_000
+MANY_CELLS = 2_500
 # How near a plan must come to the budget of time or energy, and in how many trials.
 BUDGET_SHARE, BUDGET_TRIALS = 0.95, 16
 SMALLEST_CELL_M = 0.5
@@ -105,7 +104,7 @@ def plan(
     begins in the cell that is nearest to the region's south-western corner.
     """
     check_speed(settings, vessel)
-    given = _start_position(region, start_lonlat)
+    given = start_lonlat and region.frame.place_near(region.water, start_lonlat, "start")
     water, notes = navigable_water(region, no_go, settings.shore_margin_m, given)
     return _Planner(region, vessel, settings, tuple(no_go), water, given).planned(notes)
 
@@ -178,7 +177,10 @@ class _Planner:
         return min(angles, key=legs_s)
 
     def _affordable_cell_m(self) -> float:
-        """The smallest cells whose plan keeps the budget, to within `BUDGET_SHARE`."""
+        """The smallest cells whose plan keeps the budget, to within `BUDGET_SHARE`.
+
+        Of many cells quick plans are tried, which are a little slower than what comes of them.
+        """
         budget_s = self._budget_s()
         pace = 1 / float(np.mean(self.travel.slowness))
         largest = math.sqrt(self.water.area)
@@ -207,8 +209,9 @@ class _Planner:
         return best
 
     def _time_s(self, cell_m: float) -> float:
-        """Predicted time of a quick plan, its transits with it."""
-        draft = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=True)
+        """Predicted time of a plan, its transits with it."""
+        many = self.water.area / cell_m**2 > MANY_CELLS
+        draft = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=many)
         stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
         sets = [target.set for target in self._targets(draft, stops)]
         return self.travel.path_s(taut_way(draft.start, footprints_of(sets)))
@@ -357,18 +360,3 @@ def _long_side_deg(water: shapely.Polygon) -> float:
     way = np.diff(ring[:3], axis=0)
     north, east = way[int(np.argmax(np.hypot(*way.T)))]
     return math.degrees(math.atan2(east, north)) % 180.0
-
-
-def _start_position(
-    region: Region, lonlat: tuple[float, float] | None
-) -> tuple[float, float] | None:
-    if lonlat is None:
-        return None
-    north, east = region.frame.to_local(lonlat).tolist()
-    away = region.water.distance(shapely.Point(north, east))
-    if not away <= FARTHEST_START_M:
-        raise PlanError(
-            f"The start {lonlat[0]:g},{lonlat[1]:g} lies {away / 1000:.1f} km from the region; "
-            "give LON,LAT in degrees, longitude first."
-        )
-    return north, east

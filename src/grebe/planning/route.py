@@ -32,8 +32,9 @@ PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
 # Kicks of the final improvement: so many a cell, but fewer in a large plan, where each takes
 # longer: what they look at together is limited.
 KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKED = 4, 4_000, 400_000_000
-# How much longer than the shortest an order may be that is predicted to be faster.
-LENGTH_SLACK = 1.005
+# How much longer than the shortest an order's legs may take that is predicted to be faster: more
+# in a current, where the way through the centres says less of the way that is flown.
+SLACK, SLACK_IN_CURRENT = 1.005, 1.02
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +96,8 @@ def best_route(
     kicks = max(min(KICKS_PER_CELL * len(cells), MOST_KICKED // len(cells)), FEWEST_KICKS)
     further = [shortest] if shortest is fastest else [shortest, fastest]
     improved = [_polished(route.method, costs, route.order, kicks) for route in further]
-    longest = LENGTH_SLACK * min(route.legs_s for route in improved)
+    slack = SLACK_IN_CURRENT if costs.windy else SLACK
+    longest = slack * min(route.legs_s for route in improved)
     return min((one for one in improved if one.legs_s <= longest), key=predicted_s)
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from grebe.dynamics import CALM, Weather
-from grebe.errors import PlanError
+from grebe.errors import PlanError, UsageError
 from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.route import PATTERNS, Pattern
 from grebe.vessel import Vessel
@@ -44,30 +44,30 @@ class PlanSettings:
 
     def __post_init__(self) -> None:
         if not 0 <= self.speed_min_mps < self.speed_max_mps:
-            raise PlanError(
+            raise UsageError(
                 f"The speed window {self.speed_min_mps:g}:{self.speed_max_mps:g} m/s is empty or "
                 "negative; give LO:HI with 0 <= LO < HI."
             )
         if self.cell_m is not None and not 0 < self.cell_m < math.inf:
-            raise PlanError(
+            raise UsageError(
                 f"A cell of {self.cell_m:g} m is none; give a positive number of metres."
             )
         if self.shape not in SHAPES:
-            raise PlanError(f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.")
+            raise UsageError(f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.")
         if self.pattern not in PATTERNS:
-            raise PlanError(f"There is no pattern {self.pattern!r}; choose {', '.join(PATTERNS)}.")
+            raise UsageError(f"There is no pattern {self.pattern!r}; choose {', '.join(PATTERNS)}.")
         if not SMALLEST_CORE <= self.core <= 1:
-            raise PlanError(
+            raise UsageError(
                 f"A core of {self.core:g} is none; give a share of the cell from {SMALLEST_CORE:g} "
                 "to 1."
             )
         if not 0 <= self.shore_margin_m < math.inf:
-            raise PlanError(f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.")
+            raise UsageError(f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.")
         budgets = [b for b in (self.minutes, self.energy_wh) if b is not None]
         if len(budgets) + (self.cell_m is not None) != 1:
-            raise PlanError("Give one of: the cells' size, the minutes, the watt-hours.")
+            raise UsageError("Give one of: the cells' size, the minutes, the watt-hours.")
         if budgets and not 0 < budgets[0] < math.inf:
-            raise PlanError(f"A budget of {budgets[0]} is none; it must be positive.")
+            raise UsageError(f"A budget of {budgets[0]} is none; it must be positive.")
 
 
 def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
