@@ -14,6 +14,7 @@ from importlib.metadata import version
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from benchmarks.agreement import agreement
+from benchmarks.cores import cores
 from benchmarks.mapping import mapping
 from benchmarks.missions import missions
 from benchmarks.planning import lakes, planning
@@ -32,6 +33,7 @@ BENCHMARKS = {
         sets,
         planning,
         lakes,
+        cores,
         routes,
         mapping,
     )

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 # How the cells may be ordered: for the shortest time, or as a lawn is mown.
 Pattern = Literal["free", "rows", "columns"]
 PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
-# Kicks of the final improvement: so many a cell, but fewer in a large plan, where each takes
-# longer: what they look at together is limited.
-KICKS_PER_CELL, FEWEST_KICKS, MOST_KICKED = 4, 4_000, 400_000_000
+# Kicks of the final improvement: more where there are more cells to place, up to 10,000 cells,
+# and then fewer, because each takes longer.
+FEWEST_KICKS, KICKS_AT_MOST, CELLS_AT_MOST = 3_000, 40_000, 10_000
 # How much longer than the shortest an order's legs may take that is predicted to be faster: more
 # in a current, where the way through the centres says less of the way that is flown.
 SLACK, SLACK_IN_CURRENT = 1.005, 1.02
@@ -93,7 +93,8 @@ def best_route(
     if quick:
         return shortest
     fastest = min(tried, key=predicted_s)
-    kicks = max(min(KICKS_PER_CELL * len(cells), MOST_KICKED // len(cells)), FEWEST_KICKS)
+    share = len(cells) / CELLS_AT_MOST
+    kicks = max(FEWEST_KICKS, int(KICKS_AT_MOST * min(share**2, 1 / share)))
     further = [shortest] if shortest is fastest else [shortest, fastest]
     improved = [_polished(route.method, costs, route.order, kicks) for route in further]
     slack = SLACK_IN_CURRENT if costs.windy else SLACK
