@@ -214,6 +214,18 @@ def test_a_profile_that_is_wrong_is_named(tmp_path, text):
         read_profile(path)
 
 
+def test_a_label_is_a_text_or_one_for_each_language(tmp_path):
+    row = 'quantity = "ph"\nvalue = 9.0\nsense = "above"\ncitation = "none"\n'
+    path = tmp_path / "profile.toml"
+    path.write_text(f'[[threshold]]\n{row}label = "too much"\n')
+    (plain,) = read_profile(path).thresholds
+    assert plain.label("fr") == "too much"
+    path.write_text(f'[[threshold]]\n{row}label.en = "too much"\nlabel.fr = "trop"\n')
+    (both,) = read_profile(path).thresholds
+    assert (both.label("en"), both.label("fr")) == ("too much", "trop")
+    assert all(set(each.labels) == set(LANGUAGES) for each in PROFILE.thresholds)
+
+
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
     """The demo's survey file, made as a user does."""

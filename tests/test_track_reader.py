@@ -64,6 +64,20 @@ def test_other_delimiters_are_read(tmp_path, delimiter):
     assert len(read_track(path).lonlat) == 30
 
 
+def test_commas_before_decimals_are_read(tmp_path):
+    plain = read_track(write(tmp_path, rows()))
+    commas = [row.replace(",", ";").replace(".", ",") for row in rows()]
+    read = read_track(write(tmp_path, commas, HEADER.replace(",", ";")))
+    assert read.lonlat == pytest.approx(plain.lonlat)
+    assert read.values["temperature_degc"] == pytest.approx(plain.values["temperature_degc"])
+
+
+def test_a_time_column_without_times_is_named(tmp_path):
+    lines = [row.replace("10", "at noon ", 1) for row in rows()]
+    with pytest.raises(TrackError, match="'time' holds 'at noon 00' and the like"):
+        read_track(write(tmp_path, lines), TrackColumns(time="time"))
+
+
 def test_planted_glitches_are_found_and_counted(tmp_path):
     lines = rows()
     lines[5] = "1005,0,0,20,7.5"

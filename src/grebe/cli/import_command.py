@@ -50,6 +50,7 @@ def command(
         {
             "name": survey.name,
             "samples": count,
+            "origin": options.place_text(survey.frame),
             "area_m2": round(survey.water.area, 1),
             "columns": [f"{key}: {name}" for key, name in raw.columns.items()],
             "good": {key: int((quality.flags[key] == 1).sum()) for key in raw.values},

@@ -10,6 +10,7 @@ import click
 
 from grebe.dynamics import Weather
 from grebe.errors import InputError
+from grebe.frames import LocalFrame
 from grebe.readers.track import TrackColumns
 
 EXISTING = click.Path(path_type=Path)
@@ -57,6 +58,11 @@ def weather_of(current: tuple[float, float], wind: tuple[float, float]) -> Weath
         wind_force_north_n=wind[0],
         wind_force_east_n=wind[1],
     )
+
+
+def place_text(frame: LocalFrame) -> str:
+    """Where a survey is: who swapped longitude and latitude sees it here."""
+    return f"{frame.origin_lat_deg:.5f} N, {frame.origin_lon_deg:.5f} E"
 
 
 def refuse_same(given: Path | None, output: Path) -> None:

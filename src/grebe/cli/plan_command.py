@@ -252,7 +252,7 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
         "transits": sum(target.kind == "transit" for target in survey.targets),
         "cell_m": round(float(survey.settings["cell_m"]), 3),
         "angle_deg": round(float(survey.settings["angle_deg"]), 1),
-        "origin": f"{survey.frame.origin_lat_deg:.5f} N, {survey.frame.origin_lon_deg:.5f} E",
+        "origin": options.place_text(survey.frame),
         "area_m2": round(survey.water.area, 1),
         "coverage": round(check.coverage, 6),
         "outside_m2": round(check.outside_m2, 6),

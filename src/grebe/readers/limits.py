@@ -27,8 +27,13 @@ def read_limits(path: Path) -> dict[str, Limits]:
     for key, given in tables.items():
         if key not in limits:
             raise InputError(f"{path}: no quantity {key!r}; one of {', '.join(limits)}.")
-        if not isinstance(given, dict) or not set(given) <= known:
-            raise InputError(f"{path}: [{key}] may hold {', '.join(sorted(known))}.")
+        if not isinstance(given, dict):
+            raise InputError(f"{path}: {key} is no table; write [{key}] and its limits below.")
+        unknown = sorted(set(given) - known)
+        if unknown:
+            raise InputError(
+                f"{path}: [{key}] holds {unknown[0]!r}; it may hold {', '.join(sorted(known))}."
+            )
         limits[key] = replace(limits[key], **{name: _number(path, v) for name, v in given.items()})
     return limits
 

@@ -30,6 +30,7 @@ JUMP_SPEED_MPS = 10.0
 JUMP_FACTOR = 50.0
 LATEST_S = 1e11
 
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 # Columns that speak about another one.
 _NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|units)$")
 # What a column may be called, first match wins; matched on lower-case letters and digits.
@@ -98,6 +99,12 @@ def read_track(
     found = _find_columns(path, header, columns)
     table = {key: _column(rows, header.index(name)) for key, name in found.items() if key != "time"}
     times = _times(rows, header.index(found["time"])) if "time" in found else None
+    if times is None and columns.time is not None:
+        example = (*rows[0], *header)[header.index(columns.time)]
+        raise TrackError(
+            f"{path}: column {columns.time!r} holds {example!r} and the like, which are no times; "
+            "give unix seconds or ISO 8601."
+        )
     lonlat = np.column_stack([table["lon"], table["lat"]])
     keep, notes = _find_glitches(lonlat, times)
     _refuse_if_hopeless(path, lonlat, keep)
@@ -138,11 +145,15 @@ def _rows(path: Path) -> list[list[str]]:
 
 
 def _is_number(text: str) -> bool:
+    return _number(text) is not None
+
+
+def _number(text: str) -> float | None:
+    """A number, with a point or a comma before its decimals; None for anything else."""
     try:
-        float(text)
+        return float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text.strip()) else text)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _find_columns(path: Path, header: list[str], given: TrackColumns) -> dict[str, str]:
@@ -177,8 +188,9 @@ def _find_columns(path: Path, header: list[str], given: TrackColumns) -> dict[st
 def _column(rows: Sequence[Sequence[str]], index: int) -> NDArray[np.float64]:
     values = np.full(len(rows), np.nan)
     for i, row in enumerate(rows):
-        if index < len(row) and _is_number(row[index]):
-            values[i] = float(row[index])
+        number = _number(row[index]) if index < len(row) else None
+        if number is not None:
+            values[i] = number
     values[~np.isfinite(values)] = np.nan
     return values
 

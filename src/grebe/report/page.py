@@ -116,7 +116,7 @@ def _alerts(concerns: list[Concern], t: Texts) -> list[str]:
             sense=t[each.threshold.sense],
             value=f"{each.threshold.value:g}",
             unit=each.one.quantity.unit,
-            text=each.threshold.label,
+            text=each.threshold.label(t.language),
         )
         for each in concerns
         if each.share > CONCERN_SHARE

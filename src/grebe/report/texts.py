@@ -15,6 +15,7 @@ class Texts:
     """One language: `texts["key"]`, or `texts("key", name=value)` with what is to be filled in."""
 
     table: dict[str, Any]
+    language: str
 
     def __getitem__(self, key: str) -> Any:
         return self.table[key]
@@ -31,4 +32,4 @@ class Texts:
 def texts_of(language: str) -> Texts:
     """Read the words of one of `LANGUAGES`."""
     file = resources.files("grebe.report") / "texts" / f"{language}.toml"
-    return Texts(tomllib.loads(file.read_text("utf-8")))
+    return Texts(tomllib.loads(file.read_text("utf-8")), language)

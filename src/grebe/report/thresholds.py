@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -23,18 +23,24 @@ FIELDS = ("quantity", "value", "sense", "label", "citation")
 
 @dataclass(frozen=True, kw_only=True)
 class Threshold:
-    """A value of a quantity, in its unit; `sense` is the side that is a concern."""
+    """A value of a quantity, in its unit; `sense` is the side that is a concern, `labels` says in
+    each language what lies beyond it.
+    """
 
     quantity: str
     value: float
     sense: Literal["above", "below"]
-    label: str
+    labels: Mapping[str, str]
     citation: str
 
     @property
     def name(self) -> str:
         """The concern in a formula, as bands and variables are called."""
         return f"P({self.quantity} {'>' if self.sense == 'above' else '<'} {self.value:g})"
+
+    def label(self, language: str) -> str:
+        """The label in a language, or in the first that it is written in."""
+        return self.labels.get(language) or next(iter(self.labels.values()))
 
     def probability(self, one: QuantityMap) -> NDArray[np.floating]:
         """Probability that the signal is on the side of concern, (rows, columns)."""
@@ -97,6 +103,15 @@ def _threshold(name: str, row: Any) -> Threshold:
         quantity=str(given["quantity"]),
         value=value,
         sense=given["sense"],
-        label=str(given["label"]),
+        labels=_labels(name, given["label"]),
         citation=str(given["citation"]),
     )
+
+
+def _labels(name: str, given: object) -> dict[str, str]:
+    """A text, or a table of one for each language."""
+    table = cast("dict[str, Any]", given) if isinstance(given, dict) else {"en": given}
+    labels = {language: text for language, text in table.items() if isinstance(text, str) and text}
+    if not labels or len(labels) < len(table):
+        raise InputError(f"{name}: a label is a text, or a table such as {{ en = '...' }}.")
+    return labels
