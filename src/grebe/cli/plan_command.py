@@ -157,23 +157,17 @@ def command(
     outline = read_outline(region, options.track_columns(columns), header_from)
     for text in outline.notes:
         output.note(f"{region}: {text}")
-    if range_m is not None:
-        if cell_m is not None:
-            raise UsageError("--range chooses the cells' size and --cell gives it; one of them.")
-        cell_m = _cell_for(range_m, accuracy)
-    if cell_m is None and minutes is None and energy_wh is None:
-        cell_m = DEFAULT_CELL_M
-    if shore_margin_m is None:
-        shore_margin_m = 0.0 if region.suffix.lower() == ".csv" else DEFAULT_MARGIN_M
     settings = PlanSettings(
-        cell_m=cell_m,
+        cell_m=_cell_m(
+            cell_m, range_m, accuracy, budgeted=energy_wh if minutes is None else minutes
+        ),
         shape=shape,
         core=core,
         pattern=pattern,
         angle_deg=_angle_deg(angle),
         speed_min_mps=speed[0],
         speed_max_mps=speed[1],
-        shore_margin_m=shore_margin_m,
+        shore_margin_m=_margin_m(shore_margin_m, region),
         returns=returns,
         weather=options.weather_of(current, wind),
         minutes=minutes,
@@ -196,13 +190,26 @@ def command(
     )
 
 
-def _cell_for(range_m: float, accuracy: float) -> float:
-    """The cells' size for a map of that accuracy."""
+def _cell_m(
+    cell_m: float | None, range_m: float | None, accuracy: float, *, budgeted: float | None
+) -> float | None:
+    """The cells' size: given, or for a map of that accuracy; None where a budget chooses it."""
+    if range_m is None:
+        return DEFAULT_CELL_M if cell_m is None and budgeted is None else cell_m
+    if cell_m is not None:
+        raise UsageError("--range chooses the cells' size and --cell gives it; one of them.")
     if not 0 < range_m < math.inf:
         raise UsageError(f"--range {range_m:g}: a range is a positive number of metres.")
     from grebe.mapping.design import pitch_for_accuracy
 
     return round(pitch_for_accuracy(range_m, accuracy), 2)
+
+
+def _margin_m(given_m: float | None, region: Path) -> float:
+    """The shore margin: a track's hull has no shore."""
+    if given_m is not None:
+        return given_m
+    return 0.0 if region.suffix.lower() == ".csv" else DEFAULT_MARGIN_M
 
 
 def _angle_deg(text: str) -> float | None:

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.mapping.maps import QuantityMap
+from grebe.mapping.validation import Z95
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.floating]
-
-CLEAR = 1.96
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +29,7 @@ class Difference:
     @property
     def clear(self) -> NDArray[np.bool_]:
         """Where the water has changed, at 95 %."""
-        return np.abs(self.mean) > CLEAR * self.sd
+        return np.abs(self.mean) > Z95 * self.sd
 
 
 def difference(earlier: QuantityMap, later: QuantityMap) -> Difference:

@@ -29,8 +29,8 @@ TURN_RAD, SIGHT_M, SHORTEST_LINE = np.pi / 4, 5.0, 8
 FEWEST_LINES = 5
 BLOCKS_PER_SIDE = 5
 IDW_NEIGHBOURS = 12
-# Quantiles of the normal distribution: half of it, and 95 %, lie within.
-HALF, MOST = 0.6745, 1.9600
+# Standard deviations within which half and 95 % of a normal distribution lie.
+Z50, Z95 = 0.6745, 1.9600
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,8 +89,8 @@ def validate(
         rmse=_rms(error),
         bias=float(np.mean(error)),
         msdr=float(np.mean(standardised**2)),
-        coverage50=float(np.mean(np.abs(standardised) <= HALF)),
-        coverage95=float(np.mean(np.abs(standardised) <= MOST)),
+        coverage50=float(np.mean(np.abs(standardised) <= Z50)),
+        coverage95=float(np.mean(np.abs(standardised) <= Z95)),
         nearest_rmse=_rms(nearest),
         idw_rmse=_rms(weighted),
         score=0.5 * float(np.mean(np.log(safe)) + np.log(max(np.mean(standardised**2), 1e-300))),

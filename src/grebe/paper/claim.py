@@ -21,6 +21,7 @@ from grebe.errors import PlanError
 from grebe.flight import FlightSettings, GrebePilot, fly
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
+from grebe.mapping.validation import Z95
 from grebe.paper.hand_driven import HandDriven
 from grebe.planning.planner import plan
 from grebe.planning.settings import PlanSettings
@@ -178,7 +179,7 @@ def _score(
         rmse=float(np.sqrt(np.mean(error**2))),
         largest=float(np.max(np.abs(error))),
         unsure=float(np.mean(sd > SD_BOUND_SHARE * float(np.std(real)))),
-        coverage95=float(np.mean(np.abs(error) <= 1.96 * sd)),
+        coverage95=float(np.mean(np.abs(error) <= Z95 * sd)),
     )
 
 

@@ -13,6 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from grebe.mapping.validation import Z95
 from grebe.report.canvas import (
     BLACK,
     BLUE,
@@ -128,7 +129,7 @@ def difference_figure(one: QuantityMap, change: Difference) -> Figure:
 def _uncertain(one: QuantityMap) -> NDArray:
     """1 where the 95 % error is larger than the map's range, from 5 to 95 % of its area."""
     low, high = np.nanpercentile(one.mean, [5, 95])
-    return np.where(1.96 * one.sd > high - low, 1.0, 0.0)
+    return np.where(Z95 * one.sd > high - low, 1.0, 0.0)
 
 
 def _draw_histogram(

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from grebe.errors import InputError
 from grebe.mapping.maps import QuantityMap
+from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures
 from grebe.report.data import ReportData
 from grebe.report.texts import Texts, texts_of
@@ -163,7 +164,7 @@ def _row(one: QuantityMap) -> dict[str, object]:
         "median": float(np.median(inside)),
         "low": float(np.percentile(inside, 5)),
         "high": float(np.percentile(inside, 95)),
-        "error95": 1.96 * float(np.median(one.sd[one.grid.inside])),
+        "error95": Z95 * float(np.median(one.sd[one.grid.inside])),
         "samples": one.samples,
         "flagged": one.flagged,
     }
