@@ -10,7 +10,6 @@ import math
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
-from scipy.spatial import Delaunay, QhullError
 
 from grebe.compiled import compiled
 from grebe.planning.mesh import Cell
@@ -58,6 +57,8 @@ def _parity_m(cells: list[Cell], cell_m: float) -> float:
 
 def _spanning_tree_m(points: np.ndarray) -> float:
     """Length of the minimum spanning tree; its edges are among Delaunay's."""
+    from scipy.spatial import Delaunay, QhullError
+
     n = len(points)
     try:
         triangles = Delaunay(points).simplices

@@ -31,7 +31,7 @@ Pattern = Literal["free", "rows", "columns"]
 PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
 # Kicks of the final improvement: more where there are more cells to place, up to 10,000 cells,
 # and then fewer, because each takes longer.
-FEWEST_KICKS, KICKS_AT_MOST, CELLS_AT_MOST = 3_000, 40_000, 10_000
+FEWEST_KICKS, KICKS_AT_MOST, CELLS_AT_MOST = 2_000, 40_000, 10_000
 # How much longer than the shortest an order's legs may take that is predicted to be faster: more
 # in a current, where the way through the centres says less of the way that is flown.
 SLACK, SLACK_IN_CURRENT = 1.005, 1.02
