@@ -248,11 +248,11 @@ def map_all(
     left_out: list[str] = []
     for done, quantity in enumerate(QUANTITIES, start=1):
         key = quantity.key
-        if not np.isfinite(values[key]).any():
-            left_out.append(f"{quantity.label}: not measured")
-            continue
         try:
-            maps.append(mapper.map_quantity(quantity, positions, values[key], flags[key]))
+            if np.isfinite(values[key]).any():
+                maps.append(mapper.map_quantity(quantity, positions, values[key], flags[key]))
+            else:
+                left_out.append(f"{quantity.label}: not measured")
         except InputError as error:
             left_out.append(str(error).rstrip("."))
         if on_done is not None:
