@@ -62,9 +62,9 @@ class Waterways:
         shapely.prepare(self._allowed)
         self._water = water
         self._matrix = network.matrix()
-        # A gate must be hit: better a somewhat longer way over open links.
         links = (network.is_open, network.neighbours, network.starts)
         self._is_open = csr_array(links, shape=self._matrix.shape)
+        # A gate must be hit: better a somewhat longer way over open links.
         self._matrix.data *= np.where(network.is_open, 1.0, CLOSED_FACTOR)
 
     def stops(self, order: NDArray[np.int64]) -> list[Stop]:

@@ -39,7 +39,7 @@ class Network:
     between the two centres, beside them.
 
     `centres` (n, 2) are the cells' centroids [m], `pitch_m` their typical distance. `around`
-    holds the lengths of ways between cells near the shore that are not linked.
+    holds the lengths of the shortest ways from cells near the shore to those around them.
     """
 
     centres: NDArray[np.float64]

@@ -213,8 +213,12 @@ class _Planner:
         many = self.water.area / cell_m**2 > MANY_CELLS
         draft = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=many)
         stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
-        sets = [target.set for target in self._targets(draft, stops)]
-        return self.travel.path_s(taut_way(draft.start, footprints_of(sets)))
+        return self._mission_s(draft, self._targets(draft, stops))
+
+    def _mission_s(self, draft: _Draft, targets: Sequence[Target]) -> float:
+        """Predicted time of the taut way through targets."""
+        footprints = footprints_of([target.set for target in targets])
+        return self.travel.path_s(taut_way(draft.start, footprints))
 
     def _budget_s(self) -> float:
         if self.settings.minutes is not None:
@@ -319,7 +323,7 @@ class _Planner:
             draft.network.around[kept][:, kept],
         )
         length = _length(within)
-        time_s = self.travel.path_s(taut_way(draft.start, footprints_of(survey.sets)))
+        time_s = self._mission_s(draft, survey.targets)
         return PlanNumbers(
             length_m=_length(points),
             turns=_turns(points),

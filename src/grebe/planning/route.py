@@ -73,7 +73,8 @@ def best_route(
     """
     costs = costs_of(network, travel, start, returns=returns, anywhere=anywhere)
     if pattern != "free":
-        order = first_orders(cells, network, start)[pattern]
+        rows, columns = sweeps(cells, network, start)
+        order = rows if pattern == "rows" else columns
         legs_s = order_cost(costs, np.append(len(network), order))
         return Route(order=order, legs_s=float(legs_s), method=pattern)
     footprints = np.array([cell.footprint for cell in cells], dtype=object)

@@ -40,10 +40,11 @@ def taut_way(
     Where `centred` says so it leads through the footprint's centroid instead.
     """
     held = np.zeros(len(footprints), dtype=bool) if centred is None else np.array(centred)
-    rings = shapely.get_exterior_ring(shapely.orient_polygons(np.array(footprints, dtype=object)))
+    shapes = np.array(footprints, dtype=object)
+    rings = shapely.get_exterior_ring(shapely.orient_polygons(shapes))
     corners, ring = shapely.get_coordinates(rings, return_index=True)
-    starts = np.searchsorted(ring, np.arange(len(footprints) + 1))
-    centroids = shapely.get_coordinates(shapely.centroid(np.array(footprints, dtype=object)))
+    starts = np.searchsorted(ring, np.arange(len(shapes) + 1))
+    centroids = shapely.get_coordinates(shapely.centroid(shapes))
     corners = corners + DRAWN_IN * (centroids[ring] - corners)
     way = np.vstack([start, centroids])
     steady = STEADY * float(np.mean(np.hypot(*np.diff(way, axis=0).T)))
