@@ -6,11 +6,11 @@ import numpy as np
 
 from benchmarks.common import BOAT, CELLS, print_head, print_row
 from grebe.control.controller import Controller
-from grebe.control.fast.solver import FastSolver
 from grebe.control.ocp import build
 from grebe.control.settings import paper_settings
-from grebe.control.solve import CasadiSolver
-from grebe.flight import FlightSettings, GrebePilot, fly
+from grebe.control.solvers.base import CasadiSolver
+from grebe.control.solvers.fast.solver import FastSolver
+from grebe.mission.flight import FlightSettings, GrebePilot, fly
 
 # The solver was tuned on the first sample; the second was not looked at before.
 SEEDS = (7, 11)

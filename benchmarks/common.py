@@ -6,8 +6,8 @@ import numpy as np
 
 from grebe.control.controller import Controller
 from grebe.control.settings import settings_for
-from grebe.flight import Flight, FlightSettings, GrebePilot, fly, meander
-from grebe.vessel import PRESETS
+from grebe.core.vessel import PRESETS
+from grebe.mission.flight import Flight, FlightSettings, GrebePilot, fly, meander
 
 BOAT = PRESETS["benchmark"]
 START = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)

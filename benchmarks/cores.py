@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 from benchmarks.common import print_head, print_row
 from benchmarks.planning import BOAT, FRAME, lake
 from grebe.control.controller import Controller
-from grebe.flight import FlightSettings, GrebePilot, fly
+from grebe.mission.flight import FlightSettings, GrebePilot, fly
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.planning.settings import PlanSettings

@@ -12,10 +12,10 @@ import warnings
 import casadi as ca
 import numpy as np
 
-from grebe.control.rules import split_stage
+from grebe.control.rules.base import split_stage
 from grebe.control.settings import ControlSettings
-from grebe.dynamics import rates, rk4
-from grebe.flight import Steering
+from grebe.core.dynamics import rates, rk4
+from grebe.mission.flight import Steering
 
 FAR = 1e6
 OPEN = np.array([[0.0, 0.0, 0.0, FAR]] * 6)

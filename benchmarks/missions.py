@@ -6,7 +6,7 @@ from benchmarks.common import BOAT, CELLS, START, grebe_flight, print_head, prin
 from benchmarks.optimum import optimum
 from benchmarks.peers import LineOfSightPilot, set_point_controller
 from grebe.control.settings import paper_settings
-from grebe.flight import GrebePilot, fly
+from grebe.mission.flight import GrebePilot, fly
 from grebe.paper.scenes import exploration
 
 

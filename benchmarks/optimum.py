@@ -14,10 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.lookahead import pace_rows
 from grebe.control.ocp import build
+from grebe.control.rules.lookahead import pace_rows
 from grebe.control.settings import ControlSettings
-from grebe.control.solve import CasadiSolver
+from grebe.control.solvers.base import CasadiSolver
 
 STAGES_A_LEG = 5
 MOST_ITERATIONS = 1000

@@ -8,8 +8,8 @@ import numpy as np
 
 from grebe.control.controller import Controller
 from grebe.control.horizon import Horizon
-from grebe.control.rules import Decision, Proposal, Situation
-from grebe.flight import Steering
+from grebe.control.rules.base import Decision, Proposal, Situation
+from grebe.mission.flight import Steering
 
 
 class LineOfSightPilot:

@@ -11,8 +11,10 @@ import numpy as np
 import shapely
 
 from benchmarks.common import print_head, print_row
-from grebe.dynamics import CALM, Weather
-from grebe.frames import LocalFrame
+from grebe.core.dynamics import CALM, Weather
+from grebe.core.frames import LocalFrame
+from grebe.core.vessel import PRESETS
+from grebe.io.readers.outline import read_outline
 from grebe.planning.corridors import Waterways
 from grebe.planning.lattice import SHAPES
 from grebe.planning.mesh import mesh_water
@@ -23,8 +25,6 @@ from grebe.planning.route import best_route, first_orders
 from grebe.planning.settings import PlanSettings
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
-from grebe.readers.outline import read_outline
-from grebe.vessel import PRESETS
 
 BOAT = PRESETS["spyboat"]
 CURRENT = Weather(current_north_mps=0.3, current_east_mps=0.1)

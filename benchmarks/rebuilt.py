@@ -10,10 +10,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from grebe.control.rules import split_stage
+from grebe.control.rules.base import split_stage
 from grebe.control.settings import ControlSettings
-from grebe.dynamics import rates, rk4
-from grebe.flight import Steering
+from grebe.core.dynamics import rates, rk4
+from grebe.mission.flight import Steering
 
 
 class RebuiltPilot:

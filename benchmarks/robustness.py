@@ -9,8 +9,8 @@ import numpy as np
 from benchmarks.common import BOAT, print_head, print_row
 from grebe.control.controller import Controller
 from grebe.control.settings import settings_for
-from grebe.dynamics import Weather
-from grebe.flight import FlightSettings, GrebePilot, fly, meander
+from grebe.core.dynamics import Weather
+from grebe.mission.flight import FlightSettings, GrebePilot, fly, meander
 
 MISSIONS = 200
 

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from benchmarks.common import print_head, print_row
 from benchmarks.planning import BOAT, CURRENT, lake, minutes
-from grebe.dynamics import CALM
+from grebe.core.dynamics import CALM
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.corridors import Waterways
 from grebe.planning.costs import Costs, costs_of

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from benchmarks.common import print_head, print_row
 from grebe.control.invariance import FreeBounds, SetCheck
-from grebe.sets import rectangle
-from grebe.vessel import PRESETS
+from grebe.core.sets import rectangle
+from grebe.core.vessel import PRESETS
 
 BOUNDS = FreeBounds(sway_mps=0.1, yaw_rate_radps=0.2)
 WINDOWS = ((1.0, 2.0), (0.5, 1.5), (0.0, 1.0), (-0.3, 0.3))

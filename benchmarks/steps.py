@@ -18,14 +18,14 @@ from benchmarks.dompc import DoMpcPilot
 from benchmarks.rebuilt import RebuiltPilot
 from grebe.control.controller import model_substeps
 from grebe.control.settings import paper_settings
-from grebe.flight import fly
+from grebe.mission.flight import fly
 
 GET_READY = """
 import time
 began = time.perf_counter()
 from grebe.control.controller import Controller
-from grebe.sets import rectangle
-from grebe.vessel import PRESETS
+from grebe.core.sets import rectangle
+from grebe.core.vessel import PRESETS
 cells = [rectangle((0, 5), (5 * k, 5 * k + 5), (1, 2)) for k in range(9)]
 controller = Controller(PRESETS["benchmark"], cells)
 controller.step((-10, 2, 0, 0, 0, 0))

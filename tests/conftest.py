@@ -12,13 +12,13 @@ import shapely
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from grebe.frames import LocalFrame
+from grebe.core.frames import LocalFrame
+from grebe.core.sets import TargetSet
+from grebe.core.survey import Survey
+from grebe.core.vessel import PRESETS
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 from grebe.planning.settings import PlanSettings
-from grebe.sets import TargetSet
-from grebe.survey import Survey
-from grebe.vessel import PRESETS
 
 settings.register_profile(
     "grebe", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]

@@ -9,8 +9,8 @@ import pytest
 
 import grebe
 from grebe.cli.main import COMMANDS
-from grebe.store import schema
-from grebe.vessel import PRESETS
+from grebe.core.vessel import PRESETS
+from grebe.io.store import schema
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

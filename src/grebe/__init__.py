@@ -13,47 +13,47 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from grebe.control.controller import Command, Controller
     from grebe.control.settings import ControlSettings
-    from grebe.dynamics import Weather
-    from grebe.errors import GrebeError
-    from grebe.frames import LocalFrame
-    from grebe.link.base import BoatLink, Observation
+    from grebe.core.dynamics import Weather
+    from grebe.core.errors import GrebeError
+    from grebe.core.frames import LocalFrame
+    from grebe.core.sets import TargetSet
+    from grebe.core.survey import Survey
+    from grebe.core.vessel import Vessel, vessel_named
+    from grebe.io.store import SurveyFile
+    from grebe.links.base import BoatLink, Observation
     from grebe.mapping.kriging import krige
     from grebe.mapping.maps import Mapper
     from grebe.mapping.variogram import fit_variogram
-    from grebe.mission import Mission, MissionReport
+    from grebe.mission.loop import Mission, MissionReport
     from grebe.planning.planner import plan_survey
     from grebe.planning.region import Region, clean_region
     from grebe.planning.settings import PlanSettings
-    from grebe.sets import TargetSet
-    from grebe.simulated_mission import simulate
-    from grebe.store import SurveyFile
-    from grebe.survey import Survey
-    from grebe.vessel import Vessel, vessel_named
+    from grebe.workflow.simulated_mission import simulate
 
 _HOME = {
-    "BoatLink": "link.base",
+    "BoatLink": "links.base",
     "Command": "control.controller",
     "ControlSettings": "control.settings",
     "Controller": "control.controller",
-    "GrebeError": "errors",
-    "LocalFrame": "frames",
+    "GrebeError": "core.errors",
+    "LocalFrame": "core.frames",
     "Mapper": "mapping.maps",
-    "Mission": "mission",
-    "MissionReport": "mission",
-    "Observation": "link.base",
+    "Mission": "mission.loop",
+    "MissionReport": "mission.loop",
+    "Observation": "links.base",
     "PlanSettings": "planning.settings",
     "Region": "planning.region",
-    "Survey": "survey",
-    "SurveyFile": "store",
-    "TargetSet": "sets",
-    "Vessel": "vessel",
-    "Weather": "dynamics",
+    "Survey": "core.survey",
+    "SurveyFile": "io.store",
+    "TargetSet": "core.sets",
+    "Vessel": "core.vessel",
+    "Weather": "core.dynamics",
     "clean_region": "planning.region",
     "fit_variogram": "mapping.variogram",
     "krige": "mapping.kriging",
     "plan_survey": "planning.planner",
-    "simulate": "simulated_mission",
-    "vessel_named": "vessel",
+    "simulate": "workflow.simulated_mission",
+    "vessel_named": "core.vessel",
 }
 
 __all__ = [

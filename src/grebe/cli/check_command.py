@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from grebe.checked import check_samples, store_lags, stored_lags
 from grebe.cli import options, output
-from grebe.errors import InputError, UsageError
+from grebe.core.errors import InputError, UsageError
+from grebe.core.quantities import QUANTITY_KEYS
+from grebe.io.readers.limits import read_limits
+from grebe.io.store import SurveyFile
 from grebe.mapping.lag import Lag
 from grebe.mapping.quality import DEFAULT_LIMITS
-from grebe.quantities import QUANTITY_KEYS
-from grebe.readers.limits import read_limits
-from grebe.store import SurveyFile
+from grebe.workflow.checked import check_samples, store_lags, stored_lags
 
 
 @click.command(name="check")

@@ -10,13 +10,14 @@ from pathlib import Path
 import click
 import shapely
 
-from grebe.checked import check_samples
 from grebe.cli import options, output
 from grebe.cli.files import make_folder, write_survey_file
 from grebe.cli.map_command import write_maps
 from grebe.control.settings import ControlSettings
-from grebe.errors import IncompleteError
-from grebe.frames import LocalFrame
+from grebe.core.errors import IncompleteError
+from grebe.core.frames import LocalFrame
+from grebe.core.vessel import PRESETS
+from grebe.io.store import SurveyFile
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 from grebe.planning.settings import PlanSettings
@@ -24,9 +25,8 @@ from grebe.report import canvas, mission_figures
 from grebe.report.data import gather
 from grebe.report.page import write_report
 from grebe.report.thresholds import read_profile
-from grebe.simulated_mission import SimulationSettings, simulate
-from grebe.store import SurveyFile
-from grebe.vessel import PRESETS
+from grebe.workflow.checked import check_samples
+from grebe.workflow.simulated_mission import SimulationSettings, simulate
 
 # About a hectare, the size of the region of the paper's Fig. 7, whose coordinates are not
 # printed: the shape is ours, the place is Lac du Heron.

@@ -9,17 +9,17 @@ import click
 import numpy as np
 import shapely
 
-from grebe.checked import corrected_values, stored_lags
 from grebe.cli import options, output
 from grebe.cli.files import make_folder
-from grebe.errors import InputError
-from grebe.export.geotiff import write_bands
+from grebe.core.errors import InputError
+from grebe.core.survey import Survey
+from grebe.io.export.geotiff import write_bands
+from grebe.io.store import SurveyFile
 from grebe.mapping.difference import difference
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, QuantityMap, map_all
 from grebe.report import canvas, map_figures
-from grebe.store import SurveyFile
-from grebe.survey import Survey
+from grebe.workflow.checked import corrected_values, stored_lags
 
 # Less common water than this is no map.
 LEAST_WATER_M2 = 25.0

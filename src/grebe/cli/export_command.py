@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from grebe.cli import options, output
-from grebe.errors import InputError, PlanError
-from grebe.export.route import write_export
-from grebe.store import SurveyFile
+from grebe.core.errors import InputError, PlanError
+from grebe.io.export.route import write_export
+from grebe.io.store import SurveyFile
 
 
 @click.command(name="export")

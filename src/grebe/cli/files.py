@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from grebe.errors import InputError
-from grebe.store import SurveyFile
-from grebe.store.timestamps import time_text
-from grebe.survey import Survey
+from grebe.core.errors import InputError
+from grebe.core.survey import Survey
+from grebe.io.store import SurveyFile
+from grebe.io.store.timestamps import time_text
 
 
 def write_survey_file(path: Path, survey: Survey, *, force: bool, note: str = "") -> None:

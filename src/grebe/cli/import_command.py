@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from grebe.checked import check_samples
 from grebe.cli import options, output
 from grebe.cli.files import write_survey_file
-from grebe.imported import samples_of_track, survey_of_track
-from grebe.quantities import QUANTITIES
-from grebe.readers.track import read_track
-from grebe.store import SurveyFile
-from grebe.survey import Flag
+from grebe.core.quantities import QUANTITIES
+from grebe.core.samples import Flag
+from grebe.io.readers.track import read_track
+from grebe.io.store import SurveyFile
+from grebe.workflow.checked import check_samples
+from grebe.workflow.imported import samples_of_track, survey_of_track
 
 
 @click.command(name="import")

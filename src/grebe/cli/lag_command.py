@@ -10,11 +10,11 @@ import click
 import numpy as np
 
 from grebe.cli import options, output
-from grebe.errors import InputError
+from grebe.core.errors import InputError
+from grebe.core.quantities import QUANTITIES
+from grebe.core.samples import Flag
+from grebe.io.store import SampleTable, SurveyFile
 from grebe.mapping.lag import LagEstimate, Pass, estimate_lag
-from grebe.quantities import QUANTITIES
-from grebe.store import SampleTable, SurveyFile
-from grebe.survey import Flag
 
 LONGEST_APART_S = 6 * 3600.0
 

@@ -10,7 +10,7 @@ from types import FrameType
 import click
 
 from grebe.cli import output
-from grebe.errors import GrebeError, StoppedError
+from grebe.core.errors import GrebeError, StoppedError
 
 COMMANDS = {
     "demo": "region, plan, simulated mission, maps and report in under a minute",

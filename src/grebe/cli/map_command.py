@@ -11,20 +11,20 @@ import numpy as np
 
 from grebe.cli import options, output
 from grebe.cli.files import make_folder
-from grebe.errors import InputError
-from grebe.export.contours import write_contours
-from grebe.export.geotiff import write_geotiff
-from grebe.export.netcdf import write_netcdf
+from grebe.core.errors import InputError
+from grebe.core.quantities import QUANTITIES
+from grebe.io.export.contours import write_contours
+from grebe.io.export.geotiff import write_geotiff
+from grebe.io.export.netcdf import write_netcdf
+from grebe.io.readers.depth import read_depth
+from grebe.io.store import SurveyFile
 from grebe.mapping.drift import DriftFunction, combined, inflow, linear
 from grebe.mapping.maps import MapSettings, QuantityMap
 from grebe.mapping.methods import METHODS, Method
 from grebe.mapping.variogram import ESTIMATORS, Estimator
-from grebe.quantities import QUANTITIES
-from grebe.readers.depth import read_depth
 from grebe.report import canvas, map_figures
 from grebe.report.data import ReportData, gather
 from grebe.report.thresholds import Profile, read_profile
-from grebe.store import SurveyFile
 
 NETCDF_NAME = "map.nc"
 

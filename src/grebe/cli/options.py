@@ -8,10 +8,10 @@ from typing import Any
 
 import click
 
-from grebe.dynamics import Weather
-from grebe.errors import InputError
-from grebe.frames import LocalFrame
-from grebe.readers.track import TrackColumns
+from grebe.core.dynamics import Weather
+from grebe.core.errors import InputError
+from grebe.core.frames import LocalFrame
+from grebe.io.readers.track import TrackColumns
 
 EXISTING = click.Path(path_type=Path)
 OUTPUT = click.Path(path_type=Path, dir_okay=False)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from grebe.mission import Progress as MissionProgress
+    from grebe.mission.loop import Progress as MissionProgress
 
 TIP = "Next: "
 
@@ -28,7 +28,7 @@ def fail(text: str) -> None:
 
 def note_compilation() -> None:
     """Say why the first run is slow to start, where it will be."""
-    from grebe.compiled import is_compiled
+    from grebe.core.kernels import is_compiled
 
     if not is_compiled():
         note("compiling the controller, once: about half a minute")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from grebe.cli import files, options, output
-from grebe.errors import IncompleteError, UsageError
+from grebe.core.errors import IncompleteError, UsageError
 
 if TYPE_CHECKING:
     from grebe.paper.checks import Reproduction

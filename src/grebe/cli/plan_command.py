@@ -11,16 +11,16 @@ import shapely
 
 from grebe.cli import options, output
 from grebe.cli.files import write_survey_file
-from grebe.errors import InputError, UsageError
+from grebe.core.errors import InputError, UsageError
+from grebe.core.survey import Survey
+from grebe.core.vessel import PRESETS, vessel_named
+from grebe.io.readers.outline import read_outline
 from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.route import PATTERNS, Pattern
 from grebe.planning.settings import PlanSettings
-from grebe.readers.outline import read_outline
 from grebe.report import canvas, mission_figures
-from grebe.survey import Survey
-from grebe.vessel import PRESETS, vessel_named
 
 DEFAULT_CELL_M = 5.0
 DEFAULT_MARGIN_M = 1.0

@@ -7,13 +7,13 @@ from pathlib import Path
 import click
 
 from grebe.cli import options, output
-from grebe.errors import InputError
+from grebe.core.errors import InputError
+from grebe.io.store import SurveyFile
 from grebe.report.data import gather
 from grebe.report.page import write_report
 from grebe.report.pdf import print_pdf
 from grebe.report.texts import LANGUAGES
 from grebe.report.thresholds import read_profile
-from grebe.store import SurveyFile
 
 
 @click.command(name="report")

@@ -11,7 +11,6 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from grebe.checked import check_samples
 from grebe.cli import options, output
 from grebe.control.settings import (
     RULES,
@@ -19,10 +18,11 @@ from grebe.control.settings import (
     ControlSettings,
     settings_for,
 )
-from grebe.errors import IncompleteError, LinkError, UsageError
-from grebe.link.simulated import EstimateErrors
-from grebe.simulated_mission import SimulationSettings, simulate
-from grebe.store import SurveyFile
+from grebe.core.errors import IncompleteError, LinkError, UsageError
+from grebe.io.store import SurveyFile
+from grebe.links.simulated import EstimateErrors
+from grebe.workflow.checked import check_samples
+from grebe.workflow.simulated_mission import SimulationSettings, simulate
 
 DEFAULTS = ControlSettings()
 WEIGHTS = {

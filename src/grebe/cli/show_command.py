@@ -9,8 +9,8 @@ import click
 import numpy as np
 
 from grebe.cli import options, output
-from grebe.quantities import QUANTITY_KEYS
-from grebe.store import SurveyFile
+from grebe.core.quantities import QUANTITY_KEYS
+from grebe.io.store import SurveyFile
 
 
 @click.command(name="show")

@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.control.fast.solver import FastSolver
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
-from grebe.control.lookahead import LONGEST_STAGE_S, lookahead
 from grebe.control.ocp import build
-from grebe.control.rules import (
+from grebe.control.rules.base import (
     Decision,
     Proposal,
     Rule,
@@ -29,11 +27,13 @@ from grebe.control.rules import (
     reached_count,
     single,
 )
+from grebe.control.rules.lookahead import LONGEST_STAGE_S, lookahead
 from grebe.control.settings import ControlSettings, RuleName
-from grebe.control.solve import CasadiSolver, Solution, Solver, Status
-from grebe.dynamics import CALM, Weather, rates, rk4
-from grebe.sets import TargetSet, inner_rows
-from grebe.vessel import Vessel
+from grebe.control.solvers.base import CasadiSolver, Solution, Solver, Status
+from grebe.control.solvers.fast.solver import FastSolver
+from grebe.core.dynamics import CALM, Weather, rates, rk4
+from grebe.core.sets import TargetSet, inner_rows
+from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -5,7 +5,7 @@ A rule writes a `Horizon`; `grebe.control.ocp` poses it; nothing here solves any
 The horizon has N stages and N + 1 nodes. Node k carries the set that the cost measures its
 distance to, the set that must hold it (softened by an L1 slack), and the corridor to stay
 in; stage k carries the bounds of its duration and the weights of effort and time. Sets are
-half-space rows (a_x, a_y, a_u, b), see `grebe.sets`. A row (0, 0, 0, 1) holds always: it
+half-space rows (a_x, a_y, a_u, b), see `grebe.core.sets`. A row (0, 0, 0, 1) holds always: it
 fills up a set with fewer sides than the problem has room for, and stands for "no set".
 """
 

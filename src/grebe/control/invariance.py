@@ -21,12 +21,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import qmc
 
-from grebe.control.fast.model import advance, linearise, parameter_vector
-from grebe.control.fast.reach import excesses
-from grebe.dynamics import CALM
-from grebe.errors import UsageError
-from grebe.sets import TargetSet
-from grebe.vessel import Vessel
+from grebe.control.solvers.fast.model import advance, linearise, parameter_vector
+from grebe.control.solvers.fast.reach import excesses
+from grebe.core.dynamics import CALM
+from grebe.core.errors import UsageError
+from grebe.core.sets import TargetSet
+from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

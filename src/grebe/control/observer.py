@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.fast.model import advance, parameter_vector
-from grebe.dynamics import Weather
-from grebe.vessel import Vessel
+from grebe.control.solvers.fast.model import advance, parameter_vector
+from grebe.core.dynamics import Weather
+from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -26,8 +26,8 @@ import casadi as ca
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.dynamics import rates, rk4
-from grebe.vessel import Vessel
+from grebe.core.dynamics import rates, rk4
+from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

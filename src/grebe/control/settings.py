@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
-from grebe.errors import UsageError
+from grebe.core.errors import UsageError
 
 RuleName = Literal["single", "dual", "lookahead"]
 SolverName = Literal["fast", "fatrop", "ipopt"]

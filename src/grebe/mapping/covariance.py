@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.compiled import compiled
+from grebe.core.kernels import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

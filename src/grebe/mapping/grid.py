@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.errors import InputError
+from grebe.core.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,7 +10,9 @@ import numpy as np
 import shapely
 from scipy.special import ndtr
 
-from grebe.errors import InputError
+from grebe.core.errors import InputError
+from grebe.core.quantities import QUANTITIES, Quantity
+from grebe.core.samples import Flag
 from grebe.mapping.drift import DriftFunction
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
@@ -27,8 +29,6 @@ from grebe.mapping.noise import noise_variance
 from grebe.mapping.spde import Mesh, coarse_mesh, fit_spde
 from grebe.mapping.validation import Validation, validate
 from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
-from grebe.quantities import QUANTITIES, Quantity
-from grebe.survey import Flag
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

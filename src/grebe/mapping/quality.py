@@ -17,8 +17,8 @@ import numpy as np
 import shapely
 from scipy.optimize import least_squares
 
-from grebe.quantities import QUANTITIES
-from grebe.survey import Flag
+from grebe.core.quantities import QUANTITIES
+from grebe.core.samples import Flag
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -24,7 +24,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial import KDTree
 from scipy.special import k1
 
-from grebe.compiled import compiled
+from grebe.core.kernels import compiled
 from grebe.mapping.grid import Grid, make_grid
 
 if TYPE_CHECKING:

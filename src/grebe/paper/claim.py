@@ -17,18 +17,19 @@ import shapely
 
 from grebe.control.controller import Controller
 from grebe.control.settings import settings_for
-from grebe.errors import PlanError
-from grebe.flight import FlightSettings, GrebePilot, fly
+from grebe.core.errors import PlanError
+from grebe.core.quantities import QUANTITIES, Quantity
+from grebe.core.samples import Flag
+from grebe.core.survey import Survey
+from grebe.core.vessel import vessel_named
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
 from grebe.mapping.validation import Z95
+from grebe.mission.flight import FlightSettings, GrebePilot, fly
 from grebe.paper.hand_driven import HandDriven
 from grebe.planning.planner import plan
 from grebe.planning.settings import PlanSettings
-from grebe.quantities import QUANTITIES, Quantity
 from grebe.simulation.water import Water, conditioned_water
-from grebe.survey import Flag, Survey
-from grebe.vessel import vessel_named
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from grebe.flight import Flight
+from grebe.core.quantities import QUANTITIES
+from grebe.core.sets import TargetSet
+from grebe.core.survey import Survey
 from grebe.mapping.maps import QuantityMap
+from grebe.mission.flight import Flight
 from grebe.paper import scenes
-from grebe.quantities import QUANTITIES
 from grebe.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, styled
-from grebe.sets import TargetSet
-from grebe.survey import Survey
 
 if TYPE_CHECKING:
     import shapely

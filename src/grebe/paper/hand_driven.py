@@ -14,8 +14,12 @@ import numpy as np
 import shapely
 from scipy.spatial import KDTree
 
-from grebe.errors import InputError
-from grebe.imported import survey_of_track
+from grebe.core.errors import InputError
+from grebe.core.quantities import QUANTITIES
+from grebe.core.samples import Flag
+from grebe.core.survey import Survey
+from grebe.core.vessel import vessel_named
+from grebe.io.readers.track import RawTrack, read_track
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, QuantityMap
 from grebe.mapping.quality import Record, check_quality
@@ -24,11 +28,8 @@ from grebe.paper.checks import Check, Reproduction
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.planning.settings import PlanSettings
-from grebe.quantities import QUANTITIES
-from grebe.readers.track import RawTrack, read_track
 from grebe.report.canvas import save
-from grebe.survey import Flag, Survey
-from grebe.vessel import vessel_named
+from grebe.workflow.imported import survey_of_track
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.control.settings import settings_for
-from grebe.flight import Flight
+from grebe.core.sets import TargetSet
+from grebe.mission.flight import Flight
 from grebe.paper import drawings, scenes
 from grebe.paper.checks import Check, Reproduction
 from grebe.report.canvas import save
-from grebe.sets import TargetSet
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

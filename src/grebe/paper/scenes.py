@@ -15,12 +15,12 @@ import shapely
 
 from grebe.control.controller import Controller
 from grebe.control.settings import ControlSettings, paper_settings
-from grebe.flight import Flight, FlightSettings, GrebePilot, fly
+from grebe.core.sets import TargetSet, rectangle, ring_vertices
+from grebe.core.vessel import Vessel, vessel_named
+from grebe.mission.flight import Flight, FlightSettings, GrebePilot, fly
 from grebe.planning.mesh import mesh_water, target_footprint
 from grebe.planning.network import connect
 from grebe.planning.orders import sweeps
-from grebe.sets import TargetSet, rectangle, ring_vertices
-from grebe.vessel import Vessel, vessel_named
 
 State = tuple[float, float, float, float, float, float]
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from grebe.compiled import compiled
+from grebe.core.kernels import compiled
 from grebe.planning.mesh import Cell
 
 # The ascent looks at all pairs of cells: beyond so many that takes seconds.

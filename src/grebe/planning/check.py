@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from grebe.sets import footprints_of
-from grebe.survey import Survey, covered_share, overlap_m2
+from grebe.core.sets import footprints_of
+from grebe.core.survey import Survey, covered_share, overlap_m2
 
 # Rounding of coordinates must not count as land [m].
 ROUNDING_M = 1e-5

@@ -18,7 +18,7 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from grebe.errors import PlanError
+from grebe.core.errors import PlanError
 from grebe.planning.mesh import Cell
 from grebe.planning.network import ROUNDING_M, Network, joint_hulls
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from grebe.compiled import compiled, compiled_inline
+from grebe.core.kernels import compiled, compiled_inline
 from grebe.planning.network import Network
 from grebe.planning.travel import BEARINGS, Travel
 

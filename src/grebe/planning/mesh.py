@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from grebe.errors import PlanError
+from grebe.core.errors import PlanError
 from grebe.planning import lattice
 from grebe.planning.convex import convex_pieces, convex_union, shared_edge_m
 from grebe.planning.lattice import Shape

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from grebe.compiled import compiled
+from grebe.core.kernels import compiled
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
 

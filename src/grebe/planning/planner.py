@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.errors import PlanError
+from grebe.core.errors import PlanError
+from grebe.core.sets import TargetSet, drawn_in, footprints_of, rings_of
+from grebe.core.survey import Pose, Survey, Target
+from grebe.core.vessel import Vessel
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.check import PlanCheck, check_plan
 from grebe.planning.corridors import Stop, Waterways, widened
@@ -21,9 +24,6 @@ from grebe.planning.route import Route, best_route
 from grebe.planning.settings import PlanSettings, check_speed
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
-from grebe.sets import TargetSet, drawn_in, footprints_of, rings_of
-from grebe.survey import Pose, Survey, Target
-from grebe.vessel import Vessel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.compiled import compiled, compiled_inline
+from grebe.core.kernels import compiled, compiled_inline
 from grebe.planning.costs import Costs, at, join, leg, order_cost, window_cost
 
 if TYPE_CHECKING:

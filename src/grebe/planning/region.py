@@ -9,9 +9,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from grebe.errors import PlanError, RegionError
-from grebe.frames import LocalFrame, frame_at
-from grebe.sets import hull_of
+from grebe.core.errors import PlanError, RegionError
+from grebe.core.frames import LocalFrame, frame_at
+from grebe.core.sets import hull_of
 
 # Water that comes this near to its convex hull everywhere counts as convex: coordinates in
 # degrees are rounded to 1e-7, about a centimetre.

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from grebe.dynamics import CALM, Weather
-from grebe.errors import PlanError, UsageError
+from grebe.core.dynamics import CALM, Weather
+from grebe.core.errors import PlanError, UsageError
+from grebe.core.vessel import Vessel
 from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.route import PATTERNS, Pattern
-from grebe.vessel import Vessel
 
 # A window whose lower end needs more than this share of the top speed leaves no thrust to
 # steer with.

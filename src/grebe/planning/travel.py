@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.dynamics import Weather, drive_power_w
-from grebe.errors import PlanError
-from grebe.vessel import Vessel, steady_rate
+from grebe.core.dynamics import Weather, drive_power_w
+from grebe.core.errors import PlanError
+from grebe.core.vessel import Vessel, steady_rate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,8 +14,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from grebe.errors import InputError
-from grebe.survey import Survey
+from grebe.core.errors import InputError
+from grebe.core.survey import Survey
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

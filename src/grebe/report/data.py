@@ -7,11 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from grebe.checked import corrected_values, stored_lags
+from grebe.core.events import Event
+from grebe.core.survey import Survey
+from grebe.io.store import Progress, SampleTable, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings, QuantityMap, map_all
-from grebe.store import Progress, SampleTable, SurveyFile, TrackTable
-from grebe.survey import Event, Survey
+from grebe.workflow.checked import corrected_values, stored_lags
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from grebe.core.samples import Flag
+from grebe.core.survey import Survey
+from grebe.io.store import SampleTable
 from grebe.mapping.validation import Z95
 from grebe.report.canvas import (
     BLACK,
@@ -25,8 +28,6 @@ from grebe.report.canvas import (
     finish_map,
     styled,
 )
-from grebe.store import SampleTable
-from grebe.survey import Flag, Survey
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from grebe.core.survey import Survey
+from grebe.io.store import SampleTable, TrackTable
 from grebe.report.canvas import (
     BLUE,
     GREEN,
@@ -22,8 +24,6 @@ from grebe.report.canvas import (
     finish_map,
     styled,
 )
-from grebe.store import SampleTable, TrackTable
-from grebe.survey import Survey
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
-from grebe.errors import InputError
+from grebe.core.errors import InputError
 from grebe.mapping.maps import QuantityMap
 from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures

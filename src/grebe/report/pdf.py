@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from grebe.errors import InputError
+from grebe.core.errors import InputError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 LONGEST_S = 120

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
-from grebe.errors import InputError
+from grebe.core.errors import InputError
+from grebe.core.quantities import QUANTITY_KEYS
 from grebe.mapping.maps import QuantityMap
-from grebe.quantities import QUANTITY_KEYS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from grebe.dynamics import CALM, Weather, rates, rk4
-from grebe.vessel import Vessel
+from grebe.core.dynamics import CALM, Weather, rates, rk4
+from grebe.core.vessel import Vessel
 
 PLANT_STEP_S = 0.05
 # What a boat on the water differs in from its data sheet: load, growth on the hull, propellers.

@@ -1,0 +1,198 @@
+"""The rule `lookahead`: a horizon of legs to the next sets, their durations free.
+
+Problem (8) plans to sit in the second set; here the horizon's stages are dealt out to the
+legs to as many of the next sets as they can resolve, each leg ends with the entry into its
+set, and the total time is minimised. docs/theory.md says why it cannot lock up: a plan that
+reaches its sets stays feasible as time passes, and its cost falls by the time that passed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.control.horizon import Horizon, HorizonShape, Plan
+from grebe.control.rules.base import Decision, Proposal, Situation, confine, progress
+from grebe.control.settings import ControlSettings
+from grebe.core.sets import TargetSet
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# What a stage should at most span when stages are dealt out, and what it may span [s].
+STAGE_S = 0.9
+# A leg must be able to end well before the next solve: one that cannot lets the plan put off
+# what could be done at once, and each solve puts it off again.
+SHORTEST_LEG_S = 0.06
+LONGEST_STAGE_S = 1.2
+FEWEST_STAGES = 4
+# Cost of a second is 1; a unit of slack costs more than any second it could save.
+ENTRY_PENALTY = 100.0
+# Land is worse than a missed set.
+CORRIDOR_PENALTY = 1000.0
+EFFORT = 0.005
+HALF_TURN_S = 4.0
+# Steps without coming nearer after which the last plan is dropped: a loop takes less, a solver
+# that is caught in a plan which pays its slack takes for ever.
+STALL_STEPS = 24
+# How far below the window's upper end the boat is held: the price of `hold` yields a little.
+HOLD_MARGIN_MPS = 0.02
+# Backing out of a corner is seamanship; backing all the way to the next set is not.
+BACKWARDS_MPS = 0.4
+# Price of a stage's squared departure from the last plan's pace [1/s^2]. Stages of one leg
+# would otherwise trade time among each other at no cost; at rest it costs nothing.
+PACING = 2.0
+
+
+def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
+    """Legs to the next sets in minimum time, each entry held by an L1 slack.
+
+    The upper end of the window also bounds the surge on the way, at a price, so that the boat
+    does not race between sets; the lower end is asked at entry alone, for turns are slow.
+    """
+    idle, nearest = progress(situation)
+    if idle >= STALL_STEPS:
+        situation, idle = replace(situation, plan=None), 0
+    arrivals = _arrivals(situation)
+    stages = _deal_out(arrivals, shape.stages)
+    horizon = Horizon(shape=shape)
+    horizon.duration_bounds[:, 1] = LONGEST_STAGE_S
+    horizon.time_weights[:] = 1.0
+    horizon.effort_weights[:] = EFFORT
+    node = 0
+    for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
+        horizon.duration_bounds[node : node + count, 0] = SHORTEST_LEG_S / count
+        for stage in range(node, node + count):
+            horizon.attract(stage, pace_rows(target), settings.hold)
+        node += count
+        horizon.require(node, aim.halfspaces, ENTRY_PENALTY)
+    start = _start(situation, arrivals[: len(stages)], stages)
+    horizon.duration_nominal[:] = start.durations
+    horizon.duration_weights[:] = PACING
+    nodes = np.cumsum(stages)
+    confine(horizon, situation, nodes.tolist())
+    horizon.corridor_penalty = CORRIDOR_PENALTY
+    decision = Decision(
+        target=situation.target,
+        split=int(nodes[0]),
+        nearest=nearest,
+        idle=idle,
+        entries=tuple(int(k) for k in nodes),
+    )
+    return Proposal(horizon=horizon, decision=decision, start=start)
+
+
+def pace_rows(target: TargetSet) -> Array:
+    """Half-spaces of the surge on the way: not above the window, and hardly backwards."""
+    ceiling = target.speed_max_mps - HOLD_MARGIN_MPS
+    return np.array([[0.0, 0.0, 1.0, ceiling], [0.0, 0.0, -1.0, BACKWARDS_MPS]])
+
+
+def _arrivals(situation: Situation) -> list[float]:
+    """When each set ahead will be entered [s from now]: as last planned, else estimated."""
+    planned = _planned_arrivals(situation)
+    arrivals: list[float] = []
+    now = 0.0
+    for i, target in enumerate(situation.aims):
+        if i < len(planned):
+            now = max(planned[i], now + SHORTEST_LEG_S)
+        elif i == 0:
+            now = _first_leg_s(situation.state, target)
+        else:
+            now += _leg_s(situation.aims[i - 1], target)
+        arrivals.append(now)
+    return arrivals
+
+
+def _planned_arrivals(situation: Situation) -> list[float]:
+    plan, last = situation.plan, situation.last
+    if plan is None or last is None:
+        return []
+    ends = np.cumsum(plan.durations) - situation.elapsed_s
+    gone = situation.target - last.target
+    return [float(ends[node - 1]) for node in last.entries[gone:]]
+
+
+def _first_leg_s(state: Sequence[float], target: TargetSet) -> float:
+    north, east = target.centre
+    bearing = math.atan2(east - state[1], north - state[0])
+    off = abs(math.remainder(bearing - state[2], 2 * math.pi))
+    way = target.footprint_distance(state[0], state[1])
+    return way / _pace(target) + HALF_TURN_S * off / math.pi + 0.5
+
+
+def _leg_s(a: TargetSet, b: TargetSet) -> float:
+    return max(math.dist(a.centre, b.centre) / _pace(b), 0.5)
+
+
+def _pace(target: TargetSet) -> float:
+    return 0.5 * (target.speed_min_mps + target.speed_max_mps)
+
+
+def _deal_out(arrivals: Sequence[float], total: int) -> list[int]:
+    """Stages for each leg, `STAGE_S` each at most; the last leg takes what is left over."""
+    stages: list[int] = []
+    before = 0.0
+    for arrival in arrivals:
+        wanted = max(FEWEST_STAGES, math.ceil((arrival - before) / STAGE_S))
+        left = total - sum(stages)
+        if wanted > left:
+            break
+        stages.append(wanted)
+        before = arrival
+    if not stages:
+        return [total]
+    stages[-1] += total - sum(stages)
+    return stages
+
+
+def _start(situation: Situation, arrivals: Sequence[float], stages: Sequence[int]) -> Plan:
+    """A starting plan on the new stages: the last plan resampled, then along the centres."""
+    ends = np.concatenate([[0.0], arrivals])
+    times = [0.0]
+    for i, count in enumerate(stages):
+        times += np.linspace(ends[i], ends[i + 1], count + 1)[1:].tolist()
+    moments = np.asarray(times)
+    states, thrusts = _sample(situation, moments, ends)
+    states[0] = situation.state
+    return Plan(states=states, thrusts=thrusts, durations=np.diff(moments))
+
+
+def _sample(situation: Situation, moments: Array, ends: Array) -> tuple[Array, Array]:
+    plan = situation.plan
+    if plan is None:
+        return _along_centres(situation, situation.state, 0.0, moments, ends)
+    over = plan.duration_s - situation.elapsed_s
+    states, thrusts = plan.sampled(moments + situation.elapsed_s)
+    beyond = moments > over + 1e-9
+    if beyond.any():
+        far_states, far_thrusts = _along_centres(
+            situation, plan.states[-1], max(over, 0.0), moments, ends
+        )
+        states[beyond] = far_states[beyond]
+        thrusts[beyond[1:]] = far_thrusts[beyond[1:]]
+    return states, thrusts
+
+
+def _along_centres(
+    situation: Situation, begin: Sequence[float], since: float, moments: Array, ends: Array
+) -> tuple[Array, Array]:
+    """Straight ways from `begin` at time `since` to the centres of the sets still ahead."""
+    later = [i for i in range(1, len(ends)) if ends[i] > since + 1e-9]
+    corners = np.array([begin[:2], *(situation.aims[i - 1].centre for i in later)])
+    when = np.concatenate([[since], ends[later]])
+    states = np.zeros((len(moments), 6))
+    for axis in range(2):
+        states[:, axis] = np.interp(moments, when, corners[:, axis])
+    way = np.diff(corners, axis=0)
+    bearings = np.unwrap(np.concatenate([[begin[2]], np.arctan2(way[:, 1], way[:, 0])]))[1:]
+    leg = np.clip(np.searchsorted(when, moments - 1e-9) - 1, 0, len(bearings) - 1)
+    states[:, 2] = bearings[leg]
+    states[:, 3] = [_pace(situation.aims[max(later[i] - 1, 0)]) for i in leg]
+    return states, np.full((len(moments) - 1, 2), situation.cruise_thrust_n)

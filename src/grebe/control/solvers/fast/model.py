@@ -1,0 +1,272 @@
+"""Eq. (9) over one stage with first and second derivatives, compiled.
+
+The same equations as `grebe.core.dynamics.rates`, which the tests hold this file to, with their
+derivatives written out. Positions enter no right-hand side, so sensitivities are taken in the
+seven directions p = (psi, u, v, r, F_1, F_2, T) only. Duration is handled by integrating
+T f over unit time, which makes T a parameter like the thrusts.
+"""
+
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.kernels import compiled
+from grebe.core.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Order of the vessel's numbers in the parameter vector.
+_M11, _M22, _M33, _XU, _YV, _NR, _XUU, _YVV, _NRR, _ARM, _YAW = range(11)
+_CN, _CE, _FN, _FE = range(11, 15)
+
+
+def parameter_vector(vessel: Vessel, weather: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the 15 numbers of the equations: vessel, then current and wind force."""
+    boat = [
+        vessel.m11_kg,
+        vessel.m22_kg,
+        vessel.m33_kgm2,
+        vessel.x_u,
+        vessel.y_v,
+        vessel.n_r,
+        vessel.x_uu,
+        vessel.y_vv,
+        vessel.n_rr,
+        vessel.arm_m,
+        vessel.yaw_coupling_kg,
+    ]
+    return np.concatenate([np.array(boat), weather])
+
+
+@compiled
+def evaluate(p, psi, u, v, r, port, starboard, f, jac):
+    """Right-hand side `f` (6,) and its Jacobian `jac` (6, 6) in (psi, u, v, r, F_1, F_2)."""
+    c, s = np.cos(psi), np.sin(psi)
+    u_c = c * p[_CN] + s * p[_CE]
+    v_c = c * p[_CE] - s * p[_CN]
+    wind_x = c * p[_FN] + s * p[_FE]
+    wind_y = c * p[_FE] - s * p[_FN]
+    u_r, v_r = u - u_c, v - v_c
+    m11, m22, m33, arm, yaw = p[_M11], p[_M22], p[_M33], p[_ARM], p[_YAW]
+    f[0] = u * c - v * s
+    f[1] = u * s + v * c
+    f[2] = r
+    drag_u = (p[_XU] + p[_XUU] * abs(u_r)) * u_r
+    drag_v = (p[_YV] + p[_YVV] * abs(v_r)) * v_r
+    drag_r = (p[_NR] + p[_NRR] * abs(r)) * r
+    f[3] = (port + starboard + wind_x + m22 * v_r * r + drag_u) / m11 + r * v_c
+    f[4] = (wind_y - m11 * u_r * r + drag_v) / m22 - r * u_c
+    f[5] = (arm * (port - starboard) + yaw * u_r * v_r + drag_r) / m33
+    slope_u = p[_XU] + 2 * p[_XUU] * abs(u_r)
+    slope_v = p[_YV] + 2 * p[_YVV] * abs(v_r)
+    jac[:] = 0.0
+    jac[0, 0], jac[0, 1], jac[0, 2] = -f[1], c, -s
+    jac[1, 0], jac[1, 1], jac[1, 2] = f[0], s, c
+    jac[2, 3] = 1.0
+    # d u_r / d psi = -v_c and d v_r / d psi = u_c: the current turns against the hull.
+    jac[3, 0] = (wind_y + m22 * r * u_c - slope_u * v_c) / m11 - r * u_c
+    jac[3, 1] = slope_u / m11
+    jac[3, 2] = m22 * r / m11
+    jac[3, 3] = m22 * v_r / m11 + v_c
+    jac[3, 4] = jac[3, 5] = 1.0 / m11
+    jac[4, 0] = (-wind_x + m11 * r * v_c + slope_v * u_c) / m22 - r * v_c
+    jac[4, 1] = -m11 * r / m22
+    jac[4, 2] = slope_v / m22
+    jac[4, 3] = -m11 * u_r / m22 - u_c
+    jac[5, 0] = yaw * (u_r * u_c - v_r * v_c) / m33
+    jac[5, 1] = yaw * v_r / m33
+    jac[5, 2] = yaw * u_r / m33
+    jac[5, 3] = (p[_NR] + 2 * p[_NRR] * abs(r)) / m33
+    jac[5, 4] = arm / m33
+    jac[5, 5] = -arm / m33
+
+
+@compiled
+def curvature(p, psi, u, v, r, mu, hess):
+    """Hessian `hess` (4, 4) of mu f in (psi, u, v, r); f is linear in the thrusts."""
+    c, s = np.cos(psi), np.sin(psi)
+    u_c = c * p[_CN] + s * p[_CE]
+    v_c = c * p[_CE] - s * p[_CN]
+    wind_x = c * p[_FN] + s * p[_FE]
+    wind_y = c * p[_FE] - s * p[_FN]
+    u_r, v_r = u - u_c, v - v_c
+    a4, a5, a6 = mu[3] / p[_M11], mu[4] / p[_M22], mu[5] / p[_M33]
+    yaw = p[_YAW]
+    # Partial derivatives of mu f in the velocities through the water.
+    l_u = a4 * (p[_XU] + 2 * p[_XUU] * abs(u_r)) - a5 * p[_M11] * r + a6 * yaw * v_r
+    l_v = a4 * p[_M22] * r + a5 * (p[_YV] + 2 * p[_YVV] * abs(v_r)) + a6 * yaw * u_r
+    l_uu = 2 * a4 * p[_XUU] * np.sign(u_r)
+    l_vv = 2 * a5 * p[_YVV] * np.sign(v_r)
+    l_uv = a6 * yaw
+    l_ur = -a5 * p[_M11]
+    l_vr = a4 * p[_M22]
+    along = mu[0] * (u * c - v * s) + mu[1] * (u * s + v * c)
+    hess[0, 0] = (
+        l_uu * v_c * v_c
+        - 2 * l_uv * u_c * v_c
+        + l_vv * u_c * u_c
+        + l_u * u_c
+        + l_v * v_c
+        - a4 * wind_x
+        - a5 * wind_y
+        + r * (mu[4] * u_c - mu[3] * v_c)
+        - along
+    )
+    hess[0, 1] = -l_uu * v_c + l_uv * u_c - mu[0] * s + mu[1] * c
+    hess[0, 2] = -l_uv * v_c + l_vv * u_c - mu[0] * c - mu[1] * s
+    hess[0, 3] = -l_ur * v_c + l_vr * u_c - mu[3] * u_c - mu[4] * v_c
+    hess[1, 1], hess[1, 2], hess[1, 3] = l_uu, l_uv, l_ur
+    hess[2, 2], hess[2, 3] = l_vv, l_vr
+    hess[3, 3] = 2 * a6 * p[_NRR] * np.sign(r)
+    for i in range(4):
+        for j in range(i):
+            hess[i, j] = hess[j, i]
+
+
+@compiled
+def advance(p, z, thrusts, duration, substeps, out):
+    """Integrate one stage from `z` (6,) into `out` (6,): RK4 without derivatives."""
+    h = duration / substeps
+    f = np.empty(6)
+    jac = np.empty((6, 6))
+    point = np.empty(6)
+    total = np.empty(6)
+    out[:] = z
+    for _ in range(substeps):
+        point[:] = out
+        total[:] = 0.0
+        for stage in range(4):
+            evaluate(p, point[2], point[3], point[4], point[5], thrusts[0], thrusts[1], f, jac)
+            weight = 2.0 if stage in (1, 2) else 1.0
+            lead = 1.0 if stage == 2 else 0.5
+            for i in range(6):
+                total[i] += weight * f[i]
+                point[i] = out[i] + lead * h * f[i]
+        for i in range(6):
+            out[i] += h / 6 * total[i]
+
+
+@compiled
+def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs):
+    """Integrate one stage and its sensitivities.
+
+    `out` (6,) the next state; `sens` (6, 7) its derivative in p. `points` (evals, 4, 7) are the
+    sensitivities of (psi, u, v, r) where f was evaluated, `slopes` (evals, 4) those four values
+    and `jacs` (evals, 6, 6) the Jacobians there: what `second_order` needs.
+    """
+    h = 1.0 / substeps
+    f = np.empty(6)
+    point = np.empty(6)
+    total = np.empty(6)
+    k_sens = np.empty((6, 7))
+    p_sens = np.empty((6, 7))
+    total_sens = np.empty((6, 7))
+    out[:] = z
+    sens[:] = 0.0
+    for i in range(4):
+        sens[2 + i, i] = 1.0
+    index = 0
+    for _ in range(substeps):
+        point[:] = out
+        p_sens[:] = sens
+        total[:] = 0.0
+        total_sens[:] = 0.0
+        for stage in range(4):
+            jac = jacs[index]
+            evaluate(p, point[2], point[3], point[4], point[5], thrusts[0], thrusts[1], f, jac)
+            for i in range(4):
+                slopes[index, i] = point[2 + i]
+                for j in range(7):
+                    points[index, i, j] = p_sens[2 + i, j]
+            index += 1
+            weight = 2.0 if stage in (1, 2) else 1.0
+            lead = h if stage == 2 else 0.5 * h
+            for i in range(6):
+                for j in range(7):
+                    value = 0.0
+                    for m in range(4):
+                        value += jac[i, m] * p_sens[2 + m, j]
+                    k_sens[i, j] = duration * value
+                k_sens[i, 4] += duration * jac[i, 4]
+                k_sens[i, 5] += duration * jac[i, 5]
+                k_sens[i, 6] += f[i]
+            for i in range(6):
+                slope = duration * f[i]
+                total[i] += weight * slope
+                point[i] = out[i] + lead * slope
+                for j in range(7):
+                    total_sens[i, j] += weight * k_sens[i, j]
+                    p_sens[i, j] = sens[i, j] + lead * k_sens[i, j]
+        for i in range(6):
+            out[i] += h / 6 * total[i]
+            for j in range(7):
+                sens[i, j] += h / 6 * total_sens[i, j]
+
+
+@compiled
+def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
+    """Hessian `hess` (7, 7) of costate * (next state) in p, by the discrete adjoint of RK4.
+
+    Each evaluation of f contributes S^T (T mu d2f) S plus the cross terms of T, where S is the
+    sensitivity of the point and mu the adjoint of that evaluation.
+    """
+    h = 1.0 / substeps
+    lam = costate.copy()
+    bar = np.empty((4, 6))
+    back = np.empty((4, 4))
+    curve = np.empty((4, 4))
+    half = np.empty((4, 7))
+    hess[:] = 0.0
+    for sub in range(substeps - 1, -1, -1):
+        for stage in range(3, -1, -1):
+            index = 4 * sub + stage
+            weight = 2.0 if stage in (1, 2) else 1.0
+            for i in range(6):
+                bar[stage, i] = h / 6 * weight * lam[i]
+            if stage < 3:
+                lead = h if stage == 2 else 0.5 * h
+                for i in range(4):
+                    bar[stage, 2 + i] += lead * back[stage + 1, i]
+            for i in range(4):
+                value = 0.0
+                for m in range(6):
+                    value += jacs[index, m, i] * bar[stage, m]
+                back[stage, i] = duration * value
+            s = slopes[index]
+            curvature(p, s[0], s[1], s[2], s[3], bar[stage], curve)
+            for i in range(4):
+                for j in range(7):
+                    value = 0.0
+                    for m in range(4):
+                        value += curve[i, m] * points[index, m, j]
+                    half[i, j] = duration * value
+            for i in range(7):
+                for j in range(i + 1):
+                    value = 0.0
+                    for m in range(4):
+                        value += points[index, m, i] * half[m, j]
+                    hess[i, j] += value
+            for j in range(7):
+                value = 0.0
+                for m in range(4):
+                    value += back[stage, m] * points[index, m, j]
+                hess[6, j] += value / duration
+                if j == 6:
+                    hess[6, 6] += value / duration
+            for j in (4, 5):
+                value = 0.0
+                for m in range(6):
+                    value += jacs[index, m, j] * bar[stage, m]
+                hess[6, j] += value
+        for i in range(4):
+            for stage in range(4):
+                lam[2 + i] += back[stage, i]
+    for i in range(7):
+        for j in range(i):
+            hess[j, i] = hess[i, j]

@@ -1,0 +1,29 @@
+"""Where the boat can be one step on, for many inputs at once; compiled."""
+
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
+from __future__ import annotations
+
+import numpy as np
+
+from grebe.control.solvers.fast.model import advance
+from grebe.core.kernels import compiled
+
+
+@compiled
+def excesses(p, state, inputs, duration, substeps, rows, out):
+    """For each of `inputs` (m, 2): the largest a z - b over `rows` (n, 4) after one step.
+
+    Negative: strictly inside. Writes `out` (m,) and returns the index of the least.
+    """
+    after = np.empty(6)
+    for k in range(inputs.shape[0]):
+        advance(p, state, inputs[k], duration, substeps, after)
+        worst = -np.inf
+        for i in range(rows.shape[0]):
+            row = rows[i]
+            value = row[0] * after[0] + row[1] * after[1] + row[2] * after[3] - row[3]
+            worst = max(worst, value)
+        out[k] = worst
+    return np.argmin(out)

@@ -1,0 +1,107 @@
+"""The fast path behind the solvers' common interface."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.control.horizon import Horizon, HorizonShape, Plan
+from grebe.control.ocp import DURATION_REGULARISATION
+from grebe.control.solvers.base import Solution, Status
+from grebe.control.solvers.fast import sqp
+from grebe.control.solvers.fast.model import parameter_vector
+from grebe.core.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MOST_ITERATIONS = 30
+# Largest change in the last step: metres, radians, shares of the thrust range.
+TOLERANCE = 1e-2
+
+_STATUS = {
+    sqp.CONVERGED: Status.SOLVED,
+    sqp.FEASIBLE: Status.FEASIBLE,
+    sqp.FAILED: Status.NOT_CONVERGED,
+}
+
+
+class FastSolver:
+    """Structured SQP with compiled derivatives; needs no compiler, numba brings one."""
+
+    name = "fast"
+
+    def __init__(
+        self, vessel: Vessel, shape: HorizonShape, most_iterations: int = MOST_ITERATIONS
+    ) -> None:
+        self._vessel = vessel
+        self._shape = shape
+        self._most_iterations = most_iterations
+        self._limits = np.array([vessel.thrust_min_n, vessel.thrust_max_n])
+
+    def solve(
+        self,
+        state: NDArray[np.float64],
+        horizon: Horizon,
+        weather: NDArray[np.float64],
+        guess: Plan,
+    ) -> Solution:
+        """Solve; see `Solver.solve`."""
+        low, high = horizon.duration_bounds.T
+        span = high - low
+        states = guess.states.astype(float)
+        states[0] = state
+        share = np.where(span > 0, (guess.durations - low) / np.where(span > 0, span, 1.0), 0.5)
+        inputs = np.column_stack([guess.thrusts, np.clip(share, 0.0, 1.0)])
+        rows, count, price = _rows(horizon)
+        terms = sqp.Terms(
+            p=parameter_vector(self._vessel, weather),
+            substeps=self._shape.substeps,
+            rows=rows,
+            count=count,
+            weight=np.append(horizon.cost_weights, 0.0),
+            price=price,
+            effort=horizon.effort_weights / self._vessel.thrust_max_n**2,
+            timing=np.array(
+                [
+                    low,
+                    span,
+                    horizon.time_weights,
+                    horizon.duration_nominal,
+                    horizon.duration_weights,
+                ]
+            ),
+            limits=self._limits,
+            regularisation=DURATION_REGULARISATION,
+        )
+        ended, iterations, cost = sqp.optimise(
+            terms, states, inputs, self._most_iterations, TOLERANCE
+        )
+        plan = Plan(
+            states=states,
+            thrusts=np.clip(inputs[:, :2], *self._limits),
+            durations=low + np.clip(inputs[:, 2], 0.0, 1.0) * span,
+        )
+        finite = bool(np.isfinite(states).all() and np.isfinite(inputs).all())
+        status = _STATUS[ended] if finite else Status.NOT_CONVERGED
+        return Solution(plan=plan, status=status, cost=float(cost), iterations=int(iterations))
+
+
+def _rows(
+    horizon: Horizon,
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Gather cost sets, entry sets and corridors; rows that always hold are not counted."""
+    n = horizon.shape.stages
+    groups = (horizon.cost_sets, horizon.entry_sets, horizon.corridors)
+    width = max(group.shape[1] for group in groups)
+    rows = np.zeros((3, n + 1, width, 4))
+    count = np.zeros((3, n + 1), dtype=np.int64)
+    for i, group in enumerate(groups):
+        rows[i, : len(group), : group.shape[1]] = group
+        count[i, : len(group)] = np.any(group[:, :, :3] != 0, axis=2).sum(axis=1)
+    count[0, :n][horizon.cost_weights <= 0] = 0
+    price = np.zeros((3, n + 1))
+    price[1] = horizon.entry_penalties
+    price[2] = horizon.corridor_penalty
+    return rows, count, price

@@ -1,0 +1,375 @@
+"""Sequential quadratic programming for one horizon (Nocedal and Wright 2006, ch. 18).
+
+Multiple shooting: the iterate holds states and inputs, the quadratic problem closes the gaps
+between them. The Hessian is that of the Lagrangian, with the curvature of the dynamics taken
+in full where the reduced problem stays convex; where it does not it is left out (Gauss-Newton), or
+mirrored where durations are free.
+Steps are accepted by an exact penalty function that may rise for a few steps.
+"""
+
+# Kernels carry no annotations: numba infers their types when it compiles them.
+# pyright: basic
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from grebe.control.solvers.fast.interior import minimise, start_box, start_rows
+from grebe.control.solvers.fast.model import advance, linearise, second_order
+from grebe.control.solvers.fast.riccati import NW, NX, NY
+from grebe.core.kernels import compiled
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# How an optimisation ended.
+CONVERGED, FEASIBLE, FAILED = 0, 1, 2
+
+HALVINGS = 8
+MEMORY = 6
+# Relative spread of the remembered penalties below which a small cycle counts as an end.
+IDLE = 1e-4
+FIRST_DAMPING, MOST_DAMPING = 1.0, 1e8
+COST_SHARE = 1e-2
+SUFFICIENT = 1e-4
+QP_TOLERANCE = 1e-5
+SMALL_GAP = 0.05
+
+
+class Terms(NamedTuple):
+    """The numbers of one optimisation, constant while it runs.
+
+    `p` the model's parameters and `substeps` of its integration; `rows` (3, N + 1, R, 4)
+    half-spaces by group (see `interior`) with `count` (3, N + 1) of them in use; `weight`
+    (N + 1,) of the squared distance, `price` (3, N + 1) of slack, `effort` (N,) of a squared
+    newton; `timing` (5, N): shortest duration, span of durations, price of a second, nominal
+    duration, price of its square; `limits` (2,) of a thrust; `regularisation` of the shares.
+    """
+
+    p: NDArray[np.float64]
+    substeps: int
+    rows: NDArray[np.float64]
+    count: NDArray[np.int64]
+    weight: NDArray[np.float64]
+    price: NDArray[np.float64]
+    effort: NDArray[np.float64]
+    timing: NDArray[np.float64]
+    limits: NDArray[np.float64]
+    regularisation: float
+
+
+class Shooting(NamedTuple):
+    """The dynamics along an iterate: next state = a dx + b dw + gap, and what curvature needs."""
+
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    gap: NDArray[np.float64]
+    points: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    jacs: NDArray[np.float64]
+
+
+@compiled
+def optimise(terms, states, inputs, most_iterations, tolerance):
+    """Improve `states` (N + 1, 6) and `inputs` (N, 3) in place.
+
+    Returns how it ended (CONVERGED, FEASIBLE or FAILED), the iterations, and the cost.
+    """
+    n, width = inputs.shape[0], terms.rows.shape[2]
+    evals = 4 * terms.substeps
+    shooting = Shooting(
+        np.zeros((n, NX, NX)),
+        np.zeros((n, NX, NW)),
+        np.empty((n, NX)),
+        np.empty((n, evals, 4, 7)),
+        np.empty((n, evals, 4)),
+        np.empty((n, evals, NX, NX)),
+    )
+    hess, grad = np.zeros((n, NY, NY)), np.zeros((n, NY))
+    base = np.zeros((3, n + 1, width))
+    compliance = 0.5 / np.maximum(terms.weight, 1e-12)
+    t, lam = np.ones((3, n + 1, width)), np.zeros((3, n + 1, width))
+    s, nu = np.zeros((3, n + 1)), np.ones((3, n + 1))
+    box_t, box_lam = np.ones((2, n, NW)), np.zeros((2, n, NW))
+    low, high = np.empty((n, NW)), np.empty((n, NW))
+    dx, dw = np.zeros((n + 1, NX)), np.zeros((n, NW))
+    gain = np.zeros((n, NW, NX))
+    costate, new_costate = np.zeros((n + 1, NX)), np.zeros((n + 1, NX))
+    trial_x, trial_w = np.empty((n + 1, NX)), np.empty((n, NW))
+    history = np.full(MEMORY, -np.inf)
+    penalty, damping = 1.0, 0.0
+    first_cost, first_gaps = -np.inf, 0.0
+    # Without curvature a problem of minimum time is linear: Gauss-Newton would not do.
+    free = np.max(terms.timing[1]) > 0.0
+    for iteration in range(most_iterations):
+        _shoot(terms, states, inputs, shooting)
+        _values(terms, states, base)
+        _box(terms, inputs, low, high)
+        solved = -1
+        for attempt in range(2):
+            curved = attempt == 0 or damping > 0.0 or free
+            _quadratic(terms, inputs, costate, shooting, damping, curved, attempt == 1, hess, grad)
+            start_rows(terms.count, base, compliance, terms.price, t, lam, s, nu)
+            start_box(low, high, box_t, box_lam)
+            solved = minimise(
+                hess, grad, shooting.a, shooting.b, shooting.gap, terms.rows, terms.count, base,
+                compliance, terms.price, low, high, t, lam, s, nu, box_t, box_lam,
+                dx, dw, new_costate, gain, QP_TOLERANCE,
+            )  # fmt: skip
+            if solved >= 0:
+                break
+        if solved < 0:
+            break
+        penalty = max(1.1 * np.max(np.abs(new_costate[1:])), 0.5 * penalty)
+        cost, gaps = _cost(terms, states, inputs), np.sum(np.abs(shooting.gap))
+        if iteration == 0:
+            first_cost, first_gaps = cost, gaps
+        history[iteration % MEMORY] = cost + penalty * gaps
+        promise = _promise(hess, dx, dw, shooting.gap, penalty)
+        alpha = _search(
+            terms, states, inputs, dx, dw, gain, np.max(np.abs(shooting.gap)) < SMALL_GAP,
+            np.max(history), promise, penalty, trial_x, trial_w,
+        )  # fmt: skip
+        if alpha == 0.0:
+            if damping > MOST_DAMPING:
+                break
+            damping = max(10.0 * damping, FIRST_DAMPING * max(1.0, COST_SHARE * np.max(history)))
+            continue
+        damping = _eased(damping, alpha)
+        states[:] = trial_x
+        inputs[:] = trial_w
+        costate += alpha * (new_costate - costate)
+        step = _step_size(dx, dw, terms.limits, terms.timing)
+        idle = np.max(history) - np.min(history) < IDLE * abs(history[0])
+        if (alpha == 1.0 and step < tolerance) or (idle and step < 10 * tolerance):
+            return CONVERGED, iteration + 1, _cost(terms, states, inputs)
+    return _unfinished(
+        terms, gain, states, inputs, first_cost + penalty * first_gaps, iteration + 1
+    )
+
+
+@compiled
+def _unfinished(terms, gain, states, inputs, first, iterations):
+    """End an optimisation that has not converged: drive its plan, and judge what comes of it."""
+    driven_x, driven_w = states.copy(), inputs.copy()
+    _drive(terms, gain, driven_x, driven_w)
+    cost = _cost(terms, driven_x, driven_w)
+    if not cost <= first:
+        return FAILED, iterations, cost
+    states[:] = driven_x
+    inputs[:] = driven_w
+    return FEASIBLE, iterations, cost
+
+
+@compiled
+def _duration(terms, inputs, k):
+    return terms.timing[0, k] + inputs[k, 2] * terms.timing[1, k]
+
+
+@compiled
+def _shoot(terms, states, inputs, shooting):
+    """Integrate every stage with its derivatives."""
+    following = np.empty(NX)
+    sens = np.empty((NX, 7))
+    a, b, gap = shooting.a, shooting.b, shooting.gap
+    for k in range(inputs.shape[0]):
+        linearise(
+            terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following,
+            sens, shooting.points[k], shooting.slopes[k], shooting.jacs[k],
+        )  # fmt: skip
+        for i in range(NX):
+            gap[k, i] = following[i] - states[k + 1, i]
+            a[k, i, 0] = a[k, i, 1] = 0.0
+            for j in range(4):
+                a[k, i, 2 + j] = sens[i, j]
+            b[k, i, 0], b[k, i, 1] = sens[i, 4], sens[i, 5]
+            b[k, i, 2] = sens[i, 6] * terms.timing[1, k]
+        a[k, 0, 0] = a[k, 1, 1] = 1.0
+
+
+@compiled
+def _box(terms, inputs, low, high):
+    """Bounds of the inputs' change: thrusts between their limits, shares in [0, 1]."""
+    for k in range(inputs.shape[0]):
+        for i in range(2):
+            low[k, i] = terms.limits[0] - inputs[k, i]
+            high[k, i] = terms.limits[1] - inputs[k, i]
+        low[k, 2] = -inputs[k, 2]
+        high[k, 2] = 1.0 - inputs[k, 2]
+
+
+@compiled
+def _search(
+    terms, states, inputs, dx, dw, gain, closed, reference, promise, penalty, trial_x, trial_w
+):
+    """Halve the step until the penalty function is low enough; 0 where it never is.
+
+    The straight step is tried first. Where the boat turns fast its small gaps in the dynamics grow
+    without bound along the horizon; then the step is driven, with the problem's own feedback.
+    """
+    ways = 2 if closed else 1
+    for driven in range(ways):
+        alpha = 1.0
+        for _ in range(HALVINGS):
+            trial_x[:] = states + alpha * dx
+            trial_w[:] = inputs + alpha * dw
+            if driven:
+                _drive(terms, gain, trial_x, trial_w)
+            trial = _cost(terms, trial_x, trial_w) + penalty * _gaps(terms, trial_x, trial_w)
+            if trial <= reference + 1e-9 * abs(reference) + SUFFICIENT * alpha * min(promise, 0.0):
+                return alpha
+            alpha *= 0.5
+    return 0.0
+
+
+@compiled
+def _drive(terms, gain, states, inputs):
+    """Replace a trial by what the boat does when it follows it with the gains: no gaps."""
+    off, following = np.zeros(NX), np.empty(NX)
+    low, high = terms.limits
+    for k in range(inputs.shape[0]):
+        for i in range(NW):
+            answer = 0.0
+            for j in range(NX):
+                answer += gain[k, i, j] * off[j]
+            inputs[k, i] += answer
+        inputs[k, 0] = min(max(inputs[k, 0], low), high)
+        inputs[k, 1] = min(max(inputs[k, 1], low), high)
+        inputs[k, 2] = min(max(inputs[k, 2], 0.0), 1.0)
+        advance(
+            terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following
+        )
+        off[:] = following - states[k + 1]
+        states[k + 1] = following
+
+
+@compiled
+def _eased(damping, alpha):
+    """Damping after an accepted step: none after a full one, some after a short one."""
+    damping = 0.0 if damping < FIRST_DAMPING or alpha == 1.0 else 0.3 * damping
+    return max(damping, FIRST_DAMPING) if alpha < 0.25 else damping
+
+
+@compiled
+def _values(terms, states, base):
+    """Value of every row at the iterate."""
+    rows, count = terms.rows, terms.count
+    for group in range(3):
+        for k in range(count.shape[1]):
+            z = states[k]
+            for i in range(count[group, k]):
+                row = rows[group, k, i]
+                base[group, k, i] = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
+
+
+@compiled
+def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess, grad):
+    """Hessian of the Lagrangian and gradient of the cost without the rows.
+
+    With `mirrored` the dynamics' curvature is replaced by its absolute value, eigenvalue by
+    eigenvalue: positive semidefinite, and cautious where the curvature is large.
+    """
+    hess[:] = 0.0
+    grad[:] = 0.0
+    curve = np.empty((7, 7))
+    reach = terms.limits[1] - terms.limits[0]
+    for k in range(inputs.shape[0]):
+        span, stiffness = terms.timing[1, k], terms.timing[4, k]
+        if curved:
+            second_order(
+                terms.p, costate[k + 1], _duration(terms, inputs, k), terms.substeps,
+                shooting.points[k], shooting.slopes[k], shooting.jacs[k], curve,
+            )  # fmt: skip
+            curve[:, 6] *= span
+            curve[6, :] *= span
+            # From a hopeless iterate the curvature may overflow: it then has nothing to say.
+            if not np.all(np.isfinite(curve)):
+                curve[:] = 0.0
+            elif mirrored:
+                values, vectors = np.linalg.eigh(curve)
+                curve[:] = (vectors * np.abs(values)) @ vectors.T
+            hess[k, 2:, 2:] = curve
+        for i in range(2):
+            hess[k, 6 + i, 6 + i] += 2 * terms.effort[k] + damping / (reach * reach)
+            grad[k, 6 + i] = 2 * terms.effort[k] * inputs[k, i]
+        stray = _duration(terms, inputs, k) - terms.timing[3, k]
+        hess[k, 8, 8] += 2 * terms.regularisation + damping + 2 * stiffness * span * span
+        grad[k, 8] = 2 * terms.regularisation * (inputs[k, 2] - 0.5)
+        grad[k, 8] += (terms.timing[2, k] + 2 * stiffness * stray) * span
+
+
+@compiled
+def _cost(terms, states, inputs):
+    """Cost with its L1 slacks."""
+    total = 0.0
+    timing = terms.timing
+    for k in range(inputs.shape[0]):
+        w = inputs[k]
+        duration = _duration(terms, inputs, k)
+        total += terms.effort[k] * (w[0] * w[0] + w[1] * w[1])
+        total += timing[2, k] * duration + terms.regularisation * (w[2] - 0.5) ** 2
+        total += timing[4, k] * (duration - timing[3, k]) ** 2
+    for group in range(3):
+        for k in range(states.shape[0]):
+            total += _row_cost(terms, group, k, states[k])
+    return total
+
+
+@compiled
+def _row_cost(terms, group, k, z):
+    """What the rows of a group cost at a node: squares in group 0, the worst one elsewhere."""
+    squares, worst = 0.0, 0.0
+    for i in range(terms.count[group, k]):
+        row = terms.rows[group, k, i]
+        r = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
+        if r > 0.0:
+            squares += r * r
+            worst = max(worst, r)
+    return terms.weight[k] * squares if group == 0 else terms.price[group, k] * worst
+
+
+@compiled
+def _gaps(terms, states, inputs):
+    """Sum of the gaps in the dynamics."""
+    following = np.empty(NX)
+    total = 0.0
+    for k in range(inputs.shape[0]):
+        advance(
+            terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following
+        )
+        for i in range(NX):
+            total += abs(following[i] - states[k + 1, i])
+    return total
+
+
+@compiled
+def _promise(hess, dx, dw, gap, penalty):
+    """A decrease that the step may be asked for: curvature along it, and the gaps it closes."""
+    total = 0.0
+    y = np.empty(NY)
+    for k in range(dw.shape[0]):
+        y[:NX] = dx[k]
+        y[NX:] = dw[k]
+        for i in range(NX):
+            total -= penalty * abs(gap[k, i])
+        for i in range(NY):
+            for j in range(NY):
+                total -= 0.5 * hess[k, i, j] * y[i] * y[j]
+    return total
+
+
+@compiled
+def _step_size(dx, dw, limits, timing):
+    """The largest change: states in SI units, thrusts as a share of their range."""
+    worst = 0.0
+    reach = limits[1] - limits[0]
+    for k in range(dw.shape[0]):
+        worst = max(worst, abs(dw[k, 0]) / reach, abs(dw[k, 1]) / reach)
+        if timing[1, k] > 0.0:
+            worst = max(worst, abs(dw[k, 2]))
+    for k in range(dx.shape[0]):
+        for i in range(NX):
+            worst = max(worst, abs(dx[k, i]))
+    return worst

@@ -1,0 +1,1 @@
+"""Plain records and pure functions that everything else stands on."""

@@ -1,0 +1,124 @@
+"""The survey: what is to be visited, by which boat, and the records of what was found.
+
+`Survey` is the plan that every other part reads; `TrackPoint`, `Sample` and `Event` are
+what a mission writes. All are plain frozen records in the survey's local frame; the survey
+file turns positions into WGS 84.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import shapely
+
+from grebe.core.errors import InputError
+from grebe.core.frames import LocalFrame
+from grebe.core.sets import TargetSet, footprints_of
+from grebe.core.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TargetKind = Literal["cell", "transit"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """One set of the ordered sequence Omega_1 ... Omega_K; `seq` counts from 1."""
+
+    seq: int
+    kind: TargetKind
+    set: TargetSet
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """Where a boat starts: position [m] in the local frame and heading [rad]."""
+
+    north_m: float
+    east_m: float
+    heading_rad: float = 0.0
+
+    def at_rest(self) -> tuple[float, float, float, float, float, float]:
+        """Return the state z of a boat that lies still in this pose."""
+        return self.north_m, self.east_m, self.heading_rad, 0.0, 0.0, 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """A region of water and the targets in it, in the order in which they are visited.
+
+    `water` is a local polygon (x north, y east). A survey that was imported from a track
+    has no targets, no vessel and no start. `corridors`, where there are any, holds for each
+    target the convex polygon to stay in on the way to it. Raises `InputError` when targets are
+    not numbered 1 to K or a corridor is missing.
+    """
+
+    name: str
+    frame: LocalFrame
+    water: shapely.Polygon
+    no_go: tuple[shapely.Polygon, ...] = ()
+    targets: tuple[Target, ...] = ()
+    corridors: tuple[shapely.Polygon, ...] = ()
+    vessel: Vessel | None = None
+    start: Pose | None = None
+    settings: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
+
+    def __post_init__(self) -> None:
+        if [target.seq for target in self.targets] != list(range(1, len(self.targets) + 1)):
+            raise InputError("The survey's targets are not numbered 1 to K in their order.")
+        if self.corridors and len(self.corridors) != len(self.targets):
+            raise InputError("The survey has corridors for some of its targets, but not for all.")
+        if self.water.is_empty or not self.water.is_valid:
+            raise InputError("The survey's water is not a valid polygon.")
+
+    @property
+    def sets(self) -> list[TargetSet]:
+        """The target sets Omega_1 ... Omega_K."""
+        return [target.set for target in self.targets]
+
+    @property
+    def cells(self) -> NDArray[np.object_]:
+        """The cells that the targets stand for: where `core` is less than 1 in the settings, each
+        target is its cell drawn in to that share.
+        """
+        footprints = footprints_of([t.set for t in self.targets if t.kind == "cell"])
+        core = float(self.settings.get("core", 1.0))
+        if core == 1.0:
+            return footprints
+        corners, cell = shapely.get_coordinates(footprints, return_index=True)
+        middle = shapely.get_coordinates(shapely.centroid(footprints))[cell]
+        return shapely.set_coordinates(footprints.copy(), middle + (corners - middle) / core)
+
+    @property
+    def coverage(self) -> float:
+        """Share of the water that the cells cover, 0 to 1."""
+        cells = self.cells
+        return covered_share(cells, self.water, overlap_m2(cells))
+
+
+def overlap_m2(cells: NDArray[np.object_]) -> float:
+    """Return the area [m2] that cells have in common, pair by pair.
+
+    Cells whose edges match those of their neighbours, corner for corner, share none; only the
+    others are looked at.
+    """
+    doubtful = np.flatnonzero(~shapely.is_empty(shapely.coverage_invalid_edges(cells)))
+    place, second = shapely.STRtree(cells).query(cells[doubtful], predicate="intersects")
+    first = doubtful[place]
+    # A pair of doubtful cells is found from both.
+    once = (first < second) | ((first > second) & ~np.isin(second, doubtful))
+    shared = shapely.intersection(cells[first[once]], cells[second[once]], grid_size=1e-6)
+    return float(shapely.area(shared).sum())
+
+
+def covered_share(cells: NDArray[np.object_], water: shapely.Polygon, overlap_m2: float) -> float:
+    """Return the share of the water that cells cover, 0 to 1; what two share counts once."""
+    shapely.prepare(water)
+    inside = shapely.covers(water, cells)
+    beyond = shapely.intersection(cells[~inside], water, grid_size=1e-6)
+    covered = shapely.area(cells[inside]).sum() + shapely.area(beyond).sum() - overlap_m2
+    return min(1.0, float(covered / water.area))

@@ -1,0 +1,1 @@
+"""Files: read from outside, written for others, and the survey file."""

@@ -1,0 +1,61 @@
+"""Write contour lines of all maps as a GeoPackage, one layer a quantity, in WGS 84."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import contourpy
+import numpy as np
+import pyogrio.raw
+import shapely
+from matplotlib.ticker import MaxNLocator
+from pyogrio.errors import DataSourceError
+
+from grebe.core.errors import InputError
+from grebe.core.frames import LocalFrame
+from grebe.mapping.maps import QuantityMap
+
+LEVELS = 10
+
+
+def contour_lines(one: QuantityMap) -> list[tuple[float, shapely.LineString]]:
+    """Level and line (north, east) of each contour."""
+    generator = contourpy.contour_generator(
+        one.grid.east, one.grid.north, np.ma.masked_invalid(one.mean)
+    )
+    inside = one.mean[one.grid.inside]
+    levels = MaxNLocator(LEVELS).tick_values(float(inside.min()), float(inside.max()))
+    return [
+        (float(level), shapely.LineString(np.asarray(points)[:, ::-1]))
+        for level in levels
+        for points in generator.lines(float(level))
+        if len(points) > 1
+    ]
+
+
+def write_contours(path: Path, maps: Sequence[QuantityMap], frame: LocalFrame) -> None:
+    """Write the contours of all maps; the file appears only when complete."""
+    part = path.with_name(f".{path.stem}.part.gpkg")
+    part.unlink(missing_ok=True)
+    try:
+        for one in maps:
+            found = contour_lines(one)
+            lines = np.array([frame.geometry_to_wgs84(line) for _, line in found], dtype=object)
+            pyogrio.raw.write(
+                part,
+                np.array([shapely.to_wkb(line) for line in lines], dtype=object),
+                [np.array([level for level, _ in found], dtype=float)],
+                ["level"],
+                layer=one.quantity.key,
+                geometry_type="LineString",
+                crs="EPSG:4326",
+                append=part.exists(),
+                driver="GPKG",
+            )
+        if part.exists():
+            os.replace(part, path)
+    except (OSError, DataSourceError) as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"{path} cannot be written: {error}.") from None

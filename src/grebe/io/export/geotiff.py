@@ -1,0 +1,78 @@
+"""Write the map of a quantity as a Cloud Optimized GeoTIFF: mean, sd, and probabilities."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from grebe.core.errors import InputError
+from grebe.core.frames import LocalFrame
+from grebe.mapping.maps import QuantityMap
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+NODATA = -9999.0
+
+
+def write_geotiff(
+    path: Path,
+    one: QuantityMap,
+    frame: LocalFrame,
+    exceedances: Mapping[str, NDArray[np.floating]],
+) -> None:
+    """Write bands `mean`, `sd` and one a threshold, north up, in the survey's frame; the file
+    appears only when complete.
+    """
+    bands = {"mean": one.mean, "sd": one.sd, **exceedances}
+    write_bands(path, one, frame, bands, one.quantity.unit)
+
+
+def write_bands(
+    path: Path,
+    one: QuantityMap,
+    frame: LocalFrame,
+    bands: Mapping[str, NDArray[np.floating]],
+    unit: str,
+) -> None:
+    """Write named fields (rows, columns) on a map's grid; NaN becomes nodata."""
+    from rasterio.crs import CRS
+    from rasterio.errors import RasterioError
+    from rasterio.io import MemoryFile
+    from rasterio.shutil import copy
+    from rasterio.transform import Affine
+
+    grid, step = one.grid, one.grid.step_m
+    corner = (grid.east[0] - step / 2, grid.north[-1] + step / 2)
+    profile: dict[str, Any] = {
+        "driver": "GTiff",
+        "dtype": "float32",
+        "count": len(bands),
+        "height": len(grid.north),
+        "width": len(grid.east),
+        "crs": CRS.from_user_input(frame.definition),
+        "transform": Affine(step, 0.0, corner[0], 0.0, -step, corner[1]),
+        "nodata": NODATA,
+    }
+    part = path.with_name(path.name + ".part")
+    try:
+        with MemoryFile() as memory:
+            with memory.open(**profile) as dataset:
+                for index, (name, field) in enumerate(bands.items(), start=1):
+                    filled = np.where(np.isfinite(field), field, NODATA)[::-1]
+                    dataset.write(filled.astype("float32"), index)
+                    dataset.set_band_description(index, name)
+                    is_probability = name.startswith("P(")
+                    dataset.set_band_unit(index, "1" if is_probability else unit or "1")
+                dataset.update_tags(quantity=one.quantity.key, interpolation=one.method)
+            with memory.open() as dataset, MemoryFile(ext=".tif") as optimized:
+                copy(dataset, optimized.name, driver="COG", compress="DEFLATE")
+                part.write_bytes(optimized.read())
+        os.replace(part, path)
+    except (OSError, RasterioError) as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"{path} cannot be written: {error}.") from None

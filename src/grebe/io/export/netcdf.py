@@ -1,0 +1,150 @@
+"""Write maps as CF NetCDF: all quantities with their standard deviations in one file.
+
+Standard names of lake water do not exist in the CF table; the `sea_water_*` names are the
+nearest and are used with a comment that says so.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+
+from grebe.core.errors import InputError
+from grebe.core.frames import LocalFrame
+from grebe.mapping.grid import Grid
+from grebe.mapping.maps import QuantityMap
+
+Fields = Mapping[str, Mapping[str, np.ndarray]]
+
+
+def write_netcdf(
+    path: Path,
+    maps: Sequence[QuantityMap],
+    frame: LocalFrame,
+    attributes: dict[str, str],
+    probabilities: Fields | None = None,
+    draws: Mapping[str, np.ndarray] | None = None,
+) -> None:
+    """Write `maps`, which share one grid, to `path`; it appears only when complete.
+
+    `probabilities` of concern by quantity and name (rows, columns); `draws` by quantity
+    (count, rows, columns): equally likely fields given the samples.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        with netCDF4.Dataset(part, "w", format="NETCDF4") as dataset:
+            dataset.setncatts({"Conventions": "CF-1.8", **attributes})
+            _write_grid(dataset, maps[0].grid, frame)
+            for one in maps:
+                key = one.quantity.key
+                _write_map(dataset, one)
+                for index, (name, field) in enumerate((probabilities or {}).get(key, {}).items()):
+                    variable = _field(dataset, f"{key}_concern_{index + 1}", field)
+                    variable.setncatts(
+                        {"long_name": f"probability of concern: {name}", "units": "1"}
+                    )
+                if draws and key in draws:
+                    _write_draws(dataset, one, draws[key])
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"{path} cannot be written: {error}.") from None
+
+
+def _write_grid(dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame) -> None:
+    for name, long_name, standard_name, values in (
+        ("y", "northing in the survey's frame", "projection_y_coordinate", grid.north),
+        ("x", "easting in the survey's frame", "projection_x_coordinate", grid.east),
+    ):
+        dataset.createDimension(name, len(values))
+        variable = dataset.createVariable(name, "f8", (name,))
+        variable.setncatts({"standard_name": standard_name, "long_name": long_name, "units": "m"})
+        variable.axis = name.upper()
+        variable[:] = values
+    crs = dataset.createVariable("crs", "i4")
+    crs.setncatts(
+        {
+            "grid_mapping_name": "transverse_mercator",
+            "latitude_of_projection_origin": frame.origin_lat_deg,
+            "longitude_of_central_meridian": frame.origin_lon_deg,
+            "scale_factor_at_central_meridian": 1.0,
+            "false_easting": 0.0,
+            "false_northing": 0.0,
+            "semi_major_axis": 6378137.0,
+            "inverse_flattening": 298.257223563,
+            "proj4_params": frame.definition,
+        }
+    )
+    north_east = np.stack(np.meshgrid(grid.north, grid.east, indexing="ij"), axis=-1)
+    lonlat = frame.to_wgs84(north_east)
+    for i, (name, units) in enumerate((("lon", "degrees_east"), ("lat", "degrees_north"))):
+        long_name = {"lon": "longitude", "lat": "latitude"}[name]
+        variable = dataset.createVariable(name, "f8", ("y", "x"), zlib=True)
+        variable.setncatts({"standard_name": long_name, "long_name": long_name, "units": units})
+        variable[:] = lonlat[..., i]
+
+
+def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
+    quantity, model = one.quantity, one.interpolator.model
+    mean = _field(dataset, quantity.key, one.mean)
+    mean.setncatts(
+        {
+            "standard_name": quantity.standard_name,
+            "long_name": f"{quantity.label} of the surface water, interpolated ({one.method})",
+            "units": quantity.cf_unit,
+            "ancillary_variables": f"{quantity.key}_sd",
+            "comment": "Lake water; the sea_water_* names are the nearest in the CF table.",
+            "variogram_model": model.kind,
+            "variogram_nugget": model.nugget,
+            "variogram_partial_sill": model.sill,
+            "variogram_range_m": model.range_m,
+            "variogram_practical_range_m": model.practical_range_m,
+            "interpolation": f"{one.method}: {one.reason}",
+            "sample_count": np.int32(one.samples),
+        }
+    )
+    if quantity.key == "turbidity_ntu":
+        mean.reported_unit = "NTU"
+    sd = _field(dataset, f"{quantity.key}_sd", one.sd)
+    sd.setncatts(
+        {
+            "standard_name": f"{quantity.standard_name} standard_error",
+            "long_name": f"standard deviation of the signal of {quantity.label.lower()}",
+            "units": quantity.cf_unit,
+        }
+    )
+
+
+def _write_draws(dataset: netCDF4.Dataset, one: QuantityMap, draws: np.ndarray) -> None:
+    if "realization" not in dataset.dimensions:
+        dataset.createDimension("realization", len(draws))
+        number = dataset.createVariable("realization", "i4", ("realization",))
+        number.setncatts({"standard_name": "realization", "long_name": "number of the draw",
+                          "units": "1"})  # fmt: skip
+        number[:] = np.arange(len(draws))
+    label = one.quantity.label.lower()
+    variable = _field(dataset, f"{one.quantity.key}_draw", draws, ("realization", "y", "x"))
+    variable.setncatts(
+        {
+            "long_name": f"conditional simulations of {label}: equally likely given the samples",
+            "units": one.quantity.cf_unit,
+        }
+    )
+
+
+def _field(
+    dataset: netCDF4.Dataset,
+    name: str,
+    values: np.ndarray,
+    dimensions: tuple[str, ...] = ("y", "x"),
+) -> netCDF4.Variable:
+    variable = dataset.createVariable(
+        name, "f4", dimensions, zlib=True, fill_value=np.float32(-9999)
+    )
+    variable.setncatts({"grid_mapping": "crs", "coordinates": "lat lon"})
+    variable[:] = np.ma.masked_invalid(values)
+    return variable

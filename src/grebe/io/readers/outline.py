@@ -1,0 +1,193 @@
+"""Read the outline of a region: vector files of many kinds, or the convex hull of a track.
+
+What comes out is in WGS 84 degrees (longitude, latitude) and as it stands in the file;
+`grebe.planning.region` judges and cleans it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.errors import ShapelyError
+from shapely.geometry import shape
+from shapely.geometry.base import BaseGeometry
+
+from grebe.core.errors import InputError, RegionError
+from grebe.core.sets import hull_of
+from grebe.io.readers.hostile import check_size, check_xml, unpacked
+from grebe.io.readers.text import read_text
+from grebe.io.readers.track import TrackColumns, read_track
+
+# GeoJSON is WGS 84 by its standard (RFC 7946); older files may still name a CRS.
+WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
+VECTOR_SUFFIXES = (".kml", ".kmz", ".gpx", ".shp", ".zip", ".gpkg")
+# Deeper than any outline is nested, far from where a parser would run out of stack.
+DEEPEST_JSON = 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outline:
+    """A geometry in degrees, its name, and what the reader had to say about it."""
+
+    geometry: BaseGeometry
+    name: str
+    notes: tuple[str, ...] = ()
+
+
+def read_outline(
+    path: Path, columns: TrackColumns | None = None, header_from: Path | None = None
+) -> Outline:
+    """Read a region from GeoJSON, KML, KMZ, GPX, a Shapefile (zipped too) or a GeoPackage, or,
+    for a .csv, from the hull of a track (section 6.2). Hostile files are refused unread.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        track = read_track(path, columns, header_from)
+        return Outline(geometry=hull_of(track.lonlat), name=path.stem, notes=track.notes)
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file.")
+    check_size(path)
+    if suffix in (".geojson", ".json"):
+        return _read_geojson(path)
+    if suffix in VECTOR_SUFFIXES:
+        with unpacked(path) as inner:
+            if inner.suffix.lower() in (".kml", ".gpx"):
+                check_xml(inner)
+            return _read_vector(path, inner)
+    raise InputError(
+        f"{path}: cannot read a region from a {path.suffix or 'nameless'} file; give GeoJSON, "
+        "KML, KMZ, GPX, a Shapefile, a GeoPackage, or a track (.csv)."
+    )
+
+
+def _read_geojson(path: Path) -> Outline:
+    text = read_text(path)
+    _check_depth(path, text)
+    try:
+        document = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: not valid JSON ({error}).") from None
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: not GeoJSON: the file holds no object.")
+    _refuse_other_crs(path, document)
+    features = _features(document)
+    geometries = [_geometry(path, feature) for feature in features]
+    return _outline(path, geometries, _name(document, features))
+
+
+def _check_depth(path: Path, text: str) -> None:
+    depth = 0
+    for character in text:
+        if character in "[{":
+            depth += 1
+            if depth > DEEPEST_JSON:
+                raise InputError(f"{path}: nested more than {DEEPEST_JSON} deep: no outline is.")
+        elif character in "]}":
+            depth -= 1
+
+
+def _outline(path: Path, geometries: list[Any], name: str) -> Outline:
+    """Keep the polygons, and lines that close; say what was left out."""
+    polygons = [polygon for g in geometries if (polygon := _polygonal(g)) is not None]
+    if not polygons:
+        raise RegionError(f"{path}: holds no polygon; a region is a Polygon or MultiPolygon.")
+    left_out = len(geometries) - len(polygons)
+    notes = (f"{left_out} features that are not polygons were left out",) if left_out else ()
+    geometry = polygons[0] if len(polygons) == 1 else shapely.GeometryCollection(polygons)
+    return Outline(geometry=geometry, name=name or path.stem, notes=notes)
+
+
+def _polygonal(geometry: Any) -> BaseGeometry | None:
+    if isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
+        return geometry
+    lines = getattr(geometry, "geoms", [geometry])
+    rings = [
+        shapely.Polygon(line.coords)
+        for line in lines
+        if isinstance(line, shapely.LineString) and line.is_closed and len(line.coords) > 3
+    ]
+    if not rings or len(rings) != len(lines):
+        return None
+    return rings[0] if len(rings) == 1 else shapely.MultiPolygon(rings)
+
+
+def _read_vector(path: Path, inner: Path) -> Outline:
+    """Read every layer that holds areas, in whatever CRS it declares (GDAL, by pyogrio)."""
+    import pyogrio
+    from pyogrio.errors import DataLayerError, DataSourceError
+
+    try:
+        layers = [str(name) for name in pyogrio.list_layers(inner)[:, 0]]
+        geometries = [g for layer in layers for g in _layer(path, inner, layer)]
+    except (DataSourceError, DataLayerError, ValueError, ShapelyError) as error:
+        text = " ".join(str(error).split())[:160]
+        raise InputError(f"{path}: cannot be read as {path.suffix[1:].upper()} ({text}).") from None
+    return _outline(path, geometries, path.stem)
+
+
+def _layer(path: Path, inner: Path, layer: str) -> list[BaseGeometry]:
+    from pyogrio.raw import read
+    from pyproj import Transformer
+    from pyproj.exceptions import CRSError
+
+    meta, _, blobs, _ = read(inner, layer=layer, columns=[], force_2d=True)
+    if blobs is None or len(blobs) == 0:
+        return []
+    geometries = [g for g in shapely.from_wkb(blobs, on_invalid="ignore") if g is not None]
+    crs = meta.get("crs")
+    if not crs:
+        raise InputError(
+            f"{path}: does not say what its coordinates are in; add its .prj file or set its CRS."
+        )
+    try:
+        transformer = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+    except CRSError:
+        raise InputError(f"{path}: declares a CRS that is not known ({crs[:80]}).") from None
+
+    def to_degrees(points: Any) -> Any:
+        return np.column_stack(transformer.transform(points[:, 0], points[:, 1]))
+
+    return [shapely.transform(geometry, to_degrees) for geometry in geometries]
+
+
+def _features(document: dict[str, Any]) -> list[dict[str, Any]]:
+    if document.get("type") == "FeatureCollection":
+        features = document.get("features")
+        listed = features if isinstance(features, list) else []
+        return [feature for feature in listed if isinstance(feature, dict)]
+    return [document]
+
+
+def _geometry(path: Path, feature: dict[str, Any]) -> BaseGeometry | None:
+    body = feature.get("geometry") if feature.get("type") == "Feature" else feature
+    if not isinstance(body, dict):
+        return None
+    try:
+        # NaN is let through without numpy's warning: the region's own check names it.
+        with np.errstate(invalid="ignore"):
+            return shape(body)
+    except (LookupError, TypeError, ValueError, AttributeError, ShapelyError) as error:
+        raise RegionError(f"{path}: a geometry cannot be read ({error}).") from None
+
+
+def _name(document: dict[str, Any], features: list[dict[str, Any]]) -> str:
+    for candidate in (document, *(f.get("properties") for f in features)):
+        if isinstance(candidate, dict) and isinstance(candidate.get("name"), str):
+            return str(candidate["name"])
+    return ""
+
+
+def _refuse_other_crs(path: Path, document: dict[str, Any]) -> None:
+    crs = document.get("crs")
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
+    if name and not name.endswith(WGS84_NAMES):
+        raise InputError(
+            f"{path}: its coordinates are in {name}; reproject it to WGS 84 longitude and "
+            "latitude (EPSG:4326), which is what GeoJSON means."
+        )

@@ -1,0 +1,200 @@
+"""The layers of a survey file, and the plan's way into them and back.
+
+The layers and their columns are a public format: docs/survey-file.md describes them, and a
+change raises `VERSION`.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from grebe.core.dynamics import STATE_NAMES
+from grebe.core.errors import SurveyFileError
+from grebe.core.frames import LocalFrame
+from grebe.core.quantities import QUANTITY_KEYS
+from grebe.core.sets import TargetSet, footprints_of, rings_of
+from grebe.core.survey import Pose, Survey, Target
+from grebe.core.vessel import Vessel
+from grebe.io.store import geopackage
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+VERSION = 2
+STATE_COLUMNS = STATE_NAMES
+
+_LAYERS: dict[str, tuple[str | None, str]] = {
+    "region": ("POLYGON", "role TEXT NOT NULL, name TEXT"),
+    "targets": (
+        "POLYGON",
+        "seq INTEGER NOT NULL UNIQUE, kind TEXT NOT NULL, speed_min_mps DOUBLE NOT NULL, "
+        "speed_max_mps DOUBLE NOT NULL, reached_at DATETIME, "
+        "sample_count INTEGER NOT NULL DEFAULT 0",
+    ),
+    "corridors": ("POLYGON", "seq INTEGER NOT NULL UNIQUE"),
+    "track": (
+        "POINT",
+        "time DATETIME NOT NULL, "
+        + "".join(f"{name} DOUBLE, " for name in STATE_COLUMNS)
+        + "thrust_port_n DOUBLE, thrust_starboard_n DOUBLE, target_seq INTEGER, "
+        "split_stage INTEGER, solve_ms DOUBLE, status TEXT, current_north_mps DOUBLE, "
+        "current_east_mps DOUBLE",
+    ),
+    "samples": (
+        "POINT",
+        "time DATETIME NOT NULL, target_seq INTEGER, speed_mps DOUBLE, "
+        + ", ".join(f"{key} DOUBLE, {key}_qc INTEGER" for key in QUANTITY_KEYS),
+    ),
+    "events": (None, "time DATETIME NOT NULL, level TEXT, code TEXT, message TEXT"),
+    "meta": (None, "key TEXT NOT NULL UNIQUE, value TEXT"),
+}
+
+
+def create(connection: sqlite3.Connection, survey: Survey, meta: dict[str, str]) -> None:
+    """Write the layers and the plan into an empty database."""
+    geopackage.create_core(connection, VERSION)
+    water = survey.frame.geometry_to_wgs84(survey.water)
+    for table, (geometry, columns) in _LAYERS.items():
+        geopackage.create_layer(connection, table, columns, geometry=geometry, bounds=water.bounds)
+    _write_region(connection, survey)
+    _write_targets(connection, survey)
+    _write_corridors(connection, survey)
+    entries = {
+        "name": survey.name,
+        "frame_origin_lon_deg": repr(survey.frame.origin_lon_deg),
+        "frame_origin_lat_deg": repr(survey.frame.origin_lat_deg),
+        "vessel": json.dumps(asdict(survey.vessel)) if survey.vessel else "",
+        "start": json.dumps(asdict(survey.start)) if survey.start else "",
+        "settings": json.dumps(dict(survey.settings)),
+        **meta,
+    }
+    connection.executemany("INSERT INTO meta (key, value) VALUES (?, ?)", entries.items())
+
+
+def _write_region(connection: sqlite3.Connection, survey: Survey) -> None:
+    for role, polygon in [("water", survey.water), *(("no_go", p) for p in survey.no_go)]:
+        blob = geopackage.to_blob(survey.frame.geometry_to_wgs84(polygon))
+        connection.execute(
+            "INSERT INTO region (geom, role, name) VALUES (?, ?, ?)", (blob, role, survey.name)
+        )
+
+
+def _write_targets(connection: sqlite3.Connection, survey: Survey) -> None:
+    blobs = _blobs(survey.frame, footprints_of(survey.sets))
+    connection.executemany(
+        "INSERT INTO targets (geom, seq, kind, speed_min_mps, speed_max_mps) "
+        "VALUES (?, ?, ?, ?, ?)",
+        (
+            (blob, target.seq, target.kind, target.set.speed_min_mps, target.set.speed_max_mps)
+            for blob, target in zip(blobs, survey.targets, strict=True)
+        ),
+    )
+
+
+def _write_corridors(connection: sqlite3.Connection, survey: Survey) -> None:
+    blobs = _blobs(survey.frame, np.array(survey.corridors, dtype=object))
+    connection.executemany(
+        "INSERT INTO corridors (geom, seq) VALUES (?, ?)",
+        ((blob, seq) for seq, blob in enumerate(blobs, start=1)),
+    )
+
+
+def _blobs(frame: LocalFrame, polygons: NDArray[np.object_]) -> list[bytes]:
+    return geopackage.to_blobs(frame.geometry_to_wgs84(polygons))
+
+
+def read_survey(connection: sqlite3.Connection) -> Survey:
+    """Read the plan back."""
+    meta = dict(connection.execute("SELECT key, value FROM meta").fetchall())
+    frame = LocalFrame(
+        origin_lon_deg=float(meta["frame_origin_lon_deg"]),
+        origin_lat_deg=float(meta["frame_origin_lat_deg"]),
+    )
+    parts: dict[str, list[shapely.Polygon]] = {"water": [], "no_go": []}
+    for role, blob in connection.execute("SELECT role, geom FROM region ORDER BY fid"):
+        parts[role] += _polygons(frame, [blob])
+    return Survey(
+        name=meta["name"],
+        frame=frame,
+        water=parts["water"][0],
+        no_go=tuple(parts["no_go"]),
+        targets=_read_targets(connection, frame),
+        corridors=_read_corridors(connection, frame),
+        vessel=Vessel(**json.loads(meta["vessel"])) if meta["vessel"] else None,
+        start=Pose(**json.loads(meta["start"])) if meta["start"] else None,
+        settings=json.loads(meta["settings"]),
+    )
+
+
+def _read_targets(connection: sqlite3.Connection, frame: LocalFrame) -> tuple[Target, ...]:
+    rows = connection.execute(
+        "SELECT seq, kind, speed_min_mps, speed_max_mps, geom FROM targets ORDER BY seq"
+    ).fetchall()
+    rings = rings_of(_polygons(frame, [row[-1] for row in rows]))
+    return tuple(
+        Target(
+            seq=seq,
+            kind=kind,
+            set=TargetSet(vertices=ring, speed_min_mps=low, speed_max_mps=high),
+        )
+        for (seq, kind, low, high, _), ring in zip(rows, rings, strict=True)
+    )
+
+
+def _read_corridors(
+    connection: sqlite3.Connection, frame: LocalFrame
+) -> tuple[shapely.Polygon, ...]:
+    """Corridors in the order of their targets; a file of schema 1 has none."""
+    if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'corridors'").fetchone():
+        return ()
+    rows = connection.execute("SELECT geom FROM corridors ORDER BY seq")
+    return tuple(_polygons(frame, [blob for (blob,) in rows]))
+
+
+def _polygons(frame: LocalFrame, blobs: list[bytes]) -> list[shapely.Polygon]:
+    polygons = frame.geometry_to_local(geopackage.from_blobs(blobs)).tolist()
+    if not all(isinstance(polygon, shapely.Polygon) for polygon in polygons):
+        raise SurveyFileError("A region or a target of the survey file is not a polygon.")
+    return polygons
+
+
+def check(path: Path, connection: sqlite3.Connection) -> None:
+    """Refuse a file that is no survey file, damaged, or newer than this program."""
+    with path.open("rb") as file:
+        if file.read(16) != b"SQLite format 3\x00":
+            raise SurveyFileError(f"{path} is not a survey file: it is no SQLite database.")
+    version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+    problem = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if problem != "ok":
+        raise damaged(path, problem)
+    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+    if not {"gpkg_contents", "meta", "targets"} <= tables:
+        raise SurveyFileError(f"{path} is a database, but not a survey file of Grebe.")
+    if version > VERSION:
+        raise SurveyFileError(
+            f"{path} has schema {version}, and this Grebe reads up to {VERSION}; update Grebe."
+        )
+
+
+def unavailable(path: Path, error: sqlite3.OperationalError) -> SurveyFileError:
+    """Return the error for a file that is sound but cannot be had: locked, or read-only."""
+    if "locked" in str(error):
+        return SurveyFileError(f"{path} is being written by another program; close it there first.")
+    if "readonly" in str(error):
+        return SurveyFileError(f"{path} is read-only; make it and its folder writable.")
+    return damaged(path, str(error))
+
+
+def damaged(path: Path, detail: str) -> SurveyFileError:
+    """Return the error for a file that SQLite cannot read to its end."""
+    return SurveyFileError(
+        f"{path} is damaged or cut off ({' '.join(detail.split())[:120]}); restore it from a "
+        f"backup, or save what is left with: sqlite3 {path.name} .recover"
+    )

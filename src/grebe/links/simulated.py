@@ -1,0 +1,89 @@
+"""The simulated boat behind the link."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from grebe.core.errors import LinkError, UsageError
+from grebe.links.base import Observation, State
+from grebe.simulation.plant import Plant
+from grebe.simulation.sonde import Sonde
+
+OBSERVATION_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimateErrors:
+    """How a boat's state estimates fall short: standard deviations of position [m], heading
+    [rad] and velocities [m/s, rad/s], and the share of estimates that never arrive.
+    """
+
+    position_m: float = 0.0
+    heading_rad: float = 0.0
+    velocity_mps: float = 0.0
+    lost_share: float = 0.0
+
+    def __post_init__(self) -> None:
+        if min(self.position_m, self.heading_rad, self.velocity_mps) < 0:
+            raise UsageError("Errors of estimates are standard deviations; give 0 or more.")
+        if not 0 <= self.lost_share < 1:
+            raise UsageError(f"A share of {self.lost_share} of estimates cannot be lost; give 0-1.")
+
+    @property
+    def scale(self) -> tuple[float, float, float, float, float, float]:
+        """Standard deviation of each element of the state."""
+        place, turn, speed = self.position_m, self.heading_rad, self.velocity_mps
+        return place, place, turn, speed, speed, speed
+
+
+EXACT = EstimateErrors()
+
+
+class SimulatedLink:
+    """Observes a plant every `OBSERVATION_PERIOD_S` and reads a sonde.
+
+    Estimates have independent normal errors, and some are lost: the next one then comes a
+    period later, while the thrusts hold.
+    """
+
+    def __init__(
+        self, plant: Plant, sonde: Sonde, errors: EstimateErrors = EXACT, seed: int = 0
+    ) -> None:
+        self._plant = plant
+        self._sonde = sonde
+        self._errors = errors
+        self._random = np.random.default_rng(seed)
+        self._started = False
+        self._closed = False
+
+    def observe(self) -> Observation:
+        """Advance the plant to its next estimate; the first one is the start itself."""
+        if self._closed:
+            raise LinkError("The simulated boat has been closed.")
+        if self._started:
+            self._plant.advance(OBSERVATION_PERIOD_S)
+            while self._random.uniform() < self._errors.lost_share:
+                self._plant.advance(OBSERVATION_PERIOD_S)
+        self._started = True
+        return Observation(time_s=self._plant.time_s, state=self._estimate())
+
+    def _estimate(self) -> State:
+        errors = self._random.normal(size=6) * self._errors.scale
+        north, east, heading, surge, sway, yaw_rate = (self._plant.state + errors).tolist()
+        return north, east, heading, surge, sway, yaw_rate
+
+    def command(self, thrusts: tuple[float, float]) -> None:
+        """Set the thrusts until the next command."""
+        self._plant.command(thrusts)
+
+    def measure(self) -> Mapping[str, float]:
+        """Return what the sonde reads here and now."""
+        return self._sonde.read(self._plant.state[0], self._plant.state[1])
+
+    def close(self) -> None:
+        """Leave the boat without thrust."""
+        self._plant.command((0.0, 0.0))
+        self._closed = True

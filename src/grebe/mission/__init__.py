@@ -1,0 +1,1 @@
+"""The mission: one loop, its events, and who records them."""

@@ -1,0 +1,1 @@
+"""The whole way as functions with plain arguments: what every front end calls."""

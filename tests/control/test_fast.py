@@ -1,0 +1,157 @@
+"""The fast path: derivatives, Riccati recursion, and agreement with the oracle."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grebe.control.controller import Controller
+from grebe.control.horizon import HorizonShape
+from grebe.control.ocp import build
+from grebe.control.rules.base import Situation, dual
+from grebe.control.rules.lookahead import lookahead
+from grebe.control.settings import ControlSettings, paper_settings
+from grebe.control.solvers.base import CasadiSolver, Status
+from grebe.control.solvers.fast.model import advance, linearise, parameter_vector, second_order
+from grebe.control.solvers.fast.riccati import factorise, solve
+from grebe.control.solvers.fast.solver import FastSolver
+from grebe.core.dynamics import rates, rk4
+from grebe.core.sets import rectangle
+from grebe.core.vessel import PRESETS
+
+SUBSTEPS = 3
+
+
+@pytest.mark.parametrize("name", ["benchmark", "blueboat", "heron", "otter"])
+def test_derivatives_are_those_of_automatic_differentiation(name):
+    vessel = PRESETS[name]
+    z, f, t = ca.SX.sym("z", 6), ca.SX.sym("F", 2), ca.SX.sym("T")
+    w, lam = ca.SX.sym("w", 4), ca.SX.sym("l", 6)
+
+    def derivative(s):
+        return rates(vessel, s, ca.vertsplit(f), ca.vertsplit(w), cos=ca.cos, sin=ca.sin)
+
+    after = ca.vertcat(*rk4(derivative, ca.vertsplit(z), t, SUBSTEPS))
+    directions = ca.vertcat(z[2:], f, t)
+    hessian, _ = ca.hessian(ca.dot(lam, after), directions)
+    reference = ca.Function(
+        "r", [z, f, t, w, lam], [after, ca.jacobian(after, directions), hessian]
+    )
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        state = rng.normal(size=6) * 0.4
+        thrusts, weather, costate = (
+            5 * rng.normal(size=2),
+            0.3 * rng.normal(size=4),
+            rng.normal(size=6),
+        )
+        p = parameter_vector(vessel, weather)
+        out, sens, plain = np.empty(6), np.empty((6, 7)), np.empty(6)
+        evals = 4 * SUBSTEPS
+        points, slopes = np.empty((evals, 4, 7)), np.empty((evals, 4))
+        jacs, hess = np.empty((evals, 6, 6)), np.empty((7, 7))
+        linearise(p, state, thrusts, 0.4, SUBSTEPS, out, sens, points, slopes, jacs)
+        second_order(p, costate, 0.4, SUBSTEPS, points, slopes, jacs, hess)
+        advance(p, state, thrusts, 0.4, SUBSTEPS, plain)
+        value, jacobian, curve = (
+            np.array(x) for x in reference(state, thrusts, 0.4, weather, costate)
+        )
+        assert out == pytest.approx(value.ravel(), abs=1e-10)
+        assert plain == pytest.approx(out, abs=1e-12)
+        assert sens == pytest.approx(jacobian, abs=1e-10)
+        assert hess == pytest.approx(curve, abs=1e-9)
+
+
+@given(st.integers(0, 2**31), st.integers(1, 8))
+def test_the_recursion_solves_the_optimality_conditions(seed, n):
+    """Against one dense linear system of the same problem."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(n, 9, 9))
+    hess = root @ root.transpose(0, 2, 1) + 0.1 * np.eye(9)
+    terminal = np.eye(6)
+    grad, end = rng.normal(size=(n, 9)), rng.normal(size=6)
+    a, b, c = (
+        rng.normal(size=(n, 6, 6)) * 0.5,
+        rng.normal(size=(n, 6, 3)),
+        rng.normal(size=(n, 6)),
+    )
+    p, gain, chol = np.empty((n + 1, 6, 6)), np.empty((n, 3, 6)), np.zeros((n, 3, 3))
+    assert factorise(hess, terminal, a, b, p, gain, chol)
+    dx, dw, costate = np.empty((n + 1, 6)), np.empty((n, 3)), np.empty((n + 1, 6))
+    solve(grad, end, a, b, c, p, gain, chol, dx, dw, costate)
+    assert dx[0] == pytest.approx(np.zeros(6))
+    for k in range(n):
+        y = np.concatenate([dx[k], dw[k]])
+        slope = hess[k] @ y + grad[k]
+        assert dx[k + 1] == pytest.approx(a[k] @ dx[k] + b[k] @ dw[k] + c[k], abs=1e-8)
+        assert slope[6:] + b[k].T @ costate[k + 1] == pytest.approx(np.zeros(3), abs=1e-6)
+        if k > 0:
+            assert slope[:6] + a[k].T @ costate[k + 1] == pytest.approx(costate[k], abs=1e-6)
+    assert terminal @ dx[n] + end == pytest.approx(costate[n], abs=1e-6)
+
+
+def test_an_indefinite_problem_is_refused():
+    hess = -np.ones((1, 9, 9))
+    out = np.empty((2, 6, 6)), np.empty((1, 3, 6)), np.zeros((1, 3, 3))
+    assert not factorise(hess, np.zeros((6, 6)), np.zeros((1, 6, 6)), np.zeros((1, 6, 3)), *out)
+
+
+SETS = [rectangle((0, 5), (0, 5), (1, 2)), rectangle((0, 5), (5, 10), (1, 2))]
+STARTS = {
+    "ahead": (-10, 2.5, 0, 0, 0, 0),
+    "near": (-3, 2.5, 0, 1.5, 0, 0),
+    "rim": (-15, 2.5, 0, 1.5, 0, 0),
+    "inside": (2.5, 2.5, 0.3, 1.2, 0, 0),
+    "beside": (2.0, -6.0, 0.5, 1.0, 0, 0),
+    "far": (-100, 2.5, 0, 0, 0, 0),
+    "passing": (-2, 1.0, 0.8, 2.0, 0.1, -0.2),
+}
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_the_fast_path_s_first_input_is_the_oracle_s(name):
+    """Within 1 % of the thrust range, for the paper's problem in form D."""
+    vessel = PRESETS["benchmark"]
+    settings = paper_settings()
+    controller = Controller(vessel, SETS, settings)
+    state = np.array(STARTS[name], dtype=float)
+    situation = Situation(state=tuple(state), target=0, ahead=SETS, aims=SETS)
+    horizon = dual(situation, settings, controller.shape).horizon
+    guess = controller.roll_out(state)
+    fast = FastSolver(vessel, controller.shape).solve(state, horizon, np.zeros(4), guess)
+    oracle = CasadiSolver(build(vessel, controller.shape), "ipopt")
+    exact = oracle.solve(state, horizon, np.zeros(4), guess)
+    assert fast.solved
+    assert exact.solved
+    assert fast.cost == pytest.approx(exact.cost, rel=1e-3, abs=1e-4)
+    reach = vessel.thrust_max_n - vessel.thrust_min_n
+    assert np.abs(np.subtract(fast.plan.first_input, exact.plan.first_input)).max() < 0.01 * reach
+
+
+def test_free_durations_agree_with_the_oracle():
+    vessel = PRESETS["benchmark"]
+    shape = HorizonShape(stages=32)
+    cells = [rectangle((5 * i, 5 * i + 5), (0, 5), (1, 2)) for i in range(10)]
+    state = np.array([-6.0, 2.0, 0.1, 1.2, 0, 0])
+    situation = Situation(state=tuple(state), target=0, ahead=cells, aims=cells, cruise_thrust_n=15)
+    proposal = lookahead(situation, ControlSettings(), shape)
+    fast = FastSolver(vessel, shape).solve(state, proposal.horizon, np.zeros(4), proposal.start)
+    oracle = CasadiSolver(build(vessel, shape), "ipopt")
+    exact = oracle.solve(state, proposal.horizon, np.zeros(4), proposal.start)
+    assert fast.solved
+    assert exact.solved
+    assert fast.cost == pytest.approx(exact.cost, rel=1e-3)
+    assert fast.plan.duration_s == pytest.approx(exact.plan.duration_s, rel=1e-2)
+
+
+def test_a_hopeless_start_is_a_status_and_not_an_exception():
+    vessel = PRESETS["benchmark"]
+    shape = HorizonShape(stages=15)
+    controller = Controller(vessel, SETS, paper_settings())
+    state = np.array([0.0, 0, 0, 1e6, 1e6, 1e6])
+    situation = Situation(state=tuple(state), target=0, ahead=SETS, aims=SETS)
+    horizon = dual(situation, paper_settings(), shape).horizon
+    guess = controller.roll_out(np.zeros(6))
+    solution = FastSolver(vessel, shape).solve(state, horizon, np.zeros(4), guess)
+    assert solution.status in (Status.NOT_CONVERGED, Status.FEASIBLE)

@@ -1,0 +1,281 @@
+"""What the maps are given in, accepted and read back by other people's readers."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import netCDF4
+import numpy as np
+import pyogrio
+import pytest
+import rasterio
+import shapely
+from click.testing import CliRunner
+from compliance_checker.runner import CheckSuite, ComplianceChecker
+from conftest import FRAME
+from rasterio.warp import transform
+from rio_cogeo.cogeo import cog_validate
+
+from grebe.cli.main import grebe
+from grebe.core.errors import InputError
+from grebe.core.quantities import QUANTITIES
+from grebe.core.samples import Flag
+from grebe.io.export.contours import contour_lines, write_contours
+from grebe.io.export.geotiff import write_geotiff
+from grebe.io.export.netcdf import write_netcdf
+from grebe.io.readers.depth import read_depth
+from grebe.mapping.difference import difference
+from grebe.mapping.drift import combined, inflow, linear
+from grebe.mapping.grid import make_grid
+from grebe.mapping.maps import Mapper, MapSettings
+from grebe.report.texts import LANGUAGES, texts_of
+from grebe.report.thresholds import read_profile
+
+WATER = shapely.Polygon([(0, 0), (100, 0), (100, 60), (0, 100)]).difference(
+    shapely.box(40, 30, 60, 50)
+)
+PROFILE = read_profile(None)
+
+
+def made(shift=0.0, seed=0, settings=None):
+    rng = np.random.default_rng(seed)
+    positions = rng.uniform(0, 100, (150, 2))
+    values = 4.9 + shift + np.sin(positions[:, 0] / 30) + rng.normal(0, 0.05, 150)
+    mapper = Mapper(WATER, make_grid(WATER, 2.5), settings or MapSettings(method="kriging"))
+    flags = np.full(150, Flag.GOOD)
+    return mapper.map_quantity(QUANTITIES[1], positions, values, flags)
+
+
+@pytest.fixture(scope="module")
+def oxygen():
+    return made()
+
+
+def test_cf_s_checker_accepts_the_netcdf(oxygen, tmp_path):
+    path = tmp_path / "map.nc"
+    fields = {each.name: each.probability(oxygen) for each in PROFILE.of(oxygen)}
+    key = oxygen.quantity.key
+    write_netcdf(
+        path, [oxygen], FRAME, {"title": "t", "source": "s", "history": "h", "comment": "c"},
+        {key: fields}, {key: oxygen.draws(3)},
+    )  # fmt: skip
+    CheckSuite.load_all_available_checkers()
+    passed, errors = ComplianceChecker.run_checker(
+        str(path), ["cf:1.8"], 0, "strict", output_filename=str(tmp_path / "out.txt"),
+        output_format="text",
+    )  # fmt: skip
+    assert passed, (tmp_path / "out.txt").read_text()
+    assert not errors
+    with netCDF4.Dataset(path) as file:
+        assert file[f"{key}_draw"].shape == (3, *oxygen.mean.shape)
+        concern = file[f"{key}_concern_1"][:].filled(np.nan)
+        assert np.nanmin(concern) >= 0
+        assert np.nanmax(concern) <= 1
+
+
+def test_the_geotiff_is_cloud_optimized_and_lies_where_the_map_does(oxygen, tmp_path):
+    path = tmp_path / "oxygen.tif"
+    write_geotiff(path, oxygen, FRAME, {"P(x)": oxygen.exceedance(5.0)})
+    valid, errors, _ = cog_validate(path, strict=True, quiet=True)
+    assert valid, errors
+    with rasterio.open(path) as file:
+        assert file.descriptions == ("mean", "sd", "P(x)")
+        # A value asked for at a longitude and latitude is the map's there.
+        rows, columns = np.nonzero(oxygen.grid.inside)
+        for i in (0, len(rows) // 2, len(rows) - 1):
+            place = (oxygen.grid.north[rows[i]], oxygen.grid.east[columns[i]])
+            lon, lat = FRAME.to_wgs84(place)
+            x, y = transform("EPSG:4326", file.crs, [lon], [lat])
+            mean, sd, probability = next(file.sample([(x[0], y[0])]))
+            assert mean == pytest.approx(oxygen.mean[rows[i], columns[i]], abs=1e-5)
+            assert sd == pytest.approx(oxygen.sd[rows[i], columns[i]], abs=1e-5)
+            assert probability == pytest.approx(
+                oxygen.exceedance(5.0)[rows[i], columns[i]], abs=1e-5
+            )
+        x, y = transform("EPSG:4326", file.crs, *FRAME.to_wgs84([[50.0, 40.0]]).T)
+        assert next(file.sample([(x[0], y[0])]))[0] == file.nodata
+
+
+def test_ogr_reads_the_contours(oxygen, tmp_path):
+    path = tmp_path / "contours.gpkg"
+    write_contours(path, [oxygen], FRAME)
+    meta, _, blobs, (levels,) = pyogrio.raw.read(path, layer=oxygen.quantity.key)
+    assert meta["crs"] == "EPSG:4326"
+    lines = FRAME.geometry_to_local(shapely.from_wkb(blobs)[0])
+    assert len(levels) == len(contour_lines(oxygen)) > 3
+    north, east = shapely.get_coordinates(lines)[0]
+    row = int(np.argmin(abs(oxygen.grid.north - north)))
+    column = int(np.argmin(abs(oxygen.grid.east - east)))
+    assert oxygen.mean[row, column] == pytest.approx(levels[0], abs=0.15)
+    assert [one.name for one in tmp_path.iterdir()] == ["contours.gpkg"]
+
+
+def test_a_full_disk_leaves_nothing_behind(oxygen, tmp_path):
+    blocked = tmp_path / "no such folder" / "x.tif"
+    with pytest.raises(InputError, match="cannot be written"):
+        write_geotiff(blocked, oxygen, FRAME, {})
+    with pytest.raises(InputError, match="cannot be written"):
+        write_contours(tmp_path / "no such folder" / "c.gpkg", [oxygen], FRAME)
+
+
+def test_the_probability_of_exceeding_is_that_of_the_normal_distribution(oxygen):
+    inside = oxygen.grid.inside
+    assert oxygen.exceedance(-1e9)[inside] == pytest.approx(1.0)
+    assert oxygen.exceedance(1e9)[inside] == pytest.approx(0.0)
+    row, column = np.argwhere(inside)[50]
+    level = oxygen.mean[row, column] + 1.96 * oxygen.sd[row, column]
+    assert oxygen.exceedance(level)[row, column] == pytest.approx(0.025, abs=1e-4)
+    assert np.isnan(oxygen.exceedance(5.0)[~inside]).all()
+
+
+def test_a_drift_carries_the_map_beyond_the_samples():
+    rng = np.random.default_rng(3)
+    positions = rng.uniform(0, 50, (80, 2))
+    values = 0.1 * positions[:, 0] + rng.normal(0, 0.02, 80)
+    flags = np.full(80, Flag.GOOD)
+    water = shapely.box(0, 0, 100, 50)
+    results = []
+    for drift in (None, combined([linear])):
+        mapper = Mapper(water, make_grid(water, 5.0), MapSettings(method="kriging", drift=drift))
+        one = mapper.map_quantity(QUANTITIES[0], positions, values, flags)
+        results.append(np.nanmax(one.mean))
+    assert results[1] == pytest.approx(9.75, abs=0.5)
+    assert results[0] < 9.0
+    assert inflow((0.0, 0.0))(np.array([[3.0, 4.0], [0.0, 0.1]])) == pytest.approx(
+        np.array([[np.log(5.0)], [0.0]])
+    )
+
+
+def test_a_bathymetry_carries_the_map(tmp_path):
+    """The depth grows to the north, and so does the quantity, beyond what was sampled."""
+    path = tmp_path / "depth.tif"
+    north = np.arange(99.5, 0, -1.0)
+    depth = np.repeat((north / 10)[:, None], 60, axis=1).astype("float32")
+    depth[:5] = -1.0
+    with rasterio.open(
+        path, "w", driver="GTiff", height=100, width=60, count=1, dtype="float32", nodata=-1.0,
+        crs=FRAME.definition, transform=rasterio.Affine(1, 0, 0, 0, -1, 100),
+    ) as file:  # fmt: skip
+        file.write(depth, 1)
+    at = read_depth(path, FRAME)
+    places = np.array([[20.5, 30.5], [60.25, 10.0], [99.5, 30.0]])
+    assert at(places)[:, 0] == pytest.approx([2.05, 6.025, 9.45], abs=1e-3)
+    rng = np.random.default_rng(1)
+    positions = rng.uniform(0, [50, 60], (100, 2))
+    values = 0.5 * positions[:, 0] / 10 + rng.normal(0, 0.02, 100)
+    water = shapely.box(0, 0, 90, 60)
+    mapper = Mapper(water, make_grid(water, 5.0), MapSettings(drift=combined([at])))
+    one = mapper.map_quantity(QUANTITIES[0], positions, values, np.full(100, Flag.GOOD))
+    assert np.nanmax(one.mean) == pytest.approx(4.4, abs=0.3)
+
+
+def test_a_raster_that_is_none_is_named(tmp_path):
+    path = tmp_path / "depth.tif"
+    path.write_text("no raster")
+    with pytest.raises(InputError, match=r"depth\.tif"):
+        read_depth(path, FRAME)
+
+
+def test_a_difference_knows_what_is_clear(oxygen):
+    later = made(shift=0.5, seed=7)
+    change = difference(oxygen, later)
+    inside = oxygen.grid.inside
+    assert change.mean[inside].mean() == pytest.approx(0.5, abs=0.05)
+    assert change.clear[inside].mean() > 0.9
+    assert difference(oxygen, made(seed=9)).clear[inside].mean() < 0.15
+    with pytest.raises(ValueError, match="one quantity"):
+        difference(oxygen, Mapper(WATER, make_grid(WATER, 5.0)).map_quantity(
+            QUANTITIES[1], oxygen.positions, oxygen.values, np.full(150, 1)))  # fmt: skip
+
+
+def test_the_languages_say_the_same_things():
+    english, french = (texts_of(one).table for one in LANGUAGES)
+    assert set(english) == set(french)
+    assert set(english["labels"]) == set(french["labels"]) == {q.key for q in QUANTITIES}
+    assert set(english["tests"]) == set(french["tests"])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[[threshold]]\nquantity = 'salt'\nvalue = 1\nsense = 'above'\nlabel = ''\ncitation = ''",
+        "[[threshold]]\nquantity = 'ph'\nvalue = 'x'\nsense = 'above'\nlabel = ''\ncitation = ''",
+        "[[threshold]]\nquantity = 'ph'\nvalue = 1\nsense = 'over'\nlabel = ''\ncitation = ''",
+        "[[threshold]]\nquantity = 'ph'",
+        "threshold = 3",
+        "[[threshold",
+    ],
+)
+def test_a_profile_that_is_wrong_is_named(tmp_path, text):
+    path = tmp_path / "profile.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"profile\.toml"):
+        read_profile(path)
+
+
+def test_a_label_is_a_text_or_one_for_each_language(tmp_path):
+    row = 'quantity = "ph"\nvalue = 9.0\nsense = "above"\ncitation = "none"\n'
+    path = tmp_path / "profile.toml"
+    path.write_text(f'[[threshold]]\n{row}label = "too much"\n')
+    (plain,) = read_profile(path).thresholds
+    assert plain.label("fr") == "too much"
+    path.write_text(f'[[threshold]]\n{row}label.en = "too much"\nlabel.fr = "trop"\n')
+    (both,) = read_profile(path).thresholds
+    assert (both.label("en"), both.label("fr")) == ("too much", "trop")
+    assert all(set(each.labels) == set(LANGUAGES) for each in PROFILE.thresholds)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """The demo's survey file, made as a user does."""
+    out = tmp_path_factory.mktemp("demo")
+    command = [sys.executable, "-c", "from grebe.cli.main import main; main()"]
+    subprocess.run([*command, "demo", "--out", str(out)], check=True, capture_output=True)
+    return out
+
+
+def run(*arguments):
+    done = CliRunner().invoke(grebe, [str(one) for one in arguments])
+    if done.exception and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_the_demo_s_maps_and_the_reports_of_it(demo):
+    names = {path.name for path in (demo / "maps").iterdir()}
+    assert {"map.nc", "contours.gpkg", *(f"{q.key}.tif" for q in QUANTITIES)} <= names
+    page = (demo / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2 + len(QUANTITIES)
+    assert "http://" not in page
+    profile = demo / "strict.toml"
+    profile.write_text(
+        "name = 'strict'\n[[threshold]]\nquantity = 'temperature_degc'\nvalue = 15\n"
+        "sense = 'above'\nlabel = 'cold water'\ncitation = 'ours'\n"
+    )
+    french = demo / "fr.html"
+    run("report", demo / "survey.gpkg", "-o", french, "--language", "fr", "--profile", profile)
+    text = french.read_text()
+    assert "Température : 100% de la surface est probablement au-dessus de 15" in text
+    assert "Contrôle de qualité" in text
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser is installed")
+def test_a_report_is_printed(demo):
+    out = demo / "r.html"
+    result = json.loads(run("report", demo / "survey.gpkg", "-o", out, "--pdf", "--json"))
+    assert (demo / "r.pdf").read_bytes().startswith(b"%PDF")
+    assert result["pdf"] == str(demo / "r.pdf")
+
+
+@pytest.mark.slow
+def test_a_difference_of_a_survey_with_itself_is_nothing(demo):
+    file, out = demo / "survey.gpkg", demo / "diff"
+    rows = json.loads(run("diff", file, file, "--out", out, "--resolution", 4, "--json"))
+    assert len(rows) == len(QUANTITIES)
+    for key, row in rows.items():
+        assert row["mean_difference"] == 0.0
+        assert row["changed_share"] == 0.0
+        assert (out / f"{key}_difference.tif").exists()

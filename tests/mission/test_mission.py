@@ -1,0 +1,190 @@
+"""Whole missions in simulation: what is recorded is what happened."""
+
+import numpy as np
+import pytest
+from conftest import NOON, square_survey
+
+from grebe.control.controller import Controller, model_substeps
+from grebe.control.settings import ControlSettings, settings_for
+from grebe.core.dynamics import Weather, rates, rk4
+from grebe.core.errors import InputError, LinkError, PlanError, SurveyFileError
+from grebe.core.survey import Survey
+from grebe.io.store import SurveyFile
+from grebe.links.simulated import SimulatedLink
+from grebe.mission.loop import Mission
+from grebe.simulation.plant import Plant
+from grebe.simulation.sonde import Sonde
+from grebe.simulation.water import free_water
+from grebe.workflow.simulated_mission import SimulationSettings, simulate
+
+
+def new_file(tmp_path, **size):
+    return SurveyFile.create(tmp_path / "s.gpkg", square_survey(**size), meta={}, force=True)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A mission of nine cells in still water, and its file."""
+    file = new_file(tmp_path_factory.mktemp("flown"), side_m=30.0)
+    report = simulate(file, ControlSettings(), SimulationSettings(), NOON)
+    yield file, report
+    file.close()
+
+
+def test_every_cell_is_reached_with_every_step_solved(flown):
+    file, report = flown
+    assert report.complete
+    assert report.unsolved_steps == 0
+    assert file.progress().reached == 9
+    assert min(file.progress().sample_counts) >= 1
+
+
+def test_every_sample_lies_in_its_set_and_its_speed_window(flown):
+    file, _ = flown
+    samples = file.samples()
+    for place, seq, speed in zip(
+        samples.positions, samples.target_seq, samples.speed_mps, strict=True
+    ):
+        target = file.survey.targets[seq - 1].set
+        assert target.footprint_distance(*place) < 1e-6
+        assert target.allows(speed)
+
+
+def test_the_logged_thrusts_through_the_model_give_the_logged_track(flown):
+    file, _ = flown
+    track = file.track()
+    boat = file.survey.vessel
+    for k in range(len(track) - 1):
+        duration = track.seconds[k + 1] - track.seconds[k]
+        z = rk4(
+            lambda s, k=k: rates(boat, s, track.thrusts[k]),
+            track.states[k],
+            duration,
+            10 * model_substeps(boat, duration),
+        )
+        assert track.states[k + 1] == pytest.approx(z, abs=2e-3)
+
+
+def test_logged_thrusts_keep_the_boat_s_limits(flown):
+    file, _ = flown
+    boat = file.survey.vessel
+    assert file.track().thrusts.max() <= boat.thrust_max_n
+    assert file.track().thrusts.min() >= boat.thrust_min_n
+
+
+def test_a_flown_survey_is_not_flown_again_by_accident(flown):
+    file, _ = flown
+    with pytest.raises(SurveyFileError, match="--resume"):
+        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["dual", "lookahead"])
+def test_an_unknown_current_does_not_stop_the_mission(tmp_path, rule):
+    world = SimulationSettings(weather=Weather(current_north_mps=0.2, current_east_mps=-0.2))
+    with new_file(tmp_path, side_m=30.0) as file:
+        assert simulate(file, settings_for(rule), world, NOON).complete
+
+
+class Stopping:
+    """A link that fails after so many estimates, as a lost radio does."""
+
+    def __init__(self, inner, after):
+        self.inner, self.after, self.closed = inner, after, False
+
+    def observe(self):
+        self.after -= 1
+        if self.after < 0:
+            raise LinkError("the radio is gone")
+        return self.inner.observe()
+
+    def command(self, thrusts):
+        self.inner.command(thrusts)
+
+    def measure(self):
+        return self.inner.measure()
+
+    def close(self):
+        self.closed = True
+        self.inner.close()
+
+
+def test_a_mission_that_is_cut_off_can_be_resumed(tmp_path):
+    with new_file(tmp_path, side_m=30.0) as file:
+        survey = file.survey
+        plant = Plant(survey.vessel, survey.start.at_rest())
+        sonde = Sonde(free_water(survey.water.bounds, 1), 1)
+        link = Stopping(SimulatedLink(plant, sonde), 100)
+        with pytest.raises(LinkError):
+            Mission(file, Controller(survey.vessel, survey.sets), link, NOON).run()
+        assert link.closed
+        reached, samples = file.progress().reached, len(file.samples())
+        assert 0 < reached < 9
+        report = simulate(file, ControlSettings(), SimulationSettings(), NOON, resume=True)
+        assert report.complete
+        assert file.progress().reached == 9
+        assert len(file.samples()) > samples
+        assert np.all(np.diff(file.track().seconds) > 0)
+
+
+def test_a_complete_mission_is_not_prolonged_by_resuming(flown):
+    file, _ = flown
+    samples, events = len(file.samples()), len(file.events())
+    report = simulate(file, ControlSettings(), SimulationSettings(), NOON, resume=True)
+    assert report.complete
+    assert (len(file.samples()), len(file.events())) == (samples, events)
+
+
+def test_two_missions_cannot_share_a_file(tmp_path):
+    with new_file(tmp_path) as first, SurveyFile.open(first.path) as second:
+        first.claim()
+        with pytest.raises(SurveyFileError, match="another mission"):
+            second.claim()
+
+
+def test_most_of_the_way_is_measured(flown):
+    """One reading a second, and the boat is within its window for most of them."""
+    _, report = flown
+    assert report.samples > 0.6 * report.duration_s
+
+
+def test_force_forgets_nothing_before_the_new_mission_can_start(tmp_path):
+    with new_file(tmp_path) as file:
+        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+        samples = len(file.samples())
+        lost = SimulationSettings(water_from=tmp_path / "none.csv")
+        with pytest.raises(InputError):
+            simulate(file, ControlSettings(), lost, NOON, force=True)
+        assert len(file.samples()) == samples > 0
+        again = simulate(file, ControlSettings(), SimulationSettings(), NOON, force=True)
+        assert again.samples == len(file.samples()) == samples
+
+
+def test_an_unreachable_target_ends_the_mission_as_incomplete(tmp_path):
+    """A current faster than the boat: it is carried off, and the mission gives up."""
+    world = SimulationSettings(weather=Weather(current_north_mps=-4.0))
+    with new_file(tmp_path) as file:
+        report = simulate(file, ControlSettings(), world, NOON)
+        assert not report.complete
+        assert file.events()[-1].code == "target_not_reached"
+
+
+def test_a_survey_without_targets_cannot_be_flown(tmp_path):
+    planned = square_survey()
+    bare = Survey(name="bare", frame=planned.frame, water=planned.water)
+    with (
+        SurveyFile.create(tmp_path / "b.gpkg", bare, meta={}, force=True) as file,
+        pytest.raises(PlanError, match="no targets"),
+    ):
+        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+
+
+def test_the_same_seed_gives_the_same_mission(tmp_path):
+    tables = []
+    for name in ("a", "b"):
+        survey = square_survey()
+        with SurveyFile.create(tmp_path / name, survey, meta={}, force=True) as file:
+            simulate(file, ControlSettings(), SimulationSettings(seed=5), NOON)
+            tables.append(file.samples())
+    assert np.array_equal(tables[0].positions, tables[1].positions)
+    assert np.array_equal(tables[0].values["ph"], tables[1].values["ph"])

@@ -1,0 +1,59 @@
+"""Figures 4 to 6, and the study of the paper's claim."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from conftest import DATA
+
+from grebe.cli.main import grebe
+from grebe.core.errors import UsageError
+from grebe.paper import claim
+from grebe.paper.hand_driven import HAND_FIGURES, HandDriven
+
+TRACK = DATA / "tracks" / "China-catabot-20200915.csv"
+pytestmark = pytest.mark.skipif(not TRACK.exists(), reason="the real tracks are not here")
+
+
+@pytest.fixture(scope="module")
+def hand():
+    return HandDriven.read(TRACK)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(HAND_FIGURES))
+def test_each_figure_shows_what_it_must(tmp_path, hand, name):
+    made = HAND_FIGURES[name](tmp_path, hand)
+    assert made.holds, made.checks
+    assert made.picture.exists()
+
+
+def test_the_settled_samples_alone_count(hand):
+    assert np.isnan(hand.good["ph"][:50]).all()
+    assert np.isfinite(hand.raw.values["ph"][:50]).all()
+    assert hand.duration_s == pytest.approx(3797, abs=1)
+
+
+@pytest.mark.slow
+def test_the_same_water_is_sampled_both_ways(hand):
+    """One water: the planned survey of the same duration makes the better map, mostly."""
+    ways = claim.ways(hand)
+    driven, timed, length = ways
+    assert timed.duration_s <= driven.duration_s
+    assert length.length_m == pytest.approx(driven.length_m, rel=0.2)
+    scores = list(claim.measure(hand, ways, seeds=1))
+    assert len(scores) == 3 * 4
+    rows = claim.summary(scores)
+    base = [row["rmse"] for row in rows if row["way"] == driven.way]
+    better = [row["rmse"] for row in rows if row["way"] == timed.way]
+    assert np.mean(np.array(better) < np.array(base)) > 0.5
+
+
+def test_the_command_asks_for_a_track(tmp_path):
+    done = CliRunner().invoke(grebe, ["paper", "fig5", "--out", str(tmp_path)])
+    assert isinstance(done.exception, UsageError)
+    made = CliRunner().invoke(
+        grebe, ["paper", "fig4", "--track", str(TRACK), "--out", str(tmp_path), "--json"]
+    )
+    assert json.loads(made.stdout)[0]["figure"] == "fig4"
