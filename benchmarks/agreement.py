@@ -10,7 +10,7 @@ from grebe.control.ocp import build
 from grebe.control.settings import paper_settings
 from grebe.control.solvers.base import CasadiSolver
 from grebe.control.solvers.fast.solver import FastSolver
-from grebe.mission.flight import FlightSettings, GrebePilot, fly
+from grebe.mission.trial import Conditions, fly
 
 # The solver was tuned on the first sample; the second was not looked at before.
 SEEDS = (7, 11)
@@ -49,7 +49,7 @@ def _compared(instances: int, seed: int) -> dict[str, int]:
         controller._solver = recorder
         place = rng.uniform(-60, 60, 2)
         start = (*place, rng.uniform(-np.pi, np.pi), 0, 0, 0)
-        fly(BOAT, CELLS, GrebePilot(controller), start, FlightSettings(limit_s=80, observe=False))
+        fly(BOAT, CELLS, controller, start, Conditions(limit_s=80, observes=False))
         asked += recorder.asked
     chosen = [asked[i] for i in rng.choice(len(asked), instances, replace=False)]
     shape = chosen[0][1].shape

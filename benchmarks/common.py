@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.control.controller import Controller
+from grebe.control.controller import Command, Controller, StepStatus
 from grebe.control.settings import settings_for
 from grebe.core.vessel import PRESETS
-from grebe.mission.flight import Flight, FlightSettings, GrebePilot, fly, meander
+from grebe.mission.trial import Conditions, Trial, fly, meander
 
 BOAT = PRESETS["benchmark"]
 START = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)
 CELLS = meander()
 
 
-def grebe_flight(rule: str, solver: str = "fast", boat=BOAT, cells=CELLS, start=START) -> Flight:
+def grebe_flight(rule: str, solver: str = "fast", boat=BOAT, cells=CELLS, start=START) -> Trial:
     """Fly with Grebe's controller, compiled and built beforehand."""
     settings = settings_for(rule, solver=solver)
-    warm = GrebePilot(Controller(boat, cells[:2], settings))
-    fly(boat, cells[:2], warm, start, FlightSettings(limit_s=5.0))
-    return fly(boat, cells, GrebePilot(Controller(boat, cells, settings)), start)
+    warm = Controller(boat, cells[:2], settings)
+    fly(boat, cells[:2], warm, start, Conditions(limit_s=5.0))
+    return fly(boat, cells, Controller(boat, cells, settings), start)
+
+
+def told(thrusts, reached: int, *, solved: bool = True) -> Command:
+    """A peer's answer: thrusts until the next step, no plan behind them."""
+    status = StepStatus.SOLVED if solved else StepStatus.LAST_PLAN
+    return Command(thrusts=thrusts, plan=None, status=status, target=reached, split=0)
 
 
 def print_row(*cells: object) -> None:

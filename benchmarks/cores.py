@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 from benchmarks.common import print_head, print_row
 from benchmarks.planning import BOAT, FRAME, lake
 from grebe.control.controller import Controller
-from grebe.mission.flight import FlightSettings, GrebePilot, fly
+from grebe.mission.trial import Conditions, fly
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.planning.settings import PlanSettings
@@ -39,13 +39,10 @@ def cores() -> None:
     for name, settings in WAYS.items():
         planned = plan(region, BOAT, settings)
         survey = planned.survey
-        pilot = GrebePilot(Controller(BOAT, survey.sets, corridors=survey.corridors))
-        flight = fly(
-            BOAT, survey.sets, pilot, survey.start.at_rest(), FlightSettings(limit_s=5_000)
-        )
+        pilot = Controller(BOAT, survey.sets, corridors=survey.corridors)
+        flight = fly(BOAT, survey.sets, pilot, survey.start.at_rest(), Conditions(limit_s=5_000))
         assert flight.complete
-        track = np.array(flight.track)[::10]
-        samples = track[(track[:, 4] >= 1.0) & (track[:, 4] <= 2.0), 1:3]
+        samples = flight.sampled
         spread = [_mean_sd(samples, region.water, one) for one in RANGES_M]
         print_row(
             name, len(survey.targets), f"{planned.numbers.time_s:.0f}",

@@ -12,10 +12,10 @@ import warnings
 import casadi as ca
 import numpy as np
 
+from benchmarks.common import told
 from grebe.control.rules.base import split_stage
 from grebe.control.settings import ControlSettings
 from grebe.core.dynamics import rates, rk4
-from grebe.mission.flight import Steering
 
 FAR = 1e6
 OPEN = np.array([[0.0, 0.0, 0.0, FAR]] * 6)
@@ -30,7 +30,7 @@ class DoMpcPilot:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             self.mpc = self._built(vessel, settings, substeps)
-        self.begun = False
+        self.begun, self.reached, self.vessel = False, 0, vessel
 
     def _built(self, vessel, settings, substeps):
         import do_mpc
@@ -79,7 +79,8 @@ class DoMpcPilot:
         mpc.setup()
         return mpc
 
-    def decide(self, state, reached, weather) -> Steering:
+    def step(self, state, weather, elapsed_s):
+        reached = self.reached
         n = self.settings.horizon
         split = split_stage(self.targets[reached].distance(state), self.settings.epsilon, n)
         current = self.aims[reached].halfspaces
@@ -97,9 +98,7 @@ class DoMpcPilot:
             self.mpc.set_initial_guess()
             self.begun = True
         port, starboard = self.mpc.make_step(z).ravel().tolist()
-        return Steering(
-            thrusts_at=lambda _: (port, starboard), solved=bool(self.mpc.solver_stats["success"])
-        )
+        return told((port, starboard), reached, solved=bool(self.mpc.solver_stats["success"]))
 
 
 def _excess(rows, z):

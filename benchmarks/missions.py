@@ -6,7 +6,7 @@ from benchmarks.common import BOAT, CELLS, START, grebe_flight, print_head, prin
 from benchmarks.optimum import optimum
 from benchmarks.peers import LineOfSightPilot, set_point_controller
 from grebe.control.settings import paper_settings
-from grebe.mission.flight import GrebePilot, fly
+from grebe.mission.trial import fly
 from grebe.paper.scenes import exploration
 
 
@@ -28,7 +28,7 @@ def _table(name, boat, cells, start) -> None:
     best, worst, solved = optimum(boat, cells, lookahead, 3, held=True)
     finer, _, finer_solved = optimum(boat, cells, lookahead, 6, held=True)
     set_point = set_point_controller(boat, cells, paper_settings())
-    flights["set-point NMPC on the centres"] = fly(boat, cells, GrebePilot(set_point), start)
+    flights["set-point NMPC on the centres"] = fly(boat, cells, set_point, start)
     for label, stopping in (
         ("waypoints, line of sight, PID", False),
         ("the same, stopping at each turn", True),
@@ -43,7 +43,7 @@ def _table(name, boat, cells, start) -> None:
     )
     for label, flight in flights.items():
         over = f"{flight.duration_s / best:.3f}" if flight.complete else "-"
-        print_row(label, f"{flight.reached} of {flight.targets}", f"{flight.duration_s:.1f}", over)
+        print_row(label, flight.arrivals, f"{flight.duration_s:.1f}", over)
     print(
         f"\nOptimum {best:.1f} s (converged: {solved}, largest violation of a set {worst:.1e}); "
         f"with half the integration step {finer:.1f} s (converged: {finer_solved})."

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from benchmarks.common import told
 from grebe.control.controller import Controller
 from grebe.control.horizon import Horizon
 from grebe.control.rules.base import Decision, Proposal, Situation
-from grebe.mission.flight import Steering
 
 
 class LineOfSightPilot:
@@ -30,12 +30,13 @@ class LineOfSightPilot:
         self.speed = 0.5 * (targets[0].speed_min_mps + targets[0].speed_max_mps)
         self.integral = 0.0
         self.previous = None
-        self.reached = -1
+        self.reached, self.heading_for = 0, -1
 
-    def decide(self, state, reached, weather):
-        if reached != self.reached:
+    def step(self, state, weather, elapsed_s):
+        reached = self.reached
+        if reached != self.heading_for:
             self.previous = self.targets[reached - 1].centre if reached else tuple(state[:2])
-            self.reached = reached
+            self.heading_for = reached
         course = self._course(state, self.targets[reached].centre)
         off = math.remainder(course - state[2], 2 * math.pi)
         wanted = self.speed * max(0.0, math.cos(off))
@@ -51,7 +52,7 @@ class LineOfSightPilot:
             float(np.clip(common + rate, low, high)),
             float(np.clip(common - rate, low, high)),
         )
-        return Steering(thrusts_at=lambda _: thrusts)
+        return told(thrusts, reached)
 
     def _course(self, state, goal) -> float:
         (x0, y0), (x1, y1) = self.previous, goal

@@ -10,10 +10,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from benchmarks.common import told
 from grebe.control.rules.base import split_stage
 from grebe.control.settings import ControlSettings
 from grebe.core.dynamics import rates, rk4
-from grebe.mission.flight import Steering
 
 
 class RebuiltPilot:
@@ -21,7 +21,7 @@ class RebuiltPilot:
         self.vessel, self.targets, self.settings = vessel, targets, settings
         self.step_s = settings.step_s
         self.aims = [t.shrunk(settings.margin_m, settings.speed_margin_mps) for t in targets]
-        self.guess = None
+        self.guess, self.reached = None, 0
         z, inputs = ca.SX.sym("z", 6), ca.SX.sym("F", 2)
         after = rk4(
             lambda s: rates(vessel, s, ca.vertsplit(inputs), cos=ca.cos, sin=ca.sin),
@@ -31,7 +31,8 @@ class RebuiltPilot:
         )
         self.model = ca.Function("model", [z, inputs], [ca.vertcat(*after)])
 
-    def decide(self, state, reached, weather):
+    def step(self, state, weather, elapsed_s):
+        reached = self.reached
         n, vessel, settings = self.settings.horizon, self.vessel, self.settings
         distance = self.targets[reached].distance(state)
         split = split_stage(distance, settings.epsilon, n)
@@ -70,4 +71,4 @@ class RebuiltPilot:
         states, thrusts = np.array(read(x)), np.array(read(f))
         self.guess = (states, thrusts) if solved else None
         first = tuple(np.clip(thrusts[:, 0], vessel.thrust_min_n, vessel.thrust_max_n).tolist())
-        return Steering(thrusts_at=lambda _: first, solved=solved)
+        return told(first, reached, solved=solved)

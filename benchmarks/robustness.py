@@ -10,7 +10,8 @@ from benchmarks.common import BOAT, print_head, print_row
 from grebe.control.controller import Controller
 from grebe.control.settings import settings_for
 from grebe.core.dynamics import Weather
-from grebe.mission.flight import FlightSettings, GrebePilot, fly, meander
+from grebe.links.simulated import EstimateErrors
+from grebe.mission.trial import Conditions, fly, meander
 
 MISSIONS = 200
 
@@ -29,15 +30,17 @@ def _random_mission(job: tuple[str, float, float, int]) -> tuple[bool, int, int]
     )
     cells = meander(rows=4)
     start = (radius * np.cos(where), radius * np.sin(where), heading, 0, 0, 0)
-    pilot = GrebePilot(Controller(BOAT, cells, settings_for(rule)))
+    pilot = Controller(BOAT, cells, settings_for(rule))
     flight = fly(
         BOAT,
         cells,
         pilot,
         start,
-        FlightSettings(weather=weather, velocity_noise_mps=0.02, seed=seed, limit_s=900),
+        Conditions(
+            weather=weather, errors=EstimateErrors(velocity_mps=0.02), seed=seed, limit_s=900
+        ),
     )
-    return flight.complete, flight.unsolved, len(flight.step_ms)
+    return flight.complete, flight.report.unsolved_steps, len(flight.step_ms)
 
 
 def robustness() -> None:

@@ -18,7 +18,7 @@ from benchmarks.dompc import DoMpcPilot
 from benchmarks.rebuilt import RebuiltPilot
 from grebe.control.controller import model_substeps
 from grebe.control.settings import paper_settings
-from grebe.mission.flight import fly
+from grebe.mission.trial import fly
 
 GET_READY = """
 import time
@@ -56,10 +56,10 @@ def steps() -> None:
         ratios = [b / o for b, o in zip(base, own, strict=True)]
         print_row(
             name,
-            flight.reached,
+            flight.report.reached,
             f"{flight.duration_s:.1f}",
             " / ".join(f"{ms:.2f}" for ms in own),
-            f"{flight.unsolved} of {len(flight.step_ms)}",
+            f"{flight.report.unsolved_steps} of {len(flight.step_ms)}",
             " / ".join(f"{ratio:.1f}" for ratio in ratios),
         )
     seconds = [

@@ -12,6 +12,7 @@ import shapely
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
+from grebe.control.settings import ControlSettings
 from grebe.core.frames import LocalFrame
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Survey
@@ -19,6 +20,8 @@ from grebe.core.vessel import PRESETS
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 from grebe.planning.settings import PlanSettings
+from grebe.workflow.run import run_survey, steered_by
+from grebe.workflow.simulated import SimulatedWorld
 
 settings.register_profile(
     "grebe", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
@@ -32,6 +35,13 @@ TRACKS = DATA / "tracks"
 CHINA = TRACKS / "China-catabot-20200915.csv"
 FRAME = LocalFrame(origin_lon_deg=3.171153, origin_lat_deg=50.636268)
 NOON = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
+
+
+def simulate(file, settings=None, world=None, **how):
+    """Run the mission of a survey file in a simulated world."""
+    helm = steered_by(settings or ControlSettings())
+    return run_survey(file, world or SimulatedWorld(), helm, NOON, **how)
+
 
 needs_data = pytest.mark.skipif(not CHINA.exists(), reason="the real tracks are not here")
 

@@ -24,11 +24,13 @@ if TYPE_CHECKING:
     from grebe.mapping.kriging import krige
     from grebe.mapping.maps import Mapper
     from grebe.mapping.variogram import fit_variogram
-    from grebe.mission.loop import Mission, MissionReport
+    from grebe.mission.loop import Mission
+    from grebe.mission.statistics import MissionReport
     from grebe.planning.planner import plan_survey
     from grebe.planning.region import Region, clean_region
     from grebe.planning.settings import PlanSettings
-    from grebe.workflow.simulated_mission import simulate
+    from grebe.workflow.run import run_survey
+    from grebe.workflow.simulated import SimulatedWorld
 
 _HOME = {
     "BoatLink": "links.base",
@@ -39,10 +41,11 @@ _HOME = {
     "LocalFrame": "core.frames",
     "Mapper": "mapping.maps",
     "Mission": "mission.loop",
-    "MissionReport": "mission.loop",
+    "MissionReport": "mission.statistics",
     "Observation": "links.base",
     "PlanSettings": "planning.settings",
     "Region": "planning.region",
+    "SimulatedWorld": "workflow.simulated",
     "Survey": "core.survey",
     "SurveyFile": "io.store",
     "TargetSet": "core.sets",
@@ -52,7 +55,7 @@ _HOME = {
     "fit_variogram": "mapping.variogram",
     "krige": "mapping.kriging",
     "plan_survey": "planning.planner",
-    "simulate": "workflow.simulated_mission",
+    "run_survey": "workflow.run",
     "vessel_named": "core.vessel",
 }
 
@@ -69,6 +72,7 @@ __all__ = [
     "Observation",
     "PlanSettings",
     "Region",
+    "SimulatedWorld",
     "Survey",
     "SurveyFile",
     "TargetSet",
@@ -78,7 +82,7 @@ __all__ = [
     "fit_variogram",
     "krige",
     "plan_survey",
-    "simulate",
+    "run_survey",
     "vessel_named",
 ]
 

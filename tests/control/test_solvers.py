@@ -12,7 +12,7 @@ from grebe.control.solvers.base import CasadiSolver
 from grebe.control.solvers.fast.solver import FastSolver
 from grebe.core.sets import rectangle
 from grebe.core.vessel import vessel_named
-from grebe.mission.flight import FlightSettings, GrebePilot, fly
+from grebe.mission.trial import Conditions, fly
 
 BOAT = vessel_named("benchmark")
 SETTINGS = paper_settings()
@@ -93,7 +93,7 @@ AWKWARD = {
 @pytest.mark.parametrize("rule", ["dual", "lookahead"])
 def test_awkward_targets_are_reached(rule, targets):
     sets = AWKWARD[targets]
-    pilot = GrebePilot(Controller(BOAT, sets, settings_for(rule)))
-    flight = fly(BOAT, sets, pilot, (-10, 2.5, 0, 0, 0, 0), FlightSettings(limit_s=300))
+    pilot = Controller(BOAT, sets, settings_for(rule))
+    flight = fly(BOAT, sets, pilot, (-10, 2.5, 0, 0, 0, 0), Conditions(limit_s=300))
     assert flight.complete
-    assert flight.unsolved == 0
+    assert flight.report.unsolved_steps == 0

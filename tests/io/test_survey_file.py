@@ -13,7 +13,7 @@ import shapely
 from conftest import NOON, square_survey
 
 from grebe.core.errors import SurveyFileError
-from grebe.core.events import Event, TrackPoint
+from grebe.core.events import LogEntry, Step
 from grebe.core.quantities import QUANTITIES
 from grebe.core.samples import Flag, Sample
 from grebe.io.store import SurveyFile, geopackage
@@ -44,7 +44,8 @@ def sample(i=0, seq=1):
 
 
 def point(i=0):
-    return TrackPoint(
+    return Step(
+        elapsed_s=float(i),
         time=NOON + timedelta(seconds=i),
         state=(1.0 + i, 2.0, 0.1, 1.2, 0.0, 0.01),
         thrusts=(5.0, 6.0),
@@ -151,7 +152,7 @@ def test_reached_targets_stay_reached(survey_file):
 
 
 def test_events_are_kept(survey_file):
-    event = Event(time=NOON, level="warning", code="step_unsolved", message="last plan")
+    event = LogEntry(time=NOON, level="warning", code="step_unsolved", message="last plan")
     survey_file.append_event(event)
     assert survey_file.events() == [event]
 

@@ -2,20 +2,22 @@
 
 import numpy as np
 import pytest
-from conftest import NOON, square_survey
+from conftest import NOON, simulate, square_survey
 
 from grebe.control.controller import Controller, model_substeps
 from grebe.control.settings import ControlSettings, settings_for
 from grebe.core.dynamics import Weather, rates, rk4
 from grebe.core.errors import InputError, LinkError, PlanError, SurveyFileError
+from grebe.core.events import EndReason
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
+from grebe.mission.recorders import SurveyRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import free_water
-from grebe.workflow.simulated_mission import SimulationSettings, simulate
+from grebe.workflow.simulated import SimulatedWorld
 
 
 def new_file(tmp_path, **size):
@@ -26,7 +28,7 @@ def new_file(tmp_path, **size):
 def flown(tmp_path_factory):
     """A mission of nine cells in still water, and its file."""
     file = new_file(tmp_path_factory.mktemp("flown"), side_m=30.0)
-    report = simulate(file, ControlSettings(), SimulationSettings(), NOON)
+    report = simulate(file)
     yield file, report
     file.close()
 
@@ -39,12 +41,16 @@ def test_every_cell_is_reached_with_every_step_solved(flown):
     assert min(file.progress().sample_counts) >= 1
 
 
-def test_every_sample_lies_in_its_set_and_its_speed_window(flown):
-    file, _ = flown
+def test_every_sample_lies_in_its_set_and_its_speed_window_or_between_sets_in_the_window(flown):
+    file, report = flown
     samples = file.samples()
-    for place, seq, speed in zip(
-        samples.positions, samples.target_seq, samples.speed_mps, strict=True
-    ):
+    assert 0 < report.samples_in_sets <= report.samples == len(samples)
+    assert np.count_nonzero(samples.target_seq) == report.samples_in_sets
+    window = file.survey.targets[0].set
+    between = samples.target_seq == 0
+    assert all(map(window.allows, samples.speed_mps[between]))
+    columns = (samples.positions, samples.target_seq, samples.speed_mps)
+    for place, seq, speed in zip(*(column[~between] for column in columns), strict=True):
         target = file.survey.targets[seq - 1].set
         assert target.footprint_distance(*place) < 1e-6
         assert target.allows(speed)
@@ -74,39 +80,32 @@ def test_logged_thrusts_keep_the_boat_s_limits(flown):
 
 def test_a_flown_survey_is_not_flown_again_by_accident(flown):
     file, _ = flown
-    with pytest.raises(SurveyFileError, match="--resume"):
-        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+    with pytest.raises(SurveyFileError, match="resume it"):
+        simulate(file)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", ["dual", "lookahead"])
 def test_an_unknown_current_does_not_stop_the_mission(tmp_path, rule):
-    world = SimulationSettings(weather=Weather(current_north_mps=0.2, current_east_mps=-0.2))
+    world = SimulatedWorld(weather=Weather(current_north_mps=0.2, current_east_mps=-0.2))
     with new_file(tmp_path, side_m=30.0) as file:
-        assert simulate(file, settings_for(rule), world, NOON).complete
+        assert simulate(file, settings_for(rule), world).complete
 
 
-class Stopping:
+class Stopping(SimulatedLink):
     """A link that fails after so many estimates, as a lost radio does."""
 
-    def __init__(self, inner, after):
-        self.inner, self.after, self.closed = inner, after, False
+    after, closed = 0, False
 
     def observe(self):
         self.after -= 1
         if self.after < 0:
             raise LinkError("the radio is gone")
-        return self.inner.observe()
-
-    def command(self, thrusts):
-        self.inner.command(thrusts)
-
-    def measure(self):
-        return self.inner.measure()
+        return super().observe()
 
     def close(self):
         self.closed = True
-        self.inner.close()
+        super().close()
 
 
 def test_a_mission_that_is_cut_off_can_be_resumed(tmp_path):
@@ -114,13 +113,17 @@ def test_a_mission_that_is_cut_off_can_be_resumed(tmp_path):
         survey = file.survey
         plant = Plant(survey.vessel, survey.start.at_rest())
         sonde = Sonde(free_water(survey.water.bounds, 1), 1)
-        link = Stopping(SimulatedLink(plant, sonde), 100)
-        with pytest.raises(LinkError):
-            Mission(file, Controller(survey.vessel, survey.sets), link, NOON).run()
+        link = Stopping(plant, sonde)
+        link.after = 100
+        helm = Controller(survey.vessel, survey.sets)
+        cut = Mission(survey, helm, link, SurveyRecorder(file), started=NOON).run()
+        assert cut.ended is EndReason.LINK_LOST
+        assert file.events()[-1].code == "link_lost"
+        assert file.events()[-1].message == "the radio is gone"
         assert link.closed
         reached, samples = file.progress().reached, len(file.samples())
         assert 0 < reached < 9
-        report = simulate(file, ControlSettings(), SimulationSettings(), NOON, resume=True)
+        report = simulate(file, resume=True)
         assert report.complete
         assert file.progress().reached == 9
         assert len(file.samples()) > samples
@@ -130,7 +133,7 @@ def test_a_mission_that_is_cut_off_can_be_resumed(tmp_path):
 def test_a_complete_mission_is_not_prolonged_by_resuming(flown):
     file, _ = flown
     samples, events = len(file.samples()), len(file.events())
-    report = simulate(file, ControlSettings(), SimulationSettings(), NOON, resume=True)
+    report = simulate(file, resume=True)
     assert report.complete
     assert (len(file.samples()), len(file.events())) == (samples, events)
 
@@ -150,21 +153,21 @@ def test_most_of_the_way_is_measured(flown):
 
 def test_force_forgets_nothing_before_the_new_mission_can_start(tmp_path):
     with new_file(tmp_path) as file:
-        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+        simulate(file)
         samples = len(file.samples())
-        lost = SimulationSettings(water_from=tmp_path / "none.csv")
+        lost = SimulatedWorld(water_from=tmp_path / "none.csv")
         with pytest.raises(InputError):
-            simulate(file, ControlSettings(), lost, NOON, force=True)
+            simulate(file, ControlSettings(), lost, force=True)
         assert len(file.samples()) == samples > 0
-        again = simulate(file, ControlSettings(), SimulationSettings(), NOON, force=True)
+        again = simulate(file, force=True)
         assert again.samples == len(file.samples()) == samples
 
 
 def test_an_unreachable_target_ends_the_mission_as_incomplete(tmp_path):
     """A current faster than the boat: it is carried off, and the mission gives up."""
-    world = SimulationSettings(weather=Weather(current_north_mps=-4.0))
+    world = SimulatedWorld(weather=Weather(current_north_mps=-4.0))
     with new_file(tmp_path) as file:
-        report = simulate(file, ControlSettings(), world, NOON)
+        report = simulate(file, ControlSettings(), world)
         assert not report.complete
         assert file.events()[-1].code == "target_not_reached"
 
@@ -176,7 +179,7 @@ def test_a_survey_without_targets_cannot_be_flown(tmp_path):
         SurveyFile.create(tmp_path / "b.gpkg", bare, meta={}, force=True) as file,
         pytest.raises(PlanError, match="no targets"),
     ):
-        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+        simulate(file)
 
 
 def test_the_same_seed_gives_the_same_mission(tmp_path):
@@ -184,7 +187,7 @@ def test_the_same_seed_gives_the_same_mission(tmp_path):
     for name in ("a", "b"):
         survey = square_survey()
         with SurveyFile.create(tmp_path / name, survey, meta={}, force=True) as file:
-            simulate(file, ControlSettings(), SimulationSettings(seed=5), NOON)
+            simulate(file, ControlSettings(), SimulatedWorld(seed=5))
             tables.append(file.samples())
     assert np.array_equal(tables[0].positions, tables[1].positions)
     assert np.array_equal(tables[0].values["ph"], tables[1].values["ph"])

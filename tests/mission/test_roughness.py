@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import NOON, square_survey
+from conftest import NOON, simulate, square_survey
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -17,10 +17,11 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import Observation
 from grebe.links.simulated import EstimateErrors, SimulatedLink
 from grebe.mission.loop import BLIND_S, Mission
+from grebe.mission.recorders import SurveyRecorder
 from grebe.simulation.plant import UNCERTAIN, Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import free_water
-from grebe.workflow.simulated_mission import SimulationSettings, simulate
+from grebe.workflow.simulated import SimulatedWorld
 
 REST = (0.0,) * 6
 
@@ -80,24 +81,22 @@ def test_errors_of_estimates_have_the_size_that_is_asked_for():
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_mission_completes_with_another_hull_noise_and_lost_estimates(tmp_path, seed):
-    world = SimulationSettings(
+    world = SimulatedWorld(
         mismatch=0.2, errors=EstimateErrors(velocity_mps=0.02, lost_share=0.2), seed=seed
     )
     survey = square_survey(side_m=30.0)
     with SurveyFile.create(tmp_path / "r.gpkg", survey, meta={}, force=True) as file:
-        assert simulate(file, ControlSettings(), world, NOON).complete
+        assert simulate(file, ControlSettings(), world).complete
 
 
-class Blinking:
+class Blinking(SimulatedLink):
     """A link whose estimates are not numbers for a while."""
 
-    def __init__(self, inner, first, last):
-        self.inner, self.first, self.last = inner, first, last
-        self.seen, self.stopped_at = 0, None
+    first, last, seen, stopped_at = 60, 100, 0, None
 
     def observe(self):
         self.seen += 1
-        observation = self.inner.observe()
+        observation = super().observe()
         if self.first <= self.seen < self.last:
             return Observation(time_s=observation.time_s, state=(math.nan,) * 6)
         return observation
@@ -106,21 +105,17 @@ class Blinking:
         if self.first <= self.seen < self.last and self.stopped_at is None:
             assert thrusts == (0.0, 0.0)
             self.stopped_at = self.seen
-        self.inner.command(thrusts)
-
-    def measure(self):
-        return self.inner.measure()
-
-    def close(self):
-        self.inner.close()
+        super().command(thrusts)
 
 
 def test_a_blind_boat_stops_and_goes_on_when_it_sees_again(tmp_path):
     survey = square_survey(side_m=30.0)
     sonde = Sonde(free_water(survey.water.bounds, 1), 1)
-    link = Blinking(SimulatedLink(Plant(survey.vessel, survey.start.at_rest()), sonde), 60, 100)
+    link = Blinking(Plant(survey.vessel, survey.start.at_rest()), sonde)
     with SurveyFile.create(tmp_path / "b.gpkg", survey, meta={}, force=True) as file:
-        report = Mission(file, Controller(survey.vessel, survey.sets), link, NOON).run()
+        report = Mission(
+            survey, Controller(survey.vessel, survey.sets), link, SurveyRecorder(file), started=NOON
+        ).run()
         codes = [event.code for event in file.events()]
     assert report.complete
     assert codes.count("estimate_invalid") == 40

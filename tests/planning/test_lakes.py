@@ -16,7 +16,7 @@ from grebe.core.dynamics import Weather
 from grebe.core.errors import PlanError
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
-from grebe.mission.flight import FlightSettings, GrebePilot, fly
+from grebe.mission.trial import Conditions, fly
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.check import check_plan
 from grebe.planning.convex import convex_pieces, is_convex
@@ -247,9 +247,9 @@ def test_a_real_lake_is_surveyed_without_touching_land(name, cell, current):
     region = real(name) if name == "alamillo" else bay_of(real(name))
     survey = plan(region, BOAT, PlanSettings(cell_m=cell, shore_margin_m=1.0)).survey
     settings_ = settings_for("lookahead")
-    pilot = GrebePilot(Controller(BOAT, survey.sets, settings_, corridors=survey.corridors))
+    pilot = Controller(BOAT, survey.sets, settings_, corridors=survey.corridors)
     weather = Weather(current_north_mps=0.8 * current, current_east_mps=-0.6 * current)
-    world = FlightSettings(weather=weather, limit_s=5000)
+    world = Conditions(weather=weather, limit_s=5000)
     flight = fly(BOAT, survey.sets, pilot, survey.start.at_rest(), world)
     assert flight.complete
     places = shapely.points(np.array(flight.track)[:, 1:3])

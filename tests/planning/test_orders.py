@@ -12,7 +12,7 @@ from grebe.control.settings import settings_for
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
 from grebe.core.vessel import PRESETS
-from grebe.mission.flight import FlightSettings, GrebePilot, fly
+from grebe.mission.trial import Conditions, fly
 from grebe.planning.costs import costs_of
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
@@ -143,10 +143,8 @@ def test_a_mission_takes_about_what_its_plan_says(vessel, core):
     plan_settings = PlanSettings(cell_m=6, core=core, speed_min_mps=0.5, speed_max_mps=1.5)
     planned = plan(field(bay), boat, plan_settings)
     survey = planned.survey
-    pilot = GrebePilot(
-        Controller(boat, survey.sets, settings_for("lookahead"), corridors=survey.corridors)
-    )
-    world = FlightSettings(weather=Weather(current_north_mps=0.1), limit_s=3000)
+    pilot = Controller(boat, survey.sets, settings_for("lookahead"), corridors=survey.corridors)
+    world = Conditions(weather=Weather(current_north_mps=0.1), limit_s=3000)
     flight = fly(boat, survey.sets, pilot, survey.start.at_rest(), world)
     assert flight.complete
     assert flight.duration_s == pytest.approx(planned.numbers.time_s, rel=0.25)

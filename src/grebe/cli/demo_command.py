@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from grebe.core.errors import IncompleteError
 from grebe.core.frames import LocalFrame
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
+from grebe.mission.statistics import ProgressMeter
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 from grebe.planning.settings import PlanSettings
@@ -26,7 +26,8 @@ from grebe.report.data import gather
 from grebe.report.page import write_report
 from grebe.report.thresholds import read_profile
 from grebe.workflow.checked import check_samples
-from grebe.workflow.simulated_mission import SimulationSettings, simulate
+from grebe.workflow.run import run_survey, steered_by
+from grebe.workflow.simulated import SimulatedWorld
 
 # About a hectare, the size of the region of the paper's Fig. 7, whose coordinates are not
 # printed: the shape is ours, the place is Lac du Heron.
@@ -57,12 +58,12 @@ def command(out: Path, as_json: bool) -> None:
         SurveyFile.open(file) as survey_file,
         output.MissionBar(quiet=as_json) as bar,
     ):
-        report = simulate(
+        report = run_survey(
             survey_file,
-            ControlSettings(),
-            SimulationSettings(),
+            SimulatedWorld(),
+            steered_by(ControlSettings()),
             datetime.now(UTC),
-            watch=bar.update,
+            listeners=[ProgressMeter(bar.update)],
         )
         output.note("checking and mapping what was measured")
         check_samples(survey_file)
@@ -71,7 +72,7 @@ def command(out: Path, as_json: bool) -> None:
     write_report(out / "report.html", data)
     output.result(
         {
-            **asdict(report),
+            **report.numbers(),
             "wall_s": round(time.monotonic() - began, 1),
             "survey": str(file),
             "plan": str(out / "plan.png"),

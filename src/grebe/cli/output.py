@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from grebe.mission.loop import Progress as MissionProgress
+    from grebe.mission.statistics import Progress as MissionProgress
 
 TIP = "Next: "
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 from click.core import ParameterSource
@@ -18,11 +17,17 @@ from grebe.control.settings import (
     ControlSettings,
     settings_for,
 )
-from grebe.core.errors import IncompleteError, LinkError, UsageError
+from grebe.core.errors import IncompleteError, LinkError, StoppedError, UsageError
+from grebe.core.events import EndReason
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
+from grebe.mission.loop import MissionSettings
+from grebe.mission.sampling import InSets, InWindow
+from grebe.mission.statistics import MissionReport, ProgressMeter
+from grebe.workflow.boats import boat_named
 from grebe.workflow.checked import check_samples
-from grebe.workflow.simulated_mission import SimulationSettings, simulate
+from grebe.workflow.run import run_survey, steered_by
+from grebe.workflow.simulated import SimulatedWorld
 
 DEFAULTS = ControlSettings()
 WEIGHTS = {
@@ -46,7 +51,11 @@ def _weight_options(command: Any) -> Any:
 @click.command(name="run")
 @click.argument("file", type=options.EXISTING)
 @click.option(
-    "--link", default="simulated", show_default=True, help="Which boat: only 'simulated' so far."
+    "--link",
+    "url",
+    default="sim:",
+    show_default=True,
+    help="Which boat: sim: is the simulated one, python:FILE.py one of your own.",
 )
 @click.option(
     "--rule", type=click.Choice(RULES), default=DEFAULTS.rule, show_default=True, help="Who plans."
@@ -115,12 +124,26 @@ def _weight_options(command: Any) -> Any:
     type=options.EXISTING,
     help="CSV track or survey file on whose samples the simulated water is conditioned.",
 )
+@click.option(
+    "--sample-in-sets-only",
+    "in_sets_only",
+    is_flag=True,
+    help="Keep readings within target sets alone, as in the paper.  "
+    "[default: every second within the speed window]",
+)
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
 @options.force_option
 @options.json_option
 @click.pass_context
 def command(
-    ctx: click.Context, file: Path, link: str, resume: bool, force: bool, as_json: bool, **run: Any
+    ctx: click.Context,
+    file: Path,
+    url: str,
+    in_sets_only: bool,
+    resume: bool,
+    force: bool,
+    as_json: bool,
+    **run: Any,
 ) -> None:
     """Steer the boat through every target set of FILE and record what it measures.
 
@@ -128,9 +151,7 @@ def command(
     """
     if resume and force:
         raise UsageError("--resume goes on and --force begins anew; give one of them.")
-    if link != "simulated":
-        raise LinkError(f"There is no boat link {link!r}; 'simulated' is the only one so far.")
-    _settings(run)
+    boat_named(url, _settings(run)[1])
     output.note_compilation()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         if resume:
@@ -138,33 +159,39 @@ def command(
         control, world = _settings(run)
         before = survey_file.progress().reached if resume else 0
         survey_file.set_meta("run", json.dumps(run, default=str))
-        report = simulate(
+        report = run_survey(
             survey_file,
-            control,
-            world,
+            boat_named(url, world),
+            steered_by(control),
             datetime.now(UTC),
+            MissionSettings(sampling=InSets() if in_sets_only else InWindow()),
             resume=resume,
             force=force,
-            watch=bar.update,
+            listeners=[ProgressMeter(bar.update)],
         )
         check_samples(survey_file)
-        troubles = [event.message for event in survey_file.events() if event.level != "info"]
         moved = len(survey_file.track()) > 0 and report.reached > before
-    output.result(asdict(report), as_json=as_json, next_command=f"grebe map {file} --out maps")
+    output.result(report.numbers(), as_json=as_json, next_command=f"grebe map {file} --out maps")
     if not report.complete:
-        why = f" ({troubles[-1]})" if troubles else ""
-        advice = (
-            f"go on with: grebe run {file} --resume"
-            if moved
-            else "going on reaches no more: plan anew with a larger --shore-margin or --cell"
-        )
-        missed = report.targets - report.reached
-        raise IncompleteError(
-            f"{missed} of {report.targets} target sets were not reached{why}; {advice}"
-        )
+        _explain(report, file, moved=moved)
 
 
-def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]:
+def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:
+    """Leave with the reason why targets are left."""
+    advice = f"go on with: grebe run {file} --resume"
+    if report.ended is EndReason.LINK_LOST:
+        raise LinkError(f"{report.message}; {advice}")
+    if report.ended is EndReason.STOPPED:
+        raise StoppedError(f"{report.message}; {advice}")
+    if not moved:
+        advice = "going on reaches no more: plan anew with a larger --shore-margin or --cell"
+    missed = report.targets - report.reached
+    raise IncompleteError(
+        f"{missed} of {report.targets} target sets were not reached ({report.message}); {advice}"
+    )
+
+
+def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulatedWorld]:
     """Turn the options of a run into the controller's and the world's settings."""
     control = settings_for(
         run["rule"],
@@ -174,7 +201,7 @@ def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]
         epsilon=run["epsilon"],
         **{name: run[name] for name in WEIGHTS},
     )
-    world = SimulationSettings(
+    world = SimulatedWorld(
         weather=options.weather_of(run["current"], run["wind"]),
         mismatch=run["mismatch"],
         errors=EstimateErrors(velocity_mps=run["noise"], lost_share=run["lost"]),

@@ -71,14 +71,14 @@ class Command:
     """The result of a step: thrusts (F_1, F_2) [N] and what led to them."""
 
     thrusts: tuple[float, float]
-    plan: Plan
+    plan: Plan | None
     status: StepStatus
     target: int
     split: int
 
     def thrusts_at(self, elapsed_s: float) -> tuple[float, float]:
         """Thrusts to apply so long after the step; a plan's stages may be shorter than it."""
-        if self.status is StepStatus.STOPPING:
+        if self.status is StepStatus.STOPPING or self.plan is None:
             return self.thrusts
         return self.plan.thrusts_at(elapsed_s)
 
@@ -162,6 +162,11 @@ class Controller:
         if self.settings.solver == "fast":
             return FastSolver(self.vessel, self.shape)
         return CasadiSolver(build(self.vessel, self.shape), self.settings.solver)
+
+    @property
+    def step_s(self) -> float:
+        """Time between two steps [s]."""
+        return self.settings.step_s
 
     @property
     def done(self) -> bool:

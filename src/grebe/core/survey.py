@@ -1,8 +1,7 @@
-"""The survey: what is to be visited, by which boat, and the records of what was found.
+"""The survey: what is to be visited, in which order, and by which boat.
 
-`Survey` is the plan that every other part reads; `TrackPoint`, `Sample` and `Event` are
-what a mission writes. All are plain frozen records in the survey's local frame; the survey
-file turns positions into WGS 84.
+`Survey` is the plan that every other part reads: plain frozen records in the survey's local
+frame; the survey file turns positions into WGS 84.
 """
 
 from __future__ import annotations

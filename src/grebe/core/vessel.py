@@ -23,7 +23,9 @@ class Vessel:
     Masses include the added mass. Drag coefficients are zero or negative: `x_u`, `y_v`
     [N s/m], `n_r` [N m s], `x_uu`, `y_vv` [N s^2/m^2], `n_rr` [N m s^2]. `arm_m` is b, half
     the distance between the thrusters. Thrust limits hold for each thruster; a thrust smaller than
-    the dead band comes to nothing.
+    the dead band comes to nothing. `throttle_exponent` says how thrust grows with the command of
+    the actuator, a share of its full command: 1 where an inner loop makes it proportional, 2 for
+    a propeller whose speed follows the command.
     Propeller diameter and drive efficiency only serve the energy estimate; their defaults are
     assumptions, no source gives them.
     `yaw_coupling` chooses the sign in the last row of Eq. (9): "fossen" is (m11 - m22) u v,
@@ -47,6 +49,7 @@ class Vessel:
     thrust_min_n: float
     thruster_lag_s: float = 0.0
     thruster_dead_band_n: float = 0.0
+    throttle_exponent: float = 1.0
     propeller_diameter_m: float = 0.12
     drive_efficiency: float = 0.5
     yaw_coupling: Literal["fossen", "printed"] = "fossen"
@@ -57,7 +60,15 @@ class Vessel:
             value = getattr(self, field.name)
             if isinstance(value, float | int) and not math.isfinite(value):
                 raise VesselError(f"Vessel {self.name!r}: {field.name} is {value}, not a number.")
-        for name in ("m11_kg", "m22_kg", "m33_kgm2", "arm_m", "thrust_max_n", *_DRIVE):
+        for name in (
+            "m11_kg",
+            "m22_kg",
+            "m33_kgm2",
+            "arm_m",
+            "thrust_max_n",
+            "throttle_exponent",
+            *_DRIVE,
+        ):
             if getattr(self, name) <= 0:
                 raise VesselError(
                     f"Vessel {self.name!r}: {name} is {getattr(self, name)}; it must be positive."
@@ -103,6 +114,19 @@ class Vessel:
             -(self.y_v + 2 * self.y_vv * speed) / self.m22_kg,
             -(self.n_r + 2 * self.n_rr * yaw_max) / self.m33_kgm2,
         )
+
+    def throttle_of(self, thrust_n: float) -> float:
+        """Command of an actuator, -1 to 1, for a thrust [N]; beyond the limits it is full."""
+        full = self.thrust_max_n if thrust_n >= 0 else -self.thrust_min_n
+        if thrust_n == 0 or full == 0:
+            return 0.0
+        share = min(abs(thrust_n) / full, 1.0)
+        return math.copysign(share ** (1 / self.throttle_exponent), thrust_n)
+
+    def thrust_of(self, throttle: float) -> float:
+        """Thrust [N] that an actuator gives at a command from -1 to 1."""
+        full = self.thrust_max_n if throttle >= 0 else -self.thrust_min_n
+        return math.copysign(full * min(abs(throttle), 1.0) ** self.throttle_exponent, throttle)
 
     def surge_drag_n(self, surge_mps: float) -> float:
         """Thrust [N] that holds a steady surge in still water."""

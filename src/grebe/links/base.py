@@ -1,8 +1,21 @@
 """What a mission needs of a boat: the port that every boat link fills.
 
-A link delivers state estimates at its own pace, takes thrusts that hold until the next
-ones, and hands out what the sonde says. It knows nothing of targets or maps. Time is the
-link's: a simulated boat's seconds pass as fast as they are computed.
+The contract, in full:
+
+- **Frame.** Positions are metres north and east in the survey's local frame; heading is
+  clockwise from north; surge, sway and yaw rate are over ground, yaw rate positive to starboard.
+- **Heading.** It may be wrapped to any turn or not at all: the mission unwraps it.
+- **Time.** `time_s` counts from when the link was opened and never runs back. It is the link's
+  own: the seconds of a simulated boat pass as fast as they are computed.
+- **Thrusts** are newtons at the propellers, within the vessel's limits, and hold until the next
+  command. How newtons become commands of an actuator is the vessel's knowledge
+  (`Vessel.throttle_of`), not the mission's.
+- **Trouble.** `LinkError` means that the boat no longer answers and will not; a single estimate
+  that is missing or not finite is no error, and the next one is waited for.
+- **The end.** After `close` the boat has no thrust and `observe` raises `LinkError`; closing
+  again does nothing.
+
+A link knows nothing of targets or maps. `tests/contracts/test_links.py` holds every link to this.
 """
 
 from __future__ import annotations
@@ -11,27 +24,47 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-State = tuple[float, float, float, float, float, float]
+from grebe.core.events import State
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """A state estimate z in the survey's frame, velocities over ground, and its time [s]
-    since the link was opened.
-    """
+    """A state estimate z in the survey's frame, and its time [s] since the link was opened."""
 
     time_s: float
     state: State
 
 
+@dataclass(frozen=True, kw_only=True)
+class BoatStatus:
+    """How the boat is, apart from where it is.
+
+    `mode` in the autopilot's own words; `battery_share` 0 to 1 and `fix` in words where they
+    are known; `age_s` of the last message; `stop_request` says who wants the mission to end
+    (the pilot took over, a key on the boat), and is empty otherwise.
+    """
+
+    mode: str
+    armed: bool
+    battery_share: float | None = None
+    fix: str = ""
+    age_s: float = 0.0
+    stop_request: str = ""
+
+
 class BoatLink(Protocol):
-    """A boat that can be observed, commanded and asked for a measurement."""
+    """A boat that can be observed, commanded and asked for a measurement.
+
+    `source` says where the readings come from, for the survey's metadata.
+    """
+
+    @property
+    def source(self) -> str:
+        """Where the readings come from, in words."""
+        ...
 
     def observe(self) -> Observation:
-        """Wait for the next state estimate and return it; `LinkError` when none comes.
-
-        An estimate may hold numbers that are not finite: it is then passed over.
-        """
+        """Wait for the next state estimate and return it; `LinkError` when none comes."""
         ...
 
     def command(self, thrusts: tuple[float, float]) -> None:
@@ -40,6 +73,14 @@ class BoatLink(Protocol):
 
     def measure(self) -> Mapping[str, float]:
         """Return the newest reading of the sonde, keyed by quantity; empty when none."""
+        ...
+
+    def status(self) -> BoatStatus:
+        """Return how the boat is, without waiting."""
+        ...
+
+    def stop(self) -> None:
+        """Take all thrust away at once; the link stays open."""
         ...
 
     def close(self) -> None:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from grebe.core.errors import LinkError, UsageError
-from grebe.links.base import Observation, State
+from grebe.core.events import State
+from grebe.links.base import BoatStatus, Observation
 from grebe.simulation.plant import Plant
-from grebe.simulation.sonde import Sonde
+from grebe.simulation.sonde import ReadsWater
 
 OBSERVATION_PERIOD_S = 0.1
 
@@ -50,8 +51,14 @@ class SimulatedLink:
     """
 
     def __init__(
-        self, plant: Plant, sonde: Sonde, errors: EstimateErrors = EXACT, seed: int = 0
+        self,
+        plant: Plant,
+        sonde: ReadsWater,
+        errors: EstimateErrors = EXACT,
+        seed: int = 0,
+        source: str = "simulated",
     ) -> None:
+        self.source = source
         self._plant = plant
         self._sonde = sonde
         self._errors = errors
@@ -83,7 +90,15 @@ class SimulatedLink:
         """Return what the sonde reads here and now."""
         return self._sonde.read(self._plant.state[0], self._plant.state[1])
 
+    def status(self) -> BoatStatus:
+        """Return what a simulated boat can say: it is armed until it is closed."""
+        return BoatStatus(mode="simulated", armed=not self._closed, fix="simulated")
+
+    def stop(self) -> None:
+        """Take all thrust away."""
+        self._plant.command((0.0, 0.0))
+
     def close(self) -> None:
         """Leave the boat without thrust."""
-        self._plant.command((0.0, 0.0))
+        self.stop()
         self._closed = True

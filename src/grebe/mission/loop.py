@@ -1,134 +1,206 @@
-"""The mission: observe, decide, command, measure, record - until every set is reached.
+"""The mission: observe, decide, command, measure, say what happened - until every set is reached.
 
-One loop joins controller, boat and survey file. Every state estimate is tested for entry
-(Definition 5) and for a sample; every control step asks the controller for thrusts. What
-is measured is on the disk before the loop goes on, so a mission can be cut off anywhere
-and resumed.
+One loop joins whoever steers, a boat and a recorder; Grebe's controller, the peers it is
+compared with and every front end go through it. Every state estimate is tested for entry
+(Definition 5) and for a sample; every control step asks for thrusts. What is measured is kept
+by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
+from typing import Any, Protocol
 
 import numpy as np
 import shapely
 
-from grebe.control.controller import Command, Controller, StepStatus
+from grebe.control.controller import Command
 from grebe.control.observer import Observer
-from grebe.core.dynamics import drive_power_w
-from grebe.core.events import Event, EventLevel, TrackPoint
+from grebe.control.rules.base import reached_count
+from grebe.core.dynamics import CALM, Weather
+from grebe.core.errors import LinkError, StoppedError
+from grebe.core.events import (
+    Ended,
+    EndReason,
+    Estimate,
+    MissionEvent,
+    Prediction,
+    Reached,
+    SampleTaken,
+    Started,
+    State,
+    Step,
+    Warned,
+)
 from grebe.core.quantities import QUANTITIES
 from grebe.core.samples import Sample, gross_range_flag
-from grebe.core.survey import Target
-from grebe.io.store import SurveyFile
+from grebe.core.survey import Survey, Target
+from grebe.core.vessel import Vessel
 from grebe.links.base import BoatLink, Observation
+from grebe.mission.recorders import Broadcast, Listener, Recorder
+from grebe.mission.sampling import EVERY_SECOND, Sampling
+from grebe.mission.statistics import MissionReport, Statistics
 
-SAMPLE_PERIOD_S = 1.0
 # A target that is not reached within this time, or ten times the straight way at the lowest
 # speed of its window, ends the mission as incomplete.
 SHORTEST_PATIENCE_S = 180.0
 PATIENCE_FACTOR = 10.0
 SLOWEST_MPS = 0.2
+# Where a mission is that never had an estimate.
+NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # Time without a usable estimate after which the thrusters are stopped.
 BLIND_S = 1.5
+# A mission that nobody dates begins here: simulated time needs no calendar.
+SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
 
 
-@dataclass(frozen=True, kw_only=True)
-class MissionReport:
-    """What a mission came to; times are the boat's, `step_ms` the controller's own."""
+class Helm(Protocol):
+    """Whoever steers: Grebe's `Controller`, or a peer.
+
+    The mission sets `reached` (Definition 5) before it asks; `step` is asked every `step_s`.
+    """
 
     reached: int
-    targets: int
-    steps: int
-    duration_s: float
-    path_m: float
-    energy_wh: float
-    unsolved_steps: int
-    step_ms_median: float
-    step_ms_p95: float
-    samples: int
 
     @property
-    def complete(self) -> bool:
-        """Whether every target was reached."""
-        return self.reached == self.targets
+    def vessel(self) -> Vessel:
+        """The boat as it is believed to be."""
+        ...
+
+    @property
+    def step_s(self) -> float:
+        """Time between two steps [s]."""
+        ...
+
+    def step(self, state: State, weather: Weather, elapsed_s: float | None) -> Command:
+        """Return what to do from `state` in `weather`, so long after the last step."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
-class Progress:
-    """How far the mission is, for whoever watches."""
+class MissionSettings:
+    """`sampling`: which readings are kept. `limit_s`: the boat's time after which the mission
+    ends whatever is left. `observes`: whether current and wind are estimated on the way.
+    """
 
-    reached: int
-    targets: int
-    boat_time_s: float
-    samples: int
+    sampling: Sampling = EVERY_SECOND
+    limit_s: float = math.inf
+    observes: bool = True
 
 
 class Mission:
-    """Runs one survey with one boat; `run` returns when it is complete or given up."""
+    """Runs one survey with one boat; `run` returns when it is over, and says why.
+
+    `reached` targets count as reached before it begins; `started` is the UTC time of the link's
+    second zero; `stopwatch` times the steps [s].
+    """
 
     def __init__(
         self,
-        survey_file: SurveyFile,
-        controller: Controller,
+        survey: Survey,
+        controller: Helm,
         link: BoatLink,
-        started: datetime,
-        watch: Callable[[Progress], None] | None = None,
+        recorder: Recorder,
+        settings: MissionSettings | None = None,
+        *,
+        listeners: Sequence[Listener] = (),
+        started: datetime = SOME_DAY,
+        reached: int = 0,
+        stopwatch: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._file = survey_file
-        self._targets = survey_file.survey.targets
+        self._targets = survey.targets
+        self._sets = survey.sets
         self._controller = controller
         self._link = link
+        self._settings = settings or MissionSettings()
         self._started = started
-        self._watch = watch or (lambda _: None)
+        self._stopwatch = stopwatch
+        self._statistics = Statistics(controller.vessel, len(self._targets), reached)
+        self._ears = Broadcast(recorder, [self._statistics, *listeners])
         self._tree = shapely.STRtree([target.set.polygon for target in self._targets])
-        self._statistics = _Statistics()
-        self._samples = 0
+        self._observer = Observer(controller.vessel) if self._settings.observes else None
+        self._reached = controller.reached = reached
+        self._stop_request = ""
         self._next_step_s = 0.0
         self._next_sample_s = 0.0
         self._deadline_s = math.inf
-        self._observer = Observer(controller.vessel)
         self._before: Observation | None = None
         self._command: tuple[float, Command] | None = None
         self._thrusts = (0.0, 0.0)
 
+    def stop(self, why: str) -> None:
+        """Ask the mission to end; it does before the next estimate. Safe from any thread."""
+        self._stop_request = why
+
     def run(self) -> MissionReport:
-        """Steer until every target is reached, or one cannot be; the boat is left at rest."""
+        """Steer until every target is reached, or one cannot be, or somebody stops it; the boat
+        is left without thrust.
+
+        An error that is nobody's decision is told to the recorder and raised again.
+        """
         try:
-            if not self._controller.done:
-                self._loop()
+            if not self._done:
+                self._tell_end(*self._loop())
+        except LinkError as error:
+            self._tell_end(EndReason.LINK_LOST, str(error))
+        except (StoppedError, KeyboardInterrupt) as error:
+            self._tell_end(EndReason.STOPPED, str(error) or "interrupted from the keyboard")
+            raise
+        except Exception as error:
+            self._tell_end(EndReason.FAILED, f"{type(error).__name__}: {error}", quietly=True)
+            raise
         finally:
             self._link.close()
-        return self._statistics.report(
-            reached=self._controller.reached, targets=len(self._targets), samples=self._samples
-        )
+        return self._statistics.report()
 
-    def _loop(self) -> None:
+    @property
+    def _done(self) -> bool:
+        return self._reached == len(self._targets)
+
+    def _loop(self) -> tuple[EndReason, str]:
         observation = self._before = self._observe()
         self._give_patience(observation)
-        self._event("info", "mission_started", f"{len(self._targets)} targets", observation)
+        self._tell(Started, observation, targets=len(self._targets), reached=self._reached)
         while True:
+            self._tell(Estimate, observation, state=observation.state, weather=self._weather)
             self._visit(observation)
-            if self._controller.done:
-                self._event("info", "mission_complete", "every target is reached", observation)
-                return
-            if observation.time_s > self._deadline_s:
-                seq = self._controller.reached + 1
-                text = f"target {seq} was not reached in time; the mission ends here"
-                self._event("error", "target_not_reached", text, observation)
-                return
+            end = self._end_reached(observation)
+            if end is not None:
+                return end
             if observation.time_s >= self._next_step_s - 1e-9:
                 self._steer(observation)
             else:
                 self._follow_plan(observation)
             observation = self._advance()
 
+    def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
+        """Why the mission ends at this estimate; None where it goes on."""
+        if self._done:
+            return EndReason.COMPLETE, "every target is reached"
+        request = self._stop_request or self._link.status().stop_request
+        if request:
+            return EndReason.STOPPED, request
+        if observation.time_s > self._deadline_s:
+            seq = self._targets[self._reached].seq
+            return (
+                EndReason.TARGET_GIVEN_UP,
+                f"target {seq} was not reached in time; the mission ends here",
+            )
+        if observation.time_s > self._settings.limit_s:
+            limit = self._settings.limit_s
+            return EndReason.OUT_OF_TIME, f"the {limit:g} s that the mission was given are over"
+        return None
+
+    @property
+    def _weather(self) -> Weather:
+        return CALM if self._observer is None else self._observer.weather
+
     def _observe(self) -> Observation:
-        """The next estimate that can be used.
+        """The next estimate that can be used, its heading unwrapped.
 
         What is not a number is reported and passed over; a boat that is blind for longer than
         `BLIND_S` is left without thrust until it sees again.
@@ -136,83 +208,78 @@ class Mission:
         while True:
             observation = self._link.observe()
             if all(map(math.isfinite, observation.state)):
-                return observation
+                return _unwrapped(observation, self._before)
             text = f"an estimate is not a number and is passed over: {observation.state}"
-            self._event("warning", "estimate_invalid", text, observation)
+            self._tell(Warned, observation, code="estimate_invalid", message=text)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._thrusts = (0.0, 0.0)
                 self._link.command(self._thrusts)
 
     def _advance(self) -> Observation:
+        before = self._before
         observation = self._observe()
-        if self._before is not None:
-            self._statistics.travel(self._controller, self._before, observation, self._thrusts)
-            self._observer.update(
-                self._before.state,
-                self._thrusts,
-                observation.state,
-                observation.time_s - self._before.time_s,
-            )
+        if before is not None and self._observer is not None:
+            seconds = observation.time_s - before.time_s
+            self._observer.update(before.state, self._thrusts, observation.state, seconds)
         self._before = observation
         return observation
 
     def _visit(self, observation: Observation) -> None:
         """Count what this estimate reaches, and measure where a sample is due."""
-        before = self._controller.reached
-        reached = self._controller.see(observation.state)
+        before = self._reached
+        ahead = self._sets[before]
+        self._reached = reached_count(self._sets, before, observation.state)
+        entered = self._targets[before : self._reached]
+        self._controller.reached = self._reached
         due = observation.time_s >= self._next_sample_s - 1e-9
-        within = [self._targets[before + i] for i in range(reached)]
-        if not within and due:
-            within = self._containing(observation.state)[:1]
-        if within:
-            self._measure(observation, within)
-            self._next_sample_s = observation.time_s + SAMPLE_PERIOD_S
-        for target in self._targets[before : before + reached]:
-            self._file.mark_reached(target.seq, self._time(observation))
-        if reached:
+        if entered or due:
+            within = entered or self._containing(observation.state)
+            surge = observation.state[3]
+            if self._settings.sampling.keeps(surge, ahead, within):
+                self._measure(observation, within[0].seq if within else None)
+                self._next_sample_s = observation.time_s + self._settings.sampling.period_s
+        for i, target in enumerate(entered, before + 1):
+            self._tell(Reached, observation, target_seq=target.seq, count=i)
+        if entered:
             self._give_patience(observation)
-            self._report_progress(observation)
 
-    def _containing(self, state: tuple[float, ...]) -> list[Target]:
+    def _containing(self, state: State) -> list[Target]:
         point = shapely.Point(state[0], state[1])
         places = np.sort(self._tree.query(point)).tolist()
         return [t for t in (self._targets[i] for i in places) if t.set.contains(state)]
 
-    def _measure(self, observation: Observation, targets: list[Target]) -> None:
-        """Record a reading once for each target it belongs to (sets may overlap)."""
+    def _measure(self, observation: Observation, target_seq: int | None) -> None:
         reading = dict(self._link.measure())
         if not reading:
             return
         north, east, _, surge, _, _ = observation.state
-        flags = {q.key: gross_range_flag(reading.get(q.key), q.span) for q in QUANTITIES}
-        self._file.append_samples(
-            [
-                Sample(
-                    time=self._time(observation),
-                    north_m=north,
-                    east_m=east,
-                    target_seq=target.seq,
-                    speed_mps=surge,
-                    values=reading,
-                    flags=flags,
-                )
-                for target in targets
-            ]
+        sample = Sample(
+            time=self._time(observation),
+            north_m=north,
+            east_m=east,
+            target_seq=target_seq,
+            speed_mps=surge,
+            values=reading,
+            flags={q.key: gross_range_flag(reading.get(q.key), q.span) for q in QUANTITIES},
         )
-        self._samples += len(targets)
+        self._tell(SampleTaken, observation, sample=sample)
 
     def _steer(self, observation: Observation) -> None:
-        began = time.perf_counter()
+        began = self._stopwatch()
         elapsed = None if self._command is None else observation.time_s - self._command[0]
-        command = self._controller.step(observation.state, self._observer.weather, elapsed)
-        solve_ms = 1e3 * (time.perf_counter() - began)
+        command = self._controller.step(observation.state, self._weather, elapsed)
+        solve_ms = 1e3 * (self._stopwatch() - began)
         self._command = (observation.time_s, command)
         self._apply(observation, command.thrusts_at(0.0), solve_ms)
-        if not command.status.is_solved:
-            self._event("warning", "step_unsolved", command.status.value, observation)
-        self._statistics.step(command.status, solve_ms)
-        self._next_step_s = observation.time_s + self._controller.settings.step_s
-        self._report_progress(observation)
+        if command.plan is not None:
+            self._tell(
+                Prediction,
+                observation,
+                after_s=np.concatenate([[0.0], np.cumsum(command.plan.durations)]),
+                states=command.plan.states,
+                thrusts=command.plan.thrusts,
+            )
+        self._next_step_s = observation.time_s + self._controller.step_s
 
     def _follow_plan(self, observation: Observation) -> None:
         """Between two control steps: change the thrusts where the plan does."""
@@ -226,94 +293,63 @@ class Mission:
     def _apply(
         self, observation: Observation, thrusts: tuple[float, float], solve_ms: float | None
     ) -> None:
-        """Send thrusts and record them with the state they are sent from."""
+        """Send thrusts, and say from which state they are sent."""
         self._link.command(thrusts)
         self._thrusts = thrusts
         if self._command is None:
             return
         _, command = self._command
-        weather = self._observer.weather
-        self._file.append_track(
-            TrackPoint(
-                time=self._time(observation),
-                state=observation.state,
-                thrusts=thrusts,
-                target_seq=self._targets[command.target].seq,
-                split_stage=command.split,
-                solve_ms=solve_ms,
-                status=command.status.value,
-                current_north_mps=weather.current_north_mps,
-                current_east_mps=weather.current_east_mps,
-            )
+        self._tell(
+            Step,
+            observation,
+            state=observation.state,
+            thrusts=thrusts,
+            target_seq=self._targets[command.target].seq,
+            split_stage=command.split,
+            solve_ms=solve_ms,
+            status=command.status.value,
+            solved=command.status.is_solved or solve_ms is None,
+            current_north_mps=self._weather.current_north_mps,
+            current_east_mps=self._weather.current_east_mps,
         )
 
     def _give_patience(self, observation: Observation) -> None:
-        if self._controller.done:
+        if self._done:
             return
-        target = self._targets[self._controller.reached].set
+        target = self._sets[self._reached]
         way = target.footprint_distance(observation.state[0], observation.state[1])
         slowest = max(target.speed_min_mps, SLOWEST_MPS)
         self._deadline_s = observation.time_s + max(
             SHORTEST_PATIENCE_S, PATIENCE_FACTOR * way / slowest
         )
 
-    def _report_progress(self, observation: Observation) -> None:
-        self._watch(
-            Progress(
-                reached=self._controller.reached,
-                targets=len(self._targets),
-                boat_time_s=observation.time_s,
-                samples=self._samples,
-            )
-        )
-
     def _time(self, observation: Observation) -> datetime:
         return self._started + timedelta(seconds=observation.time_s)
 
-    def _event(self, level: EventLevel, code: str, message: str, observation: Observation) -> None:
-        self._file.append_event(
-            Event(time=self._time(observation), level=level, code=code, message=message)
-        )
+    def _tell(self, kind: type[MissionEvent], observation: Observation, **what: Any) -> None:
+        self._ears.record(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))
+
+    def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
+        """Say that the mission is over; `quietly` where the recorder itself may be what failed."""
+        last = self._before or Observation(time_s=0.0, state=NOWHERE)
+        try:
+            self._tell(Ended, last, reason=reason, message=message)
+        except Exception:
+            if not quietly:
+                raise
 
 
-class _Statistics:
-    """Sums up a mission as it goes."""
+def _unwrapped(observation: Observation, before: Observation | None) -> Observation:
+    """The observation with its heading within half a turn of the one before.
 
-    def __init__(self) -> None:
-        self.path_m = 0.0
-        self.energy_wh = 0.0
-        self.duration_s = 0.0
-        self.step_ms: list[float] = []
-        self.unsolved = 0
-
-    def step(self, status: StepStatus, solve_ms: float) -> None:
-        self.step_ms.append(solve_ms)
-        self.unsolved += not status.is_solved
-
-    def travel(
-        self,
-        controller: Controller,
-        before: Observation,
-        now: Observation,
-        thrusts: tuple[float, float],
-    ) -> None:
-        seconds = now.time_s - before.time_s
-        self.duration_s += seconds
-        self.path_m += math.hypot(now.state[0] - before.state[0], now.state[1] - before.state[1])
-        power = drive_power_w(controller.vessel, thrusts, before.state[3])
-        self.energy_wh += power * seconds / 3600
-
-    def report(self, *, reached: int, targets: int, samples: int) -> MissionReport:
-        step_ms = self.step_ms or [0.0]
-        return MissionReport(
-            reached=reached,
-            targets=targets,
-            steps=len(self.step_ms),
-            duration_s=round(self.duration_s, 3),
-            path_m=round(self.path_m, 2),
-            energy_wh=round(self.energy_wh, 3),
-            unsolved_steps=self.unsolved,
-            step_ms_median=round(float(np.median(step_ms)), 3),
-            step_ms_p95=round(float(np.percentile(step_ms, 95)), 3),
-            samples=samples,
-        )
+    One that is so already is left as it is, to the last digit.
+    """
+    if before is None:
+        return observation
+    north, east, heading, *velocities = observation.state
+    turns = round((heading - before.state[2]) / (2 * math.pi))
+    if turns == 0:
+        return observation
+    surge, sway, yaw_rate = velocities
+    state = (north, east, heading - 2 * math.pi * turns, surge, sway, yaw_rate)
+    return Observation(time_s=observation.time_s, state=state)

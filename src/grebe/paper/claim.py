@@ -25,7 +25,7 @@ from grebe.core.vessel import vessel_named
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
 from grebe.mapping.validation import Z95
-from grebe.mission.flight import FlightSettings, GrebePilot, fly
+from grebe.mission.trial import Conditions, fly
 from grebe.paper.hand_driven import HandDriven
 from grebe.planning.planner import plan
 from grebe.planning.settings import PlanSettings
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 SEEDS = 30
 NODES = 2_500
-SAMPLE_S = 1.0
 # Every cell is measured near its middle.
 CORE = 0.5
 WINDOW = (1.0, 2.0)
@@ -119,24 +118,19 @@ def _as_long(hand: HandDriven, way: str) -> Sampled:
 
 
 def flown(survey: Survey, way: str) -> Sampled:
-    """Fly a survey in simulation; a sample each second while the surge is in the window."""
+    """Sail a survey in simulation, sampled as every mission is by default."""
     assert survey.vessel is not None
     assert survey.start is not None
     settings = settings_for("lookahead")
-    pilot = GrebePilot(Controller(survey.vessel, survey.sets, settings, corridors=survey.corridors))
+    pilot = Controller(survey.vessel, survey.sets, settings, corridors=survey.corridors)
     flight = fly(
-        survey.vessel, survey.sets, pilot, survey.start.at_rest(), FlightSettings(limit_s=20_000)
+        survey.vessel, survey.sets, pilot, survey.start.at_rest(), Conditions(limit_s=20_000)
     )
-    track = np.array(flight.track)
-    step = max(1, round(SAMPLE_S / float(track[1, 0] - track[0, 0])))
-    seen = track[::step]
-    in_window = (seen[:, 4] >= WINDOW[0]) & (seen[:, 4] <= WINDOW[1])
-    inside = shapely.intersects_xy(survey.water, seen[:, 1:3])
-    length = float(np.hypot(*np.diff(track[:, 1:3], axis=0).T).sum())
+    sampled = flight.sampled
     return Sampled(
         way=way,
-        positions=seen[in_window & inside, 1:3],
-        length_m=length,
+        positions=sampled[shapely.intersects_xy(survey.water, sampled)],
+        length_m=flight.report.path_m,
         duration_s=flight.duration_s,
     )
 

@@ -13,7 +13,7 @@ from grebe.core.quantities import QUANTITIES
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Survey
 from grebe.mapping.maps import QuantityMap
-from grebe.mission.flight import Flight
+from grebe.mission.trial import Trial
 from grebe.paper import scenes
 from grebe.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, styled
 
@@ -28,7 +28,7 @@ LABELLED_SETS = 12
 
 
 @styled
-def mirrored(pair: Sequence[scenes.Scene], flights: Sequence[Flight], parting_s: float) -> Figure:
+def mirrored(pair: Sequence[scenes.Scene], flights: Sequence[Trial], parting_s: float) -> Figure:
     """Fig. 1: both paths and both tracks, and where the second mode begins."""
     figure = Figure(figsize=(8.4, 5.2))
     axes = figure.subplots()
@@ -44,7 +44,7 @@ def mirrored(pair: Sequence[scenes.Scene], flights: Sequence[Flight], parting_s:
 
 
 @styled
-def paths(scene: scenes.Scene, flight: Flight) -> Figure:
+def paths(scene: scenes.Scene, flight: Trial) -> Figure:
     """Fig. 2: the sets and the track through them."""
     figure = Figure(figsize=(8.4, 4.4))
     axes = figure.subplots()
@@ -55,7 +55,7 @@ def paths(scene: scenes.Scene, flight: Flight) -> Figure:
 
 
 @styled
-def exploration(scene: scenes.Scene, flight: Flight) -> Figure:
+def exploration(scene: scenes.Scene, flight: Trial) -> Figure:
     """Fig. 7: the region, its cells and the track through all of them."""
     figure = Figure(figsize=(9.0, 6.4))
     axes = figure.subplots()
@@ -65,13 +65,13 @@ def exploration(scene: scenes.Scene, flight: Flight) -> Figure:
     _draw_sets(axes, scene.targets, "", GREY)
     track = np.array(flight.track)
     axes.plot(track[:, 2], track[:, 1], color=VERMILLION, lw=1.2, label="track")
-    title = f"Fig. 7: {flight.reached} of {flight.targets} sets (region: a stand-in)"
+    title = f"Fig. 7: {flight.arrivals} sets (region: a stand-in)"
     return _finished(figure, axes, scene.start, title)
 
 
 @styled
 def histories(
-    scene: scenes.Scene, flight: Flight, window: tuple[float, float], span_s: float
+    scene: scenes.Scene, flight: Trial, window: tuple[float, float], span_s: float
 ) -> Figure:
     """Figs. 8 and 9: thrusts within their limits and surge beside its window."""
     track, thrusts = np.array(flight.track), np.array(flight.thrusts)

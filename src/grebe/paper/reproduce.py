@@ -10,7 +10,7 @@ import numpy as np
 
 from grebe.control.settings import settings_for
 from grebe.core.sets import TargetSet
-from grebe.mission.flight import Flight
+from grebe.mission.trial import Trial
 from grebe.paper import drawings, scenes
 from grebe.paper.checks import Check, Reproduction
 from grebe.report.canvas import save
@@ -93,7 +93,7 @@ def fig7(out: Path) -> Reproduction:
             _within_thrusts(scene, flight),
             Check(
                 what="the same by `lookahead`, beyond the paper",
-                found=f"{further.reached} of {further.targets} in {further.duration_s:.0f} s",
+                found=f"{further.arrivals} in {further.duration_s:.0f} s",
                 holds=further.complete,
             ),
         ),
@@ -147,16 +147,16 @@ def _window_figure(name: str, window: tuple[float, float], out: Path) -> Reprodu
     )
 
 
-def _all_reached(name: str, flight: Flight) -> Check:
+def _all_reached(name: str, flight: Trial) -> Check:
     return Check(
         what=f"sets reached ({name})",
-        found=f"{flight.reached} of {flight.targets} in {flight.duration_s:.0f} s, "
-        f"{flight.unsolved} steps not solved",
-        holds=flight.complete and flight.unsolved == 0,
+        found=f"{flight.arrivals} in {flight.duration_s:.0f} s, "
+        f"{flight.report.unsolved_steps} steps not solved",
+        holds=flight.complete and flight.report.unsolved_steps == 0,
     )
 
 
-def _within_thrusts(scene: scenes.Scene, flight: Flight) -> Check:
+def _within_thrusts(scene: scenes.Scene, flight: Trial) -> Check:
     thrusts = np.array(flight.thrusts)
     low, high = scene.vessel.thrust_min_n, scene.vessel.thrust_max_n
     return Check(
@@ -166,9 +166,9 @@ def _within_thrusts(scene: scenes.Scene, flight: Flight) -> Check:
     )
 
 
-def _second_mode_s(flight: Flight, horizon: int) -> float:
+def _second_mode_s(flight: Trial, horizon: int) -> float:
     """When N_x first falls below N: the second mode begins."""
-    return next(when for when, _, split in flight.decisions if split < horizon)
+    return next(step.elapsed_s for step in flight.steps if (step.split_stage or 0) < horizon)
 
 
 def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
@@ -176,14 +176,14 @@ def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.max(np.hypot(*(a[:, 1:3] - b[:, 1:3]).T)))
 
 
-def _depth(target: TargetSet, flight: Flight) -> float:
+def _depth(target: TargetSet, flight: Trial) -> float:
     """How far the track goes into a footprint [m]; negative where it stays outside."""
     sides = target.halfspaces[:-2]
     places = np.array(flight.track)[:, 1:3]
     return float(np.max(-np.max(places @ sides[:, :2].T - sides[:, 3], axis=1)))
 
 
-def _entries(targets: Sequence[TargetSet], flight: Flight) -> list[tuple[float, float]]:
+def _entries(targets: Sequence[TargetSet], flight: Trial) -> list[tuple[float, float]]:
     """When each set was reached, and with what surge."""
     entries: list[tuple[float, float]] = []
     for when, *state in flight.track:

@@ -17,7 +17,7 @@ from grebe.control.controller import Controller
 from grebe.control.settings import ControlSettings, paper_settings
 from grebe.core.sets import TargetSet, rectangle, ring_vertices
 from grebe.core.vessel import Vessel, vessel_named
-from grebe.mission.flight import Flight, FlightSettings, GrebePilot, fly
+from grebe.mission.trial import Conditions, Trial, fly
 from grebe.planning.mesh import mesh_water, target_footprint
 from grebe.planning.network import connect
 from grebe.planning.orders import sweeps
@@ -40,10 +40,10 @@ class Scene:
     settings: ControlSettings
     vessel: Vessel
 
-    def flown(self) -> Flight:
+    def flown(self) -> Trial:
         """Fly it in still water."""
-        pilot = GrebePilot(Controller(self.vessel, self.targets, self.settings))
-        return fly(self.vessel, self.targets, pilot, self.start, FlightSettings(limit_s=LIMIT_S))
+        pilot = Controller(self.vessel, self.targets, self.settings)
+        return fly(self.vessel, self.targets, pilot, self.start, Conditions(limit_s=LIMIT_S))
 
 
 def _scene(targets: tuple[TargetSet, ...], start: State) -> Scene:

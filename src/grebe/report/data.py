@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from grebe.core.events import Event
+from grebe.core.events import LogEntry
 from grebe.core.survey import Survey
 from grebe.io.store import Progress, SampleTable, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
@@ -24,7 +24,7 @@ class ReportData:
     progress: Progress
     track: TrackTable
     samples: SampleTable
-    events: Sequence[Event]
+    events: Sequence[LogEntry]
     maps: Sequence[QuantityMap]
     left_out: Sequence[str]
 

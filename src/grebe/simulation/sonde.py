@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
 import numpy as np
 
 from grebe.simulation.water import Water
+
+
+class ReadsWater(Protocol):
+    """Something in the water that can be asked what it reads."""
+
+    def read(self, north_m: float, east_m: float) -> Mapping[str, float]:
+        """Return a reading at a place, keyed by quantity."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class UniformSonde:
+    """Reads the same everywhere: for trials in which only the places of samples matter."""
+
+    values: Mapping[str, float] = field(default_factory=lambda: {"temperature_degc": 20.0})
+
+    def read(self, north_m: float, east_m: float) -> Mapping[str, float]:  # noqa: ARG002
+        """See `ReadsWater`."""
+        return self.values
 
 
 class Sonde:

@@ -21,7 +21,7 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import SurveyFileError
-from grebe.core.events import Event, TrackPoint
+from grebe.core.events import LogEntry, Step
 from grebe.core.quantities import QUANTITY_KEYS
 from grebe.core.samples import Flag, Sample
 from grebe.core.survey import Survey
@@ -182,7 +182,7 @@ class SurveyFile:
 
     # -- writing ---------------------------------------------------------------------
 
-    def append_track(self, point: TrackPoint) -> None:
+    def append_track(self, point: Step) -> None:
         """Append one point of the track."""
         state = point.state
         self._insert(
@@ -213,7 +213,7 @@ class SurveyFile:
                         (sample.target_seq,),
                     )
 
-    def append_event(self, event: Event) -> None:
+    def append_event(self, event: LogEntry) -> None:
         """Append an event."""
         self._insert(
             "events",
@@ -308,10 +308,10 @@ class SurveyFile:
             flags={key: flags[:, i] for i, key in enumerate(QUANTITY_KEYS)},
         )
 
-    def events(self) -> list[Event]:
+    def events(self) -> list[LogEntry]:
         """Return all events."""
         return [
-            Event(time=parse_time(time), level=level, code=code, message=message)
+            LogEntry(time=parse_time(time), level=level, code=code, message=message)
             for time, level, code, message in self._query(
                 "SELECT time, level, code, message FROM events ORDER BY fid"
             )

@@ -1,0 +1,160 @@
+"""What a mission comes to, summed up from its events."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from grebe.core.dynamics import drive_power_w
+from grebe.core.events import (
+    Ended,
+    EndReason,
+    Estimate,
+    MissionEvent,
+    Reached,
+    SampleTaken,
+    Started,
+    Step,
+)
+from grebe.core.vessel import Vessel
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionReport:
+    """What a mission came to; times are the boat's, `step_ms` the controller's own.
+
+    `samples` counts every reading kept, `samples_in_sets` those within a target set and its
+    speed window. `ended` says why the mission ended, None where there was nothing left to do.
+    """
+
+    reached: int
+    targets: int
+    steps: int
+    duration_s: float
+    path_m: float
+    energy_wh: float
+    unsolved_steps: int
+    step_ms_median: float
+    step_ms_p95: float
+    samples: int
+    samples_in_sets: int
+    ended: EndReason | None
+    message: str
+
+    @property
+    def complete(self) -> bool:
+        """Whether every target was reached."""
+        return self.reached == self.targets
+
+    def numbers(self) -> dict[str, object]:
+        """Return the report as plain values, by name."""
+        return asdict(self) | {"ended": None if self.ended is None else self.ended.value}
+
+
+class Statistics:
+    """Listens to a mission and sums it up."""
+
+    def __init__(self, vessel: Vessel, targets: int, reached: int) -> None:
+        self._vessel = vessel
+        self._targets = targets
+        self._reached = reached
+        self._path_m = self._energy_wh = self._duration_s = 0.0
+        self._step_ms: list[float] = []
+        self._unsolved = self._samples = self._in_sets = 0
+        self._before: Estimate | None = None
+        self._thrusts = (0.0, 0.0)
+        self._end: Ended | None = None
+
+    def __call__(self, event: MissionEvent) -> None:
+        """Take one event into account."""
+        match event:
+            case Estimate():
+                self._travel(event)
+            case Step():
+                self._thrusts = event.thrusts
+                if event.solve_ms is not None:
+                    self._step_ms.append(event.solve_ms)
+                    self._unsolved += not event.solved
+            case SampleTaken():
+                self._samples += 1
+                self._in_sets += event.sample.target_seq is not None
+            case Reached():
+                self._reached = event.count
+            case Ended():
+                self._end = event
+            case _:
+                pass
+
+    def _travel(self, now: Estimate) -> None:
+        before, self._before = self._before, now
+        if before is None:
+            return
+        seconds = now.elapsed_s - before.elapsed_s
+        self._duration_s += seconds
+        self._path_m += math.hypot(now.state[0] - before.state[0], now.state[1] - before.state[1])
+        power = drive_power_w(self._vessel, self._thrusts, before.state[3])
+        self._energy_wh += power * seconds / 3600
+
+    def report(self) -> MissionReport:
+        """Return the sum so far."""
+        step_ms = self._step_ms or [0.0]
+        return MissionReport(
+            reached=self._reached,
+            targets=self._targets,
+            steps=len(self._step_ms),
+            duration_s=round(self._duration_s, 3),
+            path_m=round(self._path_m, 2),
+            energy_wh=round(self._energy_wh, 3),
+            unsolved_steps=self._unsolved,
+            step_ms_median=round(float(np.median(step_ms)), 3),
+            step_ms_p95=round(float(np.percentile(step_ms, 95)), 3),
+            samples=self._samples,
+            samples_in_sets=self._in_sets,
+            ended=None if self._end is None else self._end.reason,
+            message="" if self._end is None else self._end.message,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far a mission is, for whoever watches."""
+
+    reached: int
+    targets: int
+    boat_time_s: float
+    samples: int
+
+
+class ProgressMeter:
+    """Listens to a mission and tells `watch` how far it is, at each control step and arrival."""
+
+    def __init__(self, watch: Callable[[Progress], None]) -> None:
+        self._targets = self._reached = self._samples = 0
+        self._watch = watch
+
+    def __call__(self, event: MissionEvent) -> None:
+        """Take one event into account."""
+        match event:
+            case Started():
+                self._targets, self._reached = event.targets, event.reached
+                return
+            case SampleTaken():
+                self._samples += 1
+                return
+            case Reached():
+                self._reached = event.count
+            case Step() if event.solve_ms is not None:
+                pass
+            case _:
+                return
+        self._watch(
+            Progress(
+                reached=self._reached,
+                targets=self._targets,
+                boat_time_s=event.elapsed_s,
+                samples=self._samples,
+            )
+        )

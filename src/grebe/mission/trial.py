@@ -1,0 +1,171 @@
+"""A mission in simulation without a file: for experiments, figures and benchmarks.
+
+The loop is `grebe.mission.loop.Mission` and no other; what is put together here is the simulated
+boat, a recorder in memory, and a witness of where the boat truly was.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.dynamics import CALM, Weather
+from grebe.core.events import Estimate, SampleTaken, State, Step
+from grebe.core.frames import LocalFrame
+from grebe.core.sets import TargetSet, hull_of, rectangle
+from grebe.core.survey import Survey, Target
+from grebe.core.vessel import Vessel
+from grebe.links.simulated import EXACT, EstimateErrors, SimulatedLink
+from grebe.mission.loop import Helm, Mission, MissionSettings
+from grebe.mission.recorders import MemoryRecorder
+from grebe.mission.sampling import EVERY_SECOND, Sampling
+from grebe.mission.statistics import MissionReport
+from grebe.simulation.plant import Plant
+from grebe.simulation.sonde import ReadsWater, UniformSonde
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+EVERYWHERE_THE_SAME = UniformSonde()
+SOMEWHERE = LocalFrame(origin_lon_deg=0.0, origin_lat_deg=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
+    """The world of a trial: the weather, which the helm is not told, how far estimates are off,
+    the sonde, the seed of all that is random, when to give up, and whether the weather is
+    estimated on the way.
+    """
+
+    weather: Weather = CALM
+    errors: EstimateErrors = EXACT
+    sonde: ReadsWater = EVERYWHERE_THE_SAME
+    seed: int = 0
+    limit_s: float = 1000.0
+    observes: bool = True
+    sampling: Sampling = EVERY_SECOND
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """What came of a mission: its report, its events, and the truth.
+
+    `track` (n, 7): time [s] and the true state at each estimate.
+    """
+
+    report: MissionReport
+    recorder: MemoryRecorder
+    track: NDArray[np.float64]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every target was reached."""
+        return self.report.complete
+
+    @property
+    def arrivals(self) -> str:
+        """How many sets were reached, in words."""
+        return f"{self.report.reached} of {self.report.targets}"
+
+    @property
+    def duration_s(self) -> float:
+        """The boat's time from the first estimate to the last [s]."""
+        return float(self.track[-1, 0] - self.track[0, 0])
+
+    @cached_property
+    def steps(self) -> list[Step]:
+        """The control steps, without what changed within a plan."""
+        return [step for step in self.recorder.of(Step) if step.solve_ms is not None]
+
+    @property
+    def step_ms(self) -> list[float]:
+        """CPU time of each control step [ms]."""
+        return [step.solve_ms for step in self.steps if step.solve_ms is not None]
+
+    @property
+    def thrusts(self) -> NDArray[np.float64]:
+        """What was commanded at each row of the track, (n, 2) [N]."""
+        steps = self.recorder.of(Step)
+        when = np.array([step.elapsed_s for step in steps])
+        told = np.array([(0.0, 0.0), *(step.thrusts for step in steps)])
+        return told[np.searchsorted(when, self.track[:, 0], side="right")]
+
+    @property
+    def sampled(self) -> NDArray[np.float64]:
+        """Where samples were taken, (m, 2) [m]."""
+        taken = [event.sample for event in self.recorder.of(SampleTaken)]
+        return np.array([(one.north_m, one.east_m) for one in taken]).reshape(-1, 2)
+
+    @property
+    def estimates(self) -> list[Estimate]:
+        """The state estimates that the mission used."""
+        return self.recorder.of(Estimate)
+
+
+def fly(
+    vessel: Vessel,
+    targets: Sequence[TargetSet],
+    helm: Helm,
+    start: Sequence[float],
+    conditions: Conditions | None = None,
+    *,
+    stopwatch: Callable[[], float] = time.process_time,
+) -> Trial:
+    """Sail from `start` (6,) until every set is reached or the time is up."""
+    world = conditions or Conditions()
+    north, east, heading, surge, sway, yaw_rate = start
+    plant = Plant(vessel, (north, east, heading, surge, sway, yaw_rate), world.weather)
+    link = _Witness(plant, world)
+    recorder = MemoryRecorder()
+    report = Mission(
+        survey_of(targets, vessel),
+        helm,
+        link,
+        recorder,
+        MissionSettings(sampling=world.sampling, limit_s=world.limit_s, observes=world.observes),
+        stopwatch=stopwatch,
+    ).run()
+    return Trial(report=report, recorder=recorder, track=np.array(link.truth))
+
+
+class _Witness(SimulatedLink):
+    """The simulated boat, with a note of where it truly was at each estimate."""
+
+    def __init__(self, plant: Plant, world: Conditions) -> None:
+        super().__init__(plant, world.sonde, world.errors, world.seed)
+        self.truth: list[tuple[float, ...]] = []
+
+    def _estimate(self) -> State:
+        self.truth.append((self._plant.time_s, *self._plant.state))
+        return super()._estimate()
+
+
+def survey_of(targets: Sequence[TargetSet], vessel: Vessel) -> Survey:
+    """Return a survey of bare target sets: water all around, no corridors, nowhere on earth."""
+    hull = hull_of([vertex for one in targets for vertex in one.vertices])
+    return Survey(
+        name="trial",
+        frame=SOMEWHERE,
+        water=hull,
+        targets=tuple(Target(seq=i, kind="cell", set=one) for i, one in enumerate(targets, 1)),
+        vessel=vessel,
+    )
+
+
+def meander(
+    rows: int = 10,
+    columns: int = 10,
+    side: float = 5.0,
+    speed: tuple[float, float] = (1.0, 2.0),
+) -> list[TargetSet]:
+    """Return square cells there and back: by default the 100 sets that benchmarks sail."""
+    return [
+        rectangle((side * c, side * (c + 1)), (side * r, side * (r + 1)), speed)
+        for r in range(rows)
+        for c in (range(columns) if r % 2 == 0 else range(columns - 1, -1, -1))
+    ]

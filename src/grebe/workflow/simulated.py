@@ -1,0 +1,100 @@
+"""The simulated world of a survey: true water, plant, sonde, and the link to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.dynamics import CALM, Weather
+from grebe.core.errors import PlanError, UsageError
+from grebe.core.quantities import QUANTITIES
+from grebe.core.samples import Flag
+from grebe.core.survey import Survey
+from grebe.io.readers.track import read_track
+from grebe.io.store import SurveyFile
+from grebe.links.simulated import EXACT, EstimateErrors, SimulatedLink
+from grebe.mission.departure import Departure
+from grebe.simulation.plant import Plant, mismatched
+from grebe.simulation.sonde import Sonde
+from grebe.simulation.water import Water, conditioned_water, free_water
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Samples further than this from the region say nothing of its water [m].
+NEAR_M = 1000.0
+FEWEST_NEAR = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedWorld:
+    """The true world of a simulation, of which the controller is told nothing.
+
+    `weather`; `mismatch`, the share by which the boat may differ from its model; `errors` of the
+    state estimates; `water_from` a survey file or a CSV track whose samples condition the water
+    (None: free fields); `seed`. Called with a departure it is the boat in that world.
+    """
+
+    weather: Weather = CALM
+    mismatch: float = 0.0
+    errors: EstimateErrors = EXACT
+    water_from: Path | None = None
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mismatch < 1:
+            raise UsageError(f"A boat cannot differ by {self.mismatch} from its model; give 0-1.")
+
+    def __call__(self, departure: Departure) -> SimulatedLink:
+        """Put the boat where it sets out, and return the link to it."""
+        water = true_water(departure.survey, self.water_from, self.seed)
+        boat = mismatched(departure.vessel, self.mismatch, self.seed)
+        plant = Plant(boat, departure.state, self.weather)
+        fields = self.water_from.name if self.water_from else "free fields"
+        source = f"simulated, {fields}, seed {self.seed}"
+        return SimulatedLink(plant, Sonde(water, self.seed), self.errors, self.seed, source)
+
+
+def true_water(survey: Survey, water_from: Path | None, seed: int) -> Water:
+    """Draw the true water of a survey's region."""
+    bounds = survey.water.bounds
+    if water_from is None:
+        return free_water(bounds, seed)
+    positions, values = _known_samples(survey, water_from)
+    north0, east0, north1, east1 = bounds
+    near = np.all(
+        (positions >= np.array([north0, east0]) - NEAR_M)
+        & (positions <= np.array([north1, east1]) + NEAR_M),
+        axis=1,
+    )
+    if near.sum() < FEWEST_NEAR:
+        raise PlanError(
+            f"{water_from}: {int(near.sum())} of its samples lie within a kilometre of "
+            "the survey's region; the water can only be conditioned on samples of the same lake."
+        )
+    return conditioned_water(bounds, positions[near], {k: v[near] for k, v in values.items()}, seed)
+
+
+def _known_samples(
+    survey: Survey, source: Path
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    if source.suffix.lower() == ".csv":
+        track = read_track(source)
+        spans = {quantity.key: quantity.span for quantity in QUANTITIES}
+        possible = {
+            key: np.where((values >= spans[key][0]) & (values <= spans[key][1]), values, np.nan)
+            for key, values in track.values.items()
+        }
+        return survey.frame.to_local(track.lonlat), possible
+    with SurveyFile.open(source) as known:
+        samples = known.samples()
+        lonlat = known.survey.frame.to_wgs84(samples.positions)
+    present = {
+        key: np.where(np.isin(samples.flags[key], Flag.USABLE), values, np.nan)
+        for key, values in samples.values.items()
+        if np.isfinite(values).any()
+    }
+    return survey.frame.to_local(lonlat), present

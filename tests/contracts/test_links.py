@@ -1,0 +1,161 @@
+"""What every boat link keeps; a link of one's own is added to `LINKS` to be held to it."""
+
+import json
+import math
+import socket
+import threading
+
+import numpy as np
+import pytest
+from conftest import square_survey
+
+from grebe.control.controller import Controller
+from grebe.core.errors import LinkError
+from grebe.core.quantities import QUANTITY_KEYS
+from grebe.links.base import BoatStatus, Observation
+from grebe.links.simulated import SimulatedLink
+from grebe.mission.loop import Mission
+from grebe.mission.recorders import MemoryRecorder
+from grebe.simulation.plant import Plant
+from grebe.simulation.sonde import Sonde
+from grebe.simulation.water import free_water
+
+SURVEY = square_survey()
+BOAT = SURVEY.vessel
+
+
+def simulated(kind=SimulatedLink):
+    sonde = Sonde(free_water(SURVEY.water.bounds, 1), 1)
+    return kind(Plant(BOAT, SURVEY.start.at_rest()), sonde)
+
+
+class Wrapping(SimulatedLink):
+    """A link whose compass knows only headings from -pi to pi, as most do."""
+
+    def _estimate(self):
+        north, east, heading, *rest = super()._estimate()
+        return (north, east, math.remainder(heading, 2 * math.pi), *rest)
+
+
+class OverSocket:
+    """A boat at the other end of a socket: what a user writes for a protocol of her own."""
+
+    source = "a boat behind a socket"
+
+    def __init__(self):
+        here, there = socket.socketpair()
+        self._file = here.makefile("rw")
+        self._socket, self._open = here, True
+        threading.Thread(target=_serve, args=(simulated(), there), daemon=True).start()
+
+    def _ask(self, **question):
+        if not self._open:
+            raise LinkError("The socket is closed.")
+        print(json.dumps(question), file=self._file, flush=True)
+        return json.loads(self._file.readline())
+
+    def observe(self):
+        answer = self._ask(ask="observe")
+        return Observation(time_s=answer["time_s"], state=tuple(answer["state"]))
+
+    def command(self, thrusts):
+        self._ask(ask="command", throttles=[BOAT.throttle_of(thrust) for thrust in thrusts])
+
+    def measure(self):
+        return self._ask(ask="measure")
+
+    def status(self):
+        return BoatStatus(mode="socket", armed=self._open)
+
+    def stop(self):
+        self.command((0.0, 0.0))
+
+    def close(self):
+        if self._open:
+            self.stop()
+            self._open = False
+            self._socket.close()
+
+
+def _serve(link, there):
+    with there, there.makefile("rw") as file:
+        for line in file:
+            question, answer = json.loads(line), {}
+            if question["ask"] == "observe":
+                seen = link.observe()
+                answer = {"time_s": seen.time_s, "state": seen.state}
+            elif question["ask"] == "measure":
+                answer = dict(link.measure())
+            else:
+                link.command(tuple(map(BOAT.thrust_of, question["throttles"])))
+            print(json.dumps(answer), file=file, flush=True)
+
+
+LINKS = {"simulated": simulated, "wrapping": lambda: simulated(Wrapping), "socket": OverSocket}
+
+
+@pytest.fixture(params=LINKS)
+def link(request):
+    opened = LINKS[request.param]()
+    yield opened
+    opened.close()
+
+
+def test_time_goes_on_and_states_are_six_numbers(link):
+    seen = [link.observe() for _ in range(20)]
+    assert all(len(one.state) == 6 and all(map(math.isfinite, one.state)) for one in seen)
+    assert np.all(np.diff([one.time_s for one in seen]) > 0)
+
+
+def test_thrust_ahead_moves_the_boat_ahead_and_port_thrust_turns_it_to_starboard(link):
+    before = link.observe().state
+    link.command((0.8 * BOAT.thrust_max_n, 0.4 * BOAT.thrust_max_n))
+    after = [link.observe() for _ in range(20)][-1].state
+    ahead = np.dot(np.subtract(after[:2], before[:2]), (math.cos(before[2]), math.sin(before[2])))
+    assert ahead > 0
+    assert after[3] > 0
+    assert after[5] > 0
+
+
+def test_thrusts_hold_until_the_next_command_and_stop_takes_them_away(link):
+    link.observe()
+    link.command((BOAT.thrust_max_n, BOAT.thrust_max_n))
+    speeds = [link.observe().state[3] for _ in range(30)]
+    assert np.all(np.diff(speeds) > 0)
+    link.stop()
+    later = [link.observe().state[3] for _ in range(100)]
+    assert later[-1] < 0.2 * speeds[-1]
+
+
+def test_readings_are_of_known_quantities(link):
+    link.observe()
+    reading = link.measure()
+    assert set(reading) <= set(QUANTITY_KEYS)
+    assert all(map(math.isfinite, reading.values()))
+
+
+def test_the_status_and_the_source_can_be_read_at_once(link):
+    status = link.status()
+    assert isinstance(status, BoatStatus)
+    assert status.mode
+    assert not status.stop_request
+    assert link.source
+
+
+def test_a_closed_link_has_no_estimates_and_may_be_closed_again(link):
+    link.observe()
+    link.close()
+    with pytest.raises(LinkError):
+        link.observe()
+    link.close()
+
+
+def test_every_link_gives_the_same_mission_whatever_turn_its_compass_is_in():
+    tracks = []
+    for make in LINKS.values():
+        recorder = MemoryRecorder()
+        report = Mission(SURVEY, Controller(BOAT, SURVEY.sets), make(), recorder).run()
+        assert report.complete
+        tracks.append((report.duration_s, report.path_m, report.steps))
+    assert tracks[0] == tracks[1]
+    assert tracks[2] == pytest.approx(tracks[0], rel=1e-3)
