@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class MissionReport:
         """Whether every target was reached."""
         return self.reached == self.targets
 
-    def numbers(self) -> dict[str, object]:
+    def numbers(self) -> dict[str, Any]:
         """Return the report as plain values, by name."""
         return asdict(self) | {"ended": None if self.ended is None else self.ended.value}
 
