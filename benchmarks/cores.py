@@ -13,10 +13,10 @@ from scipy.spatial.distance import cdist
 from benchmarks.common import print_head, print_row
 from benchmarks.planning import BOAT, FRAME, lake
 from grebe.control.controller import Controller
+from grebe.core.plan_settings import PlanSettings
 from grebe.mission.trial import Conditions, fly
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
-from grebe.planning.settings import PlanSettings
 
 RANGES_M = (5.0, 10.0, 20.0)
 WAYS = {
@@ -45,7 +45,7 @@ def cores() -> None:
         samples = flight.sampled
         spread = [_mean_sd(samples, region.water, one) for one in RANGES_M]
         print_row(
-            name, len(survey.targets), f"{planned.numbers.time_s:.0f}",
+            name, len(survey.targets), f"{planned.outcome.time_s:.0f}",
             f"{flight.duration_s:.0f}", len(samples), " / ".join(f"{one:.3f}" for one in spread),
         )  # fmt: skip
 

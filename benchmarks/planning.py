@@ -13,6 +13,7 @@ import shapely
 from benchmarks.common import print_head, print_row
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.frames import LocalFrame
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
 from grebe.planning.corridors import Waterways
@@ -22,7 +23,6 @@ from grebe.planning.network import connect
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.route import best_route, first_orders
-from grebe.planning.settings import PlanSettings
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
 
@@ -59,7 +59,7 @@ def planning() -> None:
         print_row(
             cells,
             *(" / ".join(f"{one[name]:.1f}" for one in predicted) for name in names),
-            f"{planned.numbers.gap:.4f}",
+            f"{planned.outcome.gap:.4f}",
             f"{seconds:.1f}",
             resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
         )
@@ -112,6 +112,6 @@ def lakes() -> None:
         kinds = [target.kind for target in planned.survey.targets]
         print_row(
             name, count, shape, f"{cell_m:.1f}", kinds.count("cell"), kinds.count("transit"),
-            f"{1 + planned.numbers.gap:.4f}", f"{planned.check.coverage:.4f}",
+            f"{1 + planned.outcome.gap:.4f}", f"{planned.check.coverage:.4f}",
             f"{planned.check.outside_m2:.1f}", f"{seconds:.1f}",
         )  # fmt: skip

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 
 from grebe.control.settings import ControlSettings
 from grebe.core.frames import LocalFrame
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
-from grebe.planning.settings import PlanSettings
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 

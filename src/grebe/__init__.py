@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from grebe.core.dynamics import Weather
     from grebe.core.errors import GrebeError
     from grebe.core.frames import LocalFrame
+    from grebe.core.plan_settings import PlanSettings
     from grebe.core.sets import TargetSet
     from grebe.core.survey import Survey
     from grebe.core.vessel import Vessel, vessel_named
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from grebe.mission.statistics import MissionReport
     from grebe.planning.planner import plan_survey
     from grebe.planning.region import Region, clean_region
-    from grebe.planning.settings import PlanSettings
     from grebe.workflow.run import run_survey
     from grebe.workflow.simulated import SimulatedWorld
 
@@ -43,7 +43,7 @@ _HOME = {
     "Mission": "mission.loop",
     "MissionReport": "mission.statistics",
     "Observation": "links.base",
-    "PlanSettings": "planning.settings",
+    "PlanSettings": "core.plan_settings",
     "Region": "planning.region",
     "SimulatedWorld": "workflow.simulated",
     "Survey": "core.survey",

@@ -52,7 +52,7 @@ def test_shape_and_cell(lake, tmp_path, shape):
     numbers, path = planned(lake, tmp_path, "--shape", shape, "--cell", "8")
     assert numbers["cell_m"] == 8
     with SurveyFile.open(path) as file:
-        assert file.survey.settings["shape"] == shape
+        assert file.survey.settings.shape == shape
 
 
 def test_the_best_angle_has_a_shorter_way_than_north(tmp_path):
@@ -126,7 +126,7 @@ def test_current_and_wind_lengthen_the_survey(lake, tmp_path):
     flowing, path = planned(lake, tmp_path, "--current", "0.5,0", "--wind", "0,10", "--force")
     assert flowing["time_s"] > still["time_s"]
     with SurveyFile.open(path) as file:
-        assert file.survey.settings["current_north_mps"] == 0.5
+        assert file.survey.settings.weather.current_north_mps == 0.5
 
 
 def test_an_angle_that_is_none(lake, tmp_path):

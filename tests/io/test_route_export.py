@@ -14,11 +14,11 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError, UsageError
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.export.route import export_text, write_export
 from grebe.io.store import SurveyFile
 from grebe.planning.planner import plan_survey
-from grebe.planning.settings import PlanSettings
 
 
 @pytest.fixture(scope="module")

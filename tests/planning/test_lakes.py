@@ -14,6 +14,7 @@ from grebe.control.controller import Controller
 from grebe.control.settings import settings_for
 from grebe.core.dynamics import Weather
 from grebe.core.errors import PlanError
+from grebe.core.plan_settings import SHAPES, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
 from grebe.mission.trial import Conditions, fly
@@ -21,13 +22,11 @@ from grebe.planning.bounds import lower_bound_m
 from grebe.planning.check import check_plan
 from grebe.planning.convex import convex_pieces, is_convex
 from grebe.planning.costs import costs_of, order_cost
-from grebe.planning.lattice import SHAPES
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
 from grebe.planning.planner import plan
 from grebe.planning.polish import polished
 from grebe.planning.region import Region, clean_region, navigable_water
-from grebe.planning.settings import PlanSettings
 from grebe.planning.travel import travel_of
 
 BOAT = PRESETS["spyboat"]
@@ -66,7 +65,7 @@ def test_any_lake_is_planned_within_its_water(water, shape, cell, angle):
     assert check.coverage > 0.9
     assert check.start_afloat
     assert len(survey.corridors) == len(survey.targets)
-    assert planned.numbers.gap > -1e-9
+    assert planned.outcome.gap > -1e-9
 
 
 @settings(deadline=None, max_examples=40)
@@ -141,7 +140,7 @@ def test_weather_beyond_the_boat_s_means_is_refused():
 @pytest.mark.parametrize("budget", [{"minutes": 10.0}, {"energy_wh": 12.0}])
 def test_a_budget_chooses_the_cells(budget):
     region = region_with(shapely.box(0, 0, 60, 60))
-    numbers = plan(region, BOAT, PlanSettings(cell_m=None, **budget)).numbers
+    numbers = plan(region, BOAT, PlanSettings(cell_m=None, **budget)).outcome
     share = numbers.time_s / 600 if "minutes" in budget else numbers.energy_wh / budget["energy_wh"]
     assert 0.6 < share <= 1.02
 
@@ -213,7 +212,7 @@ def test_ways_over_real_lakes_are_nearly_as_short_as_can_be(name, count, gap, sh
     region = real(name)
     cell_m = math.sqrt(region.water.area / count)
     planned = plan(region, BOAT, PlanSettings(cell_m=cell_m, shape=shape))
-    assert 0 <= planned.numbers.gap < gap
+    assert 0 <= planned.outcome.gap < gap
     assert planned.check.holds
 
 
@@ -226,7 +225,7 @@ def test_the_hull_of_a_real_track_is_planned(shape):
     planned = plan(region, BOAT, PlanSettings(cell_m=10, shape=shape, angle_deg=None))
     assert planned.check.outside_m2 == 0.0
     assert planned.check.coverage > 0.97
-    assert planned.numbers.gap < 0.04
+    assert planned.outcome.gap < 0.04
 
 
 def bay_of(region):

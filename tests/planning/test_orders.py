@@ -11,6 +11,7 @@ from grebe.control.controller import Controller
 from grebe.control.settings import settings_for
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.mission.trial import Conditions, fly
 from grebe.planning.costs import costs_of
@@ -18,7 +19,6 @@ from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
-from grebe.planning.settings import PlanSettings
 from grebe.planning.taut import DRAWN_IN, taut_way
 from grebe.planning.travel import travel_of
 
@@ -104,8 +104,8 @@ def test_a_way_around_a_spit_is_as_long_as_it_is():
 def test_a_board_is_visited_without_a_diagonal(side):
     """K - 1 steps of one cell: what no order can undercut."""
     planned = plan(field(shapely.box(0, 0, 5 * side, 5 * side)), BOAT, PlanSettings(cell_m=5))
-    assert planned.numbers.gap == pytest.approx(0.0, abs=1e-9)
-    assert planned.numbers.length_m == pytest.approx(5 * (side**2 - 1))
+    assert planned.outcome.gap == pytest.approx(0.0, abs=1e-9)
+    assert planned.outcome.length_m == pytest.approx(5 * (side**2 - 1))
 
 
 def test_the_lanes_of_a_pattern_are_swept_one_after_the_other():
@@ -125,7 +125,7 @@ def test_a_core_keeps_the_boat_near_the_middle_of_each_cell():
     whole, core = (plan(region, BOAT, PlanSettings(cell_m=10, core=c)) for c in (1.0, 0.4))
     assert core.check.coverage == pytest.approx(whole.check.coverage)
     assert core.check.holds
-    assert core.numbers.time_s > 1.2 * whole.numbers.time_s
+    assert core.outcome.time_s > 1.2 * whole.outcome.time_s
     for target in core.survey.targets:
         assert target.set.polygon.area == pytest.approx(16.0)
     cells = shapely.union_all(core.survey.cells)
@@ -147,4 +147,4 @@ def test_a_mission_takes_about_what_its_plan_says(vessel, core):
     world = Conditions(weather=Weather(current_north_mps=0.1), limit_s=3000)
     flight = fly(boat, survey.sets, pilot, survey.start.at_rest(), world)
     assert flight.complete
-    assert flight.duration_s == pytest.approx(planned.numbers.time_s, rel=0.25)
+    assert flight.duration_s == pytest.approx(planned.outcome.time_s, rel=0.25)

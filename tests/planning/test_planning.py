@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.core.errors import InputError, PlanError, RegionError, UsageError
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.sets import ring_vertices
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
@@ -19,7 +20,6 @@ from grebe.planning.network import connect
 from grebe.planning.orders import sweeps
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import clean_region, navigable_water
-from grebe.planning.settings import PlanSettings
 
 HERON = (3.171153, 50.636268)
 

@@ -15,12 +15,12 @@ from grebe.cli.map_command import write_maps
 from grebe.control.settings import ControlSettings
 from grebe.core.errors import IncompleteError
 from grebe.core.frames import LocalFrame
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.mission.statistics import ProgressMeter
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
-from grebe.planning.settings import PlanSettings
 from grebe.report import canvas, mission_figures
 from grebe.report.data import gather
 from grebe.report.page import write_report

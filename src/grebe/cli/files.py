@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import uuid
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -12,12 +11,13 @@ from pathlib import Path
 from grebe.core.errors import InputError
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
+from grebe.io.store.plan_tables import settings_text
 from grebe.io.store.timestamps import time_text
 
 
 def write_survey_file(path: Path, survey: Survey, *, force: bool, note: str = "") -> None:
     """Write a survey to a new file, with its identity, origin and configuration."""
-    configuration = json.dumps(dict(survey.settings), sort_keys=True)
+    configuration = settings_text(survey.settings)
     meta = {
         "survey_id": str(uuid.uuid4()),
         "created": time_text(datetime.now(UTC)),

@@ -12,14 +12,12 @@ import shapely
 from grebe.cli import options, output
 from grebe.cli.files import write_survey_file
 from grebe.core.errors import InputError, UsageError
+from grebe.core.plan_settings import PATTERNS, SHAPES, Pattern, PlanSettings, Shape
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS, vessel_named
 from grebe.io.readers.outline import read_outline
-from grebe.planning.lattice import SHAPES, Shape
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
-from grebe.planning.route import PATTERNS, Pattern
-from grebe.planning.settings import PlanSettings
 from grebe.report import canvas, mission_figures
 
 DEFAULT_CELL_M = 5.0
@@ -176,7 +174,7 @@ def command(
     water = clean_region(outline.geometry, outline.name)
     planned = plan(water, boat, settings, start, _zones(no_go, water))
     survey = planned.survey
-    for text in planned.numbers.notes:
+    for text in planned.notes:
         output.note(f"note: {text}")
     write_survey_file(path, survey, force=force)
     canvas.save(mission_figures.plan_figure(survey), picture)
@@ -252,22 +250,22 @@ def plan_warnings(survey: Survey) -> list[str]:
 
 def plan_numbers(planned: Planned) -> dict[str, Any]:
     """Return what a plan reports of itself."""
-    survey, numbers, check = planned.survey, planned.numbers, planned.check
+    survey, outcome, check = planned.survey, planned.outcome, planned.check
     return {
         "name": survey.name,
         "targets": len(survey.targets),
         "transits": sum(target.kind == "transit" for target in survey.targets),
-        "cell_m": round(float(survey.settings["cell_m"]), 3),
-        "angle_deg": round(float(survey.settings["angle_deg"]), 1),
+        "cell_m": round(outcome.cell_m, 3),
+        "angle_deg": round(outcome.angle_deg, 1),
         "origin": options.place_text(survey.frame),
         "area_m2": round(survey.water.area, 1),
         "coverage": round(check.coverage, 6),
         "outside_m2": round(check.outside_m2, 6),
-        "length_m": round(numbers.length_m, 1),
-        "turns": numbers.turns,
-        "time_s": round(numbers.time_s, 1),
-        "energy_wh": round(numbers.energy_wh, 2),
-        "lower_bound_m": round(numbers.lower_bound_m, 1),
-        "gap": round(numbers.gap, 4),
-        "order_from": numbers.method,
+        "length_m": round(outcome.length_m, 1),
+        "turns": outcome.turns,
+        "time_s": round(outcome.time_s, 1),
+        "energy_wh": round(outcome.energy_wh, 2),
+        "lower_bound_m": round(outcome.lower_bound_m, 1),
+        "gap": round(outcome.gap, 4),
+        "order_from": outcome.method,
     }

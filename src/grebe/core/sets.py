@@ -168,8 +168,13 @@ def drawn_in(
 
 def footprints_of(sets: Sequence[TargetSet]) -> NDArray[np.object_]:
     """Return the footprints of sets as polygons, for many at a time."""
-    corners = np.array([vertex for one in sets for vertex in one.vertices]).reshape(-1, 2)
-    ring = np.repeat(np.arange(len(sets)), [len(one.vertices) for one in sets])
+    return polygons_of([one.vertices for one in sets])
+
+
+def polygons_of(rings: Sequence[tuple[tuple[float, float], ...]]) -> NDArray[np.object_]:
+    """Return the polygons within rings, for many at a time."""
+    corners = np.array([vertex for one in rings for vertex in one]).reshape(-1, 2)
+    ring = np.repeat(np.arange(len(rings)), [len(one) for one in rings])
     return np.asarray(shapely.polygons(shapely.linearrings(corners, indices=ring)), dtype=object)
 
 

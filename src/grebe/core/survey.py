@@ -6,8 +6,7 @@ frame; the survey file turns positions into WGS 84.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -15,7 +14,8 @@ import shapely
 
 from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
-from grebe.core.sets import TargetSet, footprints_of
+from grebe.core.plan_settings import PlanOutcome, PlanSettings
+from grebe.core.sets import TargetSet
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -26,11 +26,16 @@ TargetKind = Literal["cell", "transit"]
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """One set of the ordered sequence Omega_1 ... Omega_K; `seq` counts from 1."""
+    """One set of the ordered sequence Omega_1 ... Omega_K; `seq` counts from 1.
+
+    `cell` is the piece of water that it stands for: its own footprint or, where a target is
+    drawn in towards the middle, more than that; None for a transit.
+    """
 
     seq: int
     kind: TargetKind
     set: TargetSet
+    cell: shapely.Polygon | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +57,8 @@ class Survey:
 
     `water` is a local polygon (x north, y east). A survey that was imported from a track
     has no targets, no vessel and no start. `corridors`, where there are any, holds for each
-    target the convex polygon to stay in on the way to it. Raises `InputError` when targets are
+    target the convex polygon to stay in on the way to it. `settings` and `outcome` say what
+    the plan was made with and what came of it. Raises `InputError` when targets are
     not numbered 1 to K or a corridor is missing.
     """
 
@@ -64,7 +70,8 @@ class Survey:
     corridors: tuple[shapely.Polygon, ...] = ()
     vessel: Vessel | None = None
     start: Pose | None = None
-    settings: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
+    settings: PlanSettings | None = None
+    outcome: PlanOutcome | None = None
 
     def __post_init__(self) -> None:
         if [target.seq for target in self.targets] != list(range(1, len(self.targets) + 1)):
@@ -81,16 +88,8 @@ class Survey:
 
     @property
     def cells(self) -> NDArray[np.object_]:
-        """The cells that the targets stand for: where `core` is less than 1 in the settings, each
-        target is its cell drawn in to that share.
-        """
-        footprints = footprints_of([t.set for t in self.targets if t.kind == "cell"])
-        core = float(self.settings.get("core", 1.0))
-        if core == 1.0:
-            return footprints
-        corners, cell = shapely.get_coordinates(footprints, return_index=True)
-        middle = shapely.get_coordinates(shapely.centroid(footprints))[cell]
-        return shapely.set_coordinates(footprints.copy(), middle + (corners - middle) / core)
+        """The cells that the targets stand for."""
+        return np.array([t.cell for t in self.targets if t.cell is not None], dtype=object)
 
     @property
     def coverage(self) -> float:

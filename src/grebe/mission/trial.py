@@ -152,7 +152,10 @@ def survey_of(targets: Sequence[TargetSet], vessel: Vessel) -> Survey:
         name="trial",
         frame=SOMEWHERE,
         water=hull,
-        targets=tuple(Target(seq=i, kind="cell", set=one) for i, one in enumerate(targets, 1)),
+        targets=tuple(
+            Target(seq=i, kind="cell", set=one, cell=one.polygon)
+            for i, one in enumerate(targets, 1)
+        ),
         vessel=vessel,
     )
 

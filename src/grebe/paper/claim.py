@@ -18,6 +18,7 @@ import shapely
 from grebe.control.controller import Controller
 from grebe.control.settings import settings_for
 from grebe.core.errors import PlanError
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.quantities import QUANTITIES, Quantity
 from grebe.core.samples import Flag
 from grebe.core.survey import Survey
@@ -28,7 +29,6 @@ from grebe.mapping.validation import Z95
 from grebe.mission.trial import Conditions, fly
 from grebe.paper.hand_driven import HandDriven
 from grebe.planning.planner import plan
-from grebe.planning.settings import PlanSettings
 from grebe.simulation.water import Water, conditioned_water
 
 if TYPE_CHECKING:

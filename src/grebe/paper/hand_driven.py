@@ -15,6 +15,7 @@ import shapely
 from scipy.spatial import KDTree
 
 from grebe.core.errors import InputError
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.quantities import QUANTITIES
 from grebe.core.samples import Flag
 from grebe.core.survey import Survey
@@ -27,7 +28,6 @@ from grebe.paper import drawings
 from grebe.paper.checks import Check, Reproduction
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
-from grebe.planning.settings import PlanSettings
 from grebe.report.canvas import save
 from grebe.workflow.imported import survey_of_track
 
@@ -167,8 +167,8 @@ def fig6(out: Path, hand: HandDriven) -> Reproduction:
             ),
             Check(
                 what="length of the way over a lower bound",
-                found=f"{1 + planned.numbers.gap:.3f}",
-                holds=planned.numbers.gap < 0.1,
+                found=f"{1 + planned.outcome.gap:.3f}",
+                holds=planned.outcome.gap < 0.1,
             ),
         ),
     )

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+
+from grebe.core.plan_settings import Shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,8 +23,6 @@ if TYPE_CHECKING:
     # Row and column of each tile, and its corners (n, m, 2).
     Tiles = tuple[Indices, Indices, Array]
 
-Shape = Literal["square", "hexagon", "triangle"]
-SHAPES: tuple[Shape, ...] = get_args(Shape)
 # An excess of less than this share of a cell beyond the last row makes no new row.
 SLIVER = 0.02
 

@@ -17,9 +17,9 @@ import shapely
 from shapely import affinity
 
 from grebe.core.errors import PlanError
+from grebe.core.plan_settings import Shape
 from grebe.planning import lattice
 from grebe.planning.convex import convex_pieces, convex_union, shared_edge_m
-from grebe.planning.lattice import Shape
 
 Ring = tuple[tuple[float, float], ...]
 

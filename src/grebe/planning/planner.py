@@ -11,7 +11,8 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import PlanError
-from grebe.core.sets import TargetSet, drawn_in, footprints_of, rings_of
+from grebe.core.plan_settings import PlanOutcome, PlanSettings, check_speed
+from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.planning.bounds import lower_bound_m
@@ -21,7 +22,6 @@ from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
 from grebe.planning.region import Region, navigable_water
 from grebe.planning.route import Route, best_route
-from grebe.planning.settings import PlanSettings, check_speed
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
 
@@ -41,31 +41,15 @@ START_RADIUS_M = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanNumbers:
-    """What a plan reports of itself; `gap` is length over lower bound, less one.
-
-    Length and turns are those of the shortest way through the centres of all cells by way of
-    the transits; time and energy are those of the taut way, which is what a boat does that need
-    only have been in each target.
+class Planned:
+    """A survey, what the planner made of its settings, what an independent check found, and
+    what whoever asked for it should know.
     """
 
-    length_m: float
-    turns: int
-    time_s: float
-    energy_wh: float
-    lower_bound_m: float
-    gap: float
-    method: str
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Planned:
-    """A survey, its numbers, and what an independent check found."""
-
     survey: Survey
-    numbers: PlanNumbers
+    outcome: PlanOutcome
     check: PlanCheck
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,11 +115,11 @@ class _Planner:
         stops = self._stops(draft, ways)
         corridors = self._corridors(draft, stops, ways)
         stops = widened(stops, corridors)
-        survey = self._survey(draft, stops, corridors)
+        targets = self._targets(draft, stops)
+        outcome = self._outcome(draft, stops, targets)
+        survey = self._survey(draft, targets, corridors, outcome)
         return Planned(
-            survey=survey,
-            numbers=self._numbers(draft, stops, survey, notes),
-            check=check_plan(survey, self.water),
+            survey=survey, outcome=outcome, check=check_plan(survey, self.water), notes=notes
         )
 
     def _draft(self, cell_m: float, angle_deg: float, *, quick: bool) -> _Draft:
@@ -254,11 +238,15 @@ class _Planner:
         footprints = [self._start_footprint(draft), *(stop.footprint for stop in stops)]
         return ways.corridors(footprints)
 
-    def _survey(self, draft: _Draft, stops: list[Stop], corridors: list[shapely.Polygon]) -> Survey:
-        targets = self._targets(draft, stops)
+    def _survey(
+        self,
+        draft: _Draft,
+        targets: tuple[Target, ...],
+        corridors: list[shapely.Polygon],
+        outcome: PlanOutcome,
+    ) -> Survey:
         north, east = targets[0].set.centre
         heading = math.atan2(east - draft.start[1], north - draft.start[0])
-        weather = self.settings.weather.as_tuple()
         return Survey(
             name=self.region.name,
             frame=self.region.frame,
@@ -268,39 +256,34 @@ class _Planner:
             corridors=tuple(corridors),
             vessel=self.vessel,
             start=Pose(north_m=draft.start[0], east_m=draft.start[1], heading_rad=heading),
-            settings={
-                "cell_m": draft.cell_m,
-                "shape": self.settings.shape,
-                "core": self.settings.core,
-                "angle_deg": draft.angle_deg,
-                "speed_min_mps": self.settings.speed_min_mps,
-                "speed_max_mps": self.settings.speed_max_mps,
-                "shore_margin_m": self.settings.shore_margin_m,
-                "current_north_mps": weather[0],
-                "current_east_mps": weather[1],
-                "wind_force_north_n": weather[2],
-                "wind_force_east_n": weather[3],
-            },
+            settings=self.settings,
+            outcome=outcome,
         )
 
     def _targets(self, draft: _Draft, stops: list[Stop]) -> tuple[Target, ...]:
-        rings = rings_of([stop.footprint for stop in stops])
+        rings = [
+            ring if self._is_whole(draft, stop) else target_footprint(ring)
+            for stop, ring in zip(stops, rings_of([stop.footprint for stop in stops]), strict=True)
+        ]
         return tuple(
-            self._target(seq, stop, ring if self._is_whole(draft, stop) else target_footprint(ring))
-            for seq, (stop, ring) in enumerate(zip(stops, rings, strict=True), start=1)
+            self._target(seq, stop, ring, cell)
+            for seq, (stop, ring, cell) in enumerate(
+                zip(stops, rings, polygons_of(rings).tolist(), strict=True), start=1
+            )
         )
 
     @staticmethod
     def _is_whole(draft: _Draft, stop: Stop) -> bool:
         return stop.cell is not None and draft.cells[stop.cell].whole
 
-    def _target(self, seq: int, stop: Stop, ring: Ring) -> Target:
+    def _target(self, seq: int, stop: Stop, ring: Ring, cell: shapely.Polygon) -> Target:
         slowest = 0.0 if stop.cell is None else self.settings.speed_min_mps
         if stop.cell is not None and self.settings.core < 1:
             ring = drawn_in(ring, self.settings.core)
         return Target(
             seq=seq,
             kind="transit" if stop.cell is None else "cell",
+            cell=None if stop.cell is None else cell,
             set=TargetSet(
                 vertices=ring,
                 speed_min_mps=slowest,
@@ -308,9 +291,9 @@ class _Planner:
             ),
         )
 
-    def _numbers(
-        self, draft: _Draft, stops: list[Stop], survey: Survey, notes: tuple[str, ...]
-    ) -> PlanNumbers:
+    def _outcome(
+        self, draft: _Draft, stops: list[Stop], targets: tuple[Target, ...]
+    ) -> PlanOutcome:
         points = _through_centres(draft.start, stops)
         first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
         last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
@@ -323,8 +306,10 @@ class _Planner:
             draft.network.around[kept][:, kept],
         )
         length = _length(within)
-        time_s = self._mission_s(draft, survey.targets)
-        return PlanNumbers(
+        time_s = self._mission_s(draft, targets)
+        return PlanOutcome(
+            cell_m=draft.cell_m,
+            angle_deg=draft.angle_deg,
             length_m=_length(points),
             turns=_turns(points),
             time_s=time_s,
@@ -332,7 +317,6 @@ class _Planner:
             lower_bound_m=bound,
             gap=length / bound - 1 if bound > 0 else 0.0,
             method=draft.route.method,
-            notes=notes,
         )
 
 

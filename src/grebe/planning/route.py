@@ -9,10 +9,11 @@ leave, with its turns, and the ways around land.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.core.plan_settings import Pattern
 from grebe.planning.costs import Costs, costs_of, order_cost
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     Order = NDArray[np.int64]
 
 # How the cells may be ordered: for the shortest time, or as a lawn is mown.
-Pattern = Literal["free", "rows", "columns"]
-PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
 # Kicks of the final improvement: more where there are more cells to place, up to 10,000 cells,
 # and then fewer, because each takes longer.
 FEWEST_KICKS, KICKS_AT_MOST, CELLS_AT_MOST = 2_000, 40_000, 10_000

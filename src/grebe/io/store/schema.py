@@ -23,11 +23,20 @@ from grebe.core.sets import TargetSet, footprints_of, rings_of
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.io.store import geopackage
+from grebe.io.store.plan_tables import (
+    CELL_COLUMNS,
+    outcome_text,
+    parse_outcome,
+    parse_settings,
+    read_cells,
+    settings_text,
+    write_cells,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-VERSION = 2
+VERSION = 3
 STATE_COLUMNS = STATE_NAMES
 
 _LAYERS: dict[str, tuple[str | None, str]] = {
@@ -38,6 +47,7 @@ _LAYERS: dict[str, tuple[str | None, str]] = {
         "speed_max_mps DOUBLE NOT NULL, reached_at DATETIME, "
         "sample_count INTEGER NOT NULL DEFAULT 0",
     ),
+    "cells": ("POLYGON", CELL_COLUMNS),
     "corridors": ("POLYGON", "seq INTEGER NOT NULL UNIQUE"),
     "track": (
         "POINT",
@@ -65,6 +75,7 @@ def create(connection: sqlite3.Connection, survey: Survey, meta: dict[str, str])
         geopackage.create_layer(connection, table, columns, geometry=geometry, bounds=water.bounds)
     _write_region(connection, survey)
     _write_targets(connection, survey)
+    write_cells(connection, survey.frame, survey.targets)
     _write_corridors(connection, survey)
     entries = {
         "name": survey.name,
@@ -72,7 +83,8 @@ def create(connection: sqlite3.Connection, survey: Survey, meta: dict[str, str])
         "frame_origin_lat_deg": repr(survey.frame.origin_lat_deg),
         "vessel": json.dumps(asdict(survey.vessel)) if survey.vessel else "",
         "start": json.dumps(asdict(survey.start)) if survey.start else "",
-        "settings": json.dumps(dict(survey.settings)),
+        "settings": settings_text(survey.settings),
+        "outcome": outcome_text(survey.outcome),
         **meta,
     }
     connection.executemany("INSERT INTO meta (key, value) VALUES (?, ?)", entries.items())
@@ -129,7 +141,8 @@ def read_survey(connection: sqlite3.Connection) -> Survey:
         corridors=_read_corridors(connection, frame),
         vessel=Vessel(**json.loads(meta["vessel"])) if meta["vessel"] else None,
         start=Pose(**json.loads(meta["start"])) if meta["start"] else None,
-        settings=json.loads(meta["settings"]),
+        settings=parse_settings(meta["settings"]),
+        outcome=parse_outcome(meta["outcome"]),
     )
 
 
@@ -138,11 +151,13 @@ def _read_targets(connection: sqlite3.Connection, frame: LocalFrame) -> tuple[Ta
         "SELECT seq, kind, speed_min_mps, speed_max_mps, geom FROM targets ORDER BY seq"
     ).fetchall()
     rings = rings_of(_polygons(frame, [row[-1] for row in rows]))
+    cells = read_cells(connection, frame)
     return tuple(
         Target(
             seq=seq,
             kind=kind,
             set=TargetSet(vertices=ring, speed_min_mps=low, speed_max_mps=high),
+            cell=cells.get(seq),
         )
         for (seq, kind, low, high, _), ring in zip(rows, rings, strict=True)
     )

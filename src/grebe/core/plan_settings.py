@@ -1,15 +1,19 @@
-"""What a plan is made with."""
+"""What a plan is made with, and what came of it: both are kept whole with the survey."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import PlanError, UsageError
 from grebe.core.vessel import Vessel
-from grebe.planning.lattice import SHAPES, Shape
-from grebe.planning.route import PATTERNS, Pattern
+
+Shape = Literal["square", "hexagon", "triangle"]
+Pattern = Literal["free", "rows", "columns"]
+SHAPES: tuple[Shape, ...] = get_args(Shape)
+PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
 
 # A window whose lower end needs more than this share of the top speed leaves no thrust to
 # steer with.
@@ -68,6 +72,27 @@ class PlanSettings:
             raise UsageError("Give one of: the cells' size, the minutes, the watt-hours.")
         if budgets and not 0 < budgets[0] < math.inf:
             raise UsageError(f"A budget of {budgets[0]} is none; it must be positive.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOutcome:
+    """What the planner made of its settings; `gap` is length over lower bound, less one.
+
+    `cell_m` and `angle_deg` as they were given or chosen. Length and turns are those of the
+    shortest way through the centres of all cells by way of the transits; time and energy are
+    those of the taut way, which is what a boat does that need only have been in each target.
+    `method` made the order.
+    """
+
+    cell_m: float
+    angle_deg: float
+    length_m: float
+    turns: int
+    time_s: float
+    energy_wh: float
+    lower_bound_m: float
+    gap: float
+    method: str
 
 
 def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
