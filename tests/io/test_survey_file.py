@@ -124,7 +124,9 @@ def test_gdal_reads_the_file_while_it_is_written(path, survey_file):
         assert int(seen.stdout) == i + 1
     survey_file.close()
     layers = {name for name, _ in pyogrio.list_layers(path)}
-    assert layers == {*"region targets cells corridors track samples events meta".split()}
+    assert layers == {
+        *["region", "targets", "cells", "corridors", "track", "samples", "events", "meta"]
+    }
     _, _, geometry, _ = pyogrio.raw.read(path, layer="samples")
     lon, lat = shapely.from_wkb(geometry[0]).coords[0]
     assert survey_file.survey.frame.to_local((lon, lat)) == pytest.approx([1.0, 2.0], abs=1e-6)

@@ -10,6 +10,7 @@ from types import FrameType
 import click
 
 from grebe.cli import output
+from grebe.cli.flags import sentence
 from grebe.core.errors import GrebeError, StoppedError
 
 COMMANDS = {
@@ -72,7 +73,7 @@ def main() -> None:
     try:
         grebe.main(standalone_mode=False)
     except GrebeError as error:
-        output.fail(str(error))
+        output.fail(sentence(error))
         sys.exit(error.exit_code)
     except click.ClickException as error:
         error.show()

@@ -22,9 +22,17 @@ from __future__ import annotations
 
 
 class GrebeError(Exception):
-    """Base of the tree: one sentence that names what was given and what to do."""
+    """Base of the tree: one sentence that names what was given and what to do.
+
+    `settings` names what could be set otherwise, in the library's words (`cell_m`, `force`): a
+    front end says how it is set there, by a flag or a field.
+    """
 
     exit_code = 1
+
+    def __init__(self, message: str, *, settings: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.settings = settings
 
 
 class UsageError(GrebeError):

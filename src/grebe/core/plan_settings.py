@@ -50,28 +50,46 @@ class PlanSettings:
         if not 0 <= self.speed_min_mps < self.speed_max_mps:
             raise UsageError(
                 f"The speed window {self.speed_min_mps:g}:{self.speed_max_mps:g} m/s is empty or "
-                "negative; give LO:HI with 0 <= LO < HI."
+                "negative; give 0 <= lower end < upper end.",
+                settings=("speed",),
             )
         if self.cell_m is not None and not 0 < self.cell_m < math.inf:
             raise UsageError(
-                f"A cell of {self.cell_m:g} m is none; give a positive number of metres."
+                f"A cell of {self.cell_m:g} m is none; give a positive number of metres.",
+                settings=("cell_m",),
             )
         if self.shape not in SHAPES:
-            raise UsageError(f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.")
+            raise UsageError(
+                f"There is no cell shape {self.shape!r}; choose {', '.join(SHAPES)}.",
+                settings=("shape",),
+            )
         if self.pattern not in PATTERNS:
-            raise UsageError(f"There is no pattern {self.pattern!r}; choose {', '.join(PATTERNS)}.")
+            raise UsageError(
+                f"There is no pattern {self.pattern!r}; choose {', '.join(PATTERNS)}.",
+                settings=("pattern",),
+            )
         if not SMALLEST_CORE <= self.core <= 1:
             raise UsageError(
                 f"A core of {self.core:g} is none; give a share of the cell from {SMALLEST_CORE:g} "
-                "to 1."
+                "to 1.",
+                settings=("core",),
             )
         if not 0 <= self.shore_margin_m < math.inf:
-            raise UsageError(f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.")
+            raise UsageError(
+                f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.",
+                settings=("shore_margin_m",),
+            )
         budgets = [b for b in (self.minutes, self.energy_wh) if b is not None]
         if len(budgets) + (self.cell_m is not None) != 1:
-            raise UsageError("Give one of: the cells' size, the minutes, the watt-hours.")
+            raise UsageError(
+                "Give one of: the cells' size, the minutes, the watt-hours.",
+                settings=("cell_m", "minutes", "energy_wh"),
+            )
         if budgets and not 0 < budgets[0] < math.inf:
-            raise UsageError(f"A budget of {budgets[0]} is none; it must be positive.")
+            raise UsageError(
+                f"A budget of {budgets[0]} is none; it must be positive.",
+                settings=("minutes", "energy_wh"),
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,5 +119,6 @@ def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
         raise PlanError(
             f"The speed window {settings.speed_min_mps:g}:{settings.speed_max_mps:g} m/s is beyond "
             f"the reach of vessel {vessel.name!r}, which makes {vessel.speed_max_mps:.2f} m/s at "
-            f"full thrust; its lower end must be below {SPEED_RESERVE * vessel.speed_max_mps:.2f}."
+            f"full thrust; its lower end must be below {SPEED_RESERVE * vessel.speed_max_mps:.2f}.",
+            settings=("speed",),
         )

@@ -60,7 +60,9 @@ class MapSettings:
 
     def __post_init__(self) -> None:
         if self.drift is not None and self.method == "spde":
-            raise InputError("A drift goes with --method kriging; the spde has a constant mean.")
+            raise InputError(
+                "A drift goes with kriging; the spde has a constant mean.", settings=("method",)
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

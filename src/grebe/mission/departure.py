@@ -49,7 +49,8 @@ def prepare(
     if len(track) and not (resume or force):
         raise SurveyFileError(
             f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
-            "targets reached); resume it, or begin anew by force."
+            "targets reached); resume it, or begin anew by force.",
+            settings=("resume", "force"),
         )
     state, started = survey.start.at_rest(), now
     if len(track) and resume:

@@ -103,7 +103,10 @@ class SurveyFile:
         one is complete. Raises `SurveyFileError`.
         """
         if path.exists() and not force:
-            raise SurveyFileError(f"{path} exists already; give another name, or --force.")
+            raise SurveyFileError(
+                f"{path} exists already; give another name, or replace it by force.",
+                settings=("force",),
+            )
         part = path.with_name(path.name + ".part")
         try:
             part.unlink(missing_ok=True)

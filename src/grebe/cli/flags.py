@@ -1,0 +1,28 @@
+"""The library's settings as flags of the command line: the one place that knows both names."""
+
+from __future__ import annotations
+
+from grebe.core.errors import GrebeError
+
+FLAGS = {
+    "cell_m": "--cell",
+    "columns": "--column",
+    "core": "--core",
+    "energy_wh": "--wh",
+    "feature": "--feature",
+    "force": "--force",
+    "header_from": "--header-from",
+    "method": "--method",
+    "minutes": "--minutes",
+    "pattern": "--pattern",
+    "resume": "--resume",
+    "shape": "--shape",
+    "shore_margin_m": "--shore-margin",
+    "speed": "--speed",
+}
+
+
+def sentence(error: GrebeError) -> str:
+    """An error's sentence, with the flags that set what it names."""
+    flags = ", ".join(FLAGS[name] for name in error.settings)
+    return f"{error} ({flags})" if flags else str(error)
