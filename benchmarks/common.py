@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from grebe.control.controller import Controller
-from grebe.control.settings import settings_for
+from grebe.control.rules.base import Rule
+from grebe.control.solvers.base import SolverBuilder
 from grebe.core.vessel import PRESETS
 from grebe.mission.flight import Flight, FlightSettings, GrebePilot, fly, meander
 
@@ -14,12 +15,13 @@ START = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)
 CELLS = meander()
 
 
-def grebe_flight(rule: str, solver: str = "fast", boat=BOAT, cells=CELLS, start=START) -> Flight:
+def grebe_flight(
+    rule: Rule, solver: SolverBuilder | None = None, boat=BOAT, cells=CELLS, start=START
+) -> Flight:
     """Fly with Grebe's controller, compiled and built beforehand."""
-    settings = settings_for(rule, solver=solver)
-    warm = GrebePilot(Controller(boat, cells[:2], settings))
+    warm = GrebePilot(Controller(boat, cells[:2], rule, solver=solver))
     fly(boat, cells[:2], warm, start, FlightSettings(limit_s=5.0))
-    return fly(boat, cells, GrebePilot(Controller(boat, cells, settings)), start)
+    return fly(boat, cells, GrebePilot(Controller(boat, cells, rule, solver=solver)), start)
 
 
 def print_row(*cells: object) -> None:

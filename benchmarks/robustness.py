@@ -8,9 +8,9 @@ import numpy as np
 
 from benchmarks.common import BOAT, print_head, print_row
 from grebe.control.controller import Controller
-from grebe.control.settings import settings_for
 from grebe.core.dynamics import Weather
 from grebe.mission.flight import FlightSettings, GrebePilot, fly, meander
+from grebe.workflow.steering import rule_named
 
 MISSIONS = 200
 
@@ -29,7 +29,7 @@ def _random_mission(job: tuple[str, float, float, int]) -> tuple[bool, int, int]
     )
     cells = meander(rows=4)
     start = (radius * np.cos(where), radius * np.sin(where), heading, 0, 0, 0)
-    pilot = GrebePilot(Controller(BOAT, cells, settings_for(rule)))
+    pilot = GrebePilot(Controller(BOAT, cells, rule_named(rule)))
     flight = fly(
         BOAT,
         cells,

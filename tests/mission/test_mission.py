@@ -5,7 +5,8 @@ import pytest
 from conftest import NOON, square_survey
 
 from grebe.control.controller import Controller, model_substeps
-from grebe.control.settings import ControlSettings, settings_for
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import Lookahead
 from grebe.core.dynamics import Weather, rates, rk4
 from grebe.core.errors import InputError, LinkError, PlanError, SurveyFileError
 from grebe.core.survey import Survey
@@ -26,7 +27,7 @@ def new_file(tmp_path, **size):
 def flown(tmp_path_factory):
     """A mission of nine cells in still water, and its file."""
     file = new_file(tmp_path_factory.mktemp("flown"), side_m=30.0)
-    report = simulate(file, ControlSettings(), SimulationSettings(), NOON)
+    report = simulate(file, Lookahead(), SimulationSettings(), NOON)
     yield file, report
     file.close()
 
@@ -75,15 +76,15 @@ def test_logged_thrusts_keep_the_boat_s_limits(flown):
 def test_a_flown_survey_is_not_flown_again_by_accident(flown):
     file, _ = flown
     with pytest.raises(SurveyFileError, match="--resume"):
-        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+        simulate(file, Lookahead(), SimulationSettings(), NOON)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rule", ["dual", "lookahead"])
+@pytest.mark.parametrize("rule", [Dual(), Lookahead()], ids=repr)
 def test_an_unknown_current_does_not_stop_the_mission(tmp_path, rule):
     world = SimulationSettings(weather=Weather(current_north_mps=0.2, current_east_mps=-0.2))
     with new_file(tmp_path, side_m=30.0) as file:
-        assert simulate(file, settings_for(rule), world, NOON).complete
+        assert simulate(file, rule, world, NOON).complete
 
 
 class Stopping:
@@ -120,7 +121,7 @@ def test_a_mission_that_is_cut_off_can_be_resumed(tmp_path):
         assert link.closed
         reached, samples = file.progress().reached, len(file.samples())
         assert 0 < reached < 9
-        report = simulate(file, ControlSettings(), SimulationSettings(), NOON, resume=True)
+        report = simulate(file, Lookahead(), SimulationSettings(), NOON, resume=True)
         assert report.complete
         assert file.progress().reached == 9
         assert len(file.samples()) > samples
@@ -130,7 +131,7 @@ def test_a_mission_that_is_cut_off_can_be_resumed(tmp_path):
 def test_a_complete_mission_is_not_prolonged_by_resuming(flown):
     file, _ = flown
     samples, events = len(file.samples()), len(file.events())
-    report = simulate(file, ControlSettings(), SimulationSettings(), NOON, resume=True)
+    report = simulate(file, Lookahead(), SimulationSettings(), NOON, resume=True)
     assert report.complete
     assert (len(file.samples()), len(file.events())) == (samples, events)
 
@@ -150,13 +151,13 @@ def test_most_of_the_way_is_measured(flown):
 
 def test_force_forgets_nothing_before_the_new_mission_can_start(tmp_path):
     with new_file(tmp_path) as file:
-        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+        simulate(file, Lookahead(), SimulationSettings(), NOON)
         samples = len(file.samples())
         lost = SimulationSettings(water_from=tmp_path / "none.csv")
         with pytest.raises(InputError):
-            simulate(file, ControlSettings(), lost, NOON, force=True)
+            simulate(file, Lookahead(), lost, NOON, force=True)
         assert len(file.samples()) == samples > 0
-        again = simulate(file, ControlSettings(), SimulationSettings(), NOON, force=True)
+        again = simulate(file, Lookahead(), SimulationSettings(), NOON, force=True)
         assert again.samples == len(file.samples()) == samples
 
 
@@ -164,7 +165,7 @@ def test_an_unreachable_target_ends_the_mission_as_incomplete(tmp_path):
     """A current faster than the boat: it is carried off, and the mission gives up."""
     world = SimulationSettings(weather=Weather(current_north_mps=-4.0))
     with new_file(tmp_path) as file:
-        report = simulate(file, ControlSettings(), world, NOON)
+        report = simulate(file, Lookahead(), world, NOON)
         assert not report.complete
         assert file.events()[-1].code == "target_not_reached"
 
@@ -176,7 +177,7 @@ def test_a_survey_without_targets_cannot_be_flown(tmp_path):
         SurveyFile.create(tmp_path / "b.gpkg", bare, meta={}, force=True) as file,
         pytest.raises(PlanError, match="no targets"),
     ):
-        simulate(file, ControlSettings(), SimulationSettings(), NOON)
+        simulate(file, Lookahead(), SimulationSettings(), NOON)
 
 
 def test_the_same_seed_gives_the_same_mission(tmp_path):
@@ -184,7 +185,7 @@ def test_the_same_seed_gives_the_same_mission(tmp_path):
     for name in ("a", "b"):
         survey = square_survey()
         with SurveyFile.create(tmp_path / name, survey, meta={}, force=True) as file:
-            simulate(file, ControlSettings(), SimulationSettings(seed=5), NOON)
+            simulate(file, Lookahead(), SimulationSettings(seed=5), NOON)
             tables.append(file.samples())
     assert np.array_equal(tables[0].positions, tables[1].positions)
     assert np.array_equal(tables[0].values["ph"], tables[1].values["ph"])

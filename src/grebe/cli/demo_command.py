@@ -13,7 +13,7 @@ import shapely
 from grebe.cli import options, output
 from grebe.cli.files import make_folder, write_survey_file
 from grebe.cli.map_command import write_maps
-from grebe.control.settings import ControlSettings
+from grebe.control.rules.lookahead import Lookahead
 from grebe.core.errors import IncompleteError
 from grebe.core.frames import LocalFrame
 from grebe.core.vessel import PRESETS
@@ -59,7 +59,7 @@ def command(out: Path, as_json: bool) -> None:
     ):
         report = simulate(
             survey_file,
-            ControlSettings(),
+            Lookahead(),
             SimulationSettings(),
             datetime.now(UTC),
             watch=bar.update,

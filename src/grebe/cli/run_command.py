@@ -12,19 +12,17 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
-from grebe.control.settings import (
-    RULES,
-    SOLVERS,
-    ControlSettings,
-    settings_for,
-)
+from grebe.control.rules.base import Rule
+from grebe.control.rules.dual import Dual
+from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, LinkError, UsageError
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
 from grebe.workflow.checked import check_samples
 from grebe.workflow.simulated_mission import SimulationSettings, simulate
+from grebe.workflow.steering import RULES, SOLVERS, rule_named, solver_named
 
-DEFAULTS = ControlSettings()
+DEFAULTS = Dual()
 WEIGHTS = {
     "alpha": "Weight of the squared distance (Eq. 2), for single and dual.",
     "beta": "Weight of the squared thrusts (Eq. 2), for single and dual.",
@@ -49,12 +47,16 @@ def _weight_options(command: Any) -> Any:
     "--link", default="simulated", show_default=True, help="Which boat: only 'simulated' so far."
 )
 @click.option(
-    "--rule", type=click.Choice(RULES), default=DEFAULTS.rule, show_default=True, help="Who plans."
+    "--rule",
+    type=click.Choice(list(RULES)),
+    default="lookahead",
+    show_default=True,
+    help="Who plans.",
 )
 @click.option(
     "--solver",
-    type=click.Choice(SOLVERS),
-    default=DEFAULTS.solver,
+    type=click.Choice(list(SOLVERS)),
+    default="fast",
     show_default=True,
     help="Who solves.",
 )
@@ -135,16 +137,17 @@ def command(
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         if resume:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
-        control, world = _settings(run)
+        rule, solver, world = _settings(run)
         before = survey_file.progress().reached if resume else 0
         survey_file.set_meta("run", json.dumps(run, default=str))
         report = simulate(
             survey_file,
-            control,
+            rule,
             world,
             datetime.now(UTC),
             resume=resume,
             force=force,
+            solver=solver,
             watch=bar.update,
         )
         check_samples(survey_file)
@@ -164,16 +167,10 @@ def command(
         )
 
 
-def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]:
-    """Turn the options of a run into the controller's and the world's settings."""
-    control = settings_for(
-        run["rule"],
-        run["horizon"],
-        run["step_s"],
-        solver=run["solver"],
-        epsilon=run["epsilon"],
-        **{name: run[name] for name in WEIGHTS},
-    )
+def _settings(run: dict[str, Any]) -> tuple[Rule, SolverBuilder, SimulationSettings]:
+    """Turn the options of a run into its rule, its solver and the world's settings."""
+    rule = rule_named(run["rule"], run | {"stages": run["horizon"]})
+    solver = solver_named(run["solver"])
     world = SimulationSettings(
         weather=options.weather_of(run["current"], run["wind"]),
         mismatch=run["mismatch"],
@@ -181,7 +178,7 @@ def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulationSettings]
         water_from=None if run["water"] is None else Path(run["water"]),
         seed=run["seed"],
     )
-    return control, world
+    return rule, solver, world
 
 
 def _as_before(ctx: click.Context, run: dict[str, Any], recorded: str) -> dict[str, Any]:

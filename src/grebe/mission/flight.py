@@ -77,7 +77,7 @@ class GrebePilot:
 
     def __init__(self, controller: Controller) -> None:
         self.controller = controller
-        self.step_s = controller.settings.step_s
+        self.step_s = controller.rule.step_s
 
     def decide(self, state: State, reached: int, weather: Weather) -> Steering:
         """See `Pilot`."""

@@ -211,7 +211,7 @@ class Mission:
         if not command.status.is_solved:
             self._event("warning", "step_unsolved", command.status.value, observation)
         self._statistics.step(command.status, solve_ms)
-        self._next_step_s = observation.time_s + self._controller.settings.step_s
+        self._next_step_s = observation.time_s + self._controller.rule.step_s
         self._report_progress(observation)
 
     def _follow_plan(self, observation: Observation) -> None:

@@ -16,7 +16,6 @@ import numpy as np
 import shapely
 
 from grebe.control.controller import Controller
-from grebe.control.settings import settings_for
 from grebe.core.errors import PlanError
 from grebe.core.quantities import QUANTITIES, Quantity
 from grebe.core.samples import Flag
@@ -122,8 +121,7 @@ def flown(survey: Survey, way: str) -> Sampled:
     """Fly a survey in simulation; a sample each second while the surge is in the window."""
     assert survey.vessel is not None
     assert survey.start is not None
-    settings = settings_for("lookahead")
-    pilot = GrebePilot(Controller(survey.vessel, survey.sets, settings, corridors=survey.corridors))
+    pilot = GrebePilot(Controller(survey.vessel, survey.sets, corridors=survey.corridors))
     flight = fly(
         survey.vessel, survey.sets, pilot, survey.start.at_rest(), FlightSettings(limit_s=20_000)
     )

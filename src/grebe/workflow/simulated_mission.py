@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from grebe.control.controller import Controller
-from grebe.control.settings import ControlSettings
+from grebe.control.rules.base import Rule
+from grebe.control.solvers.base import SolverBuilder
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import PlanError, SurveyFileError, UsageError
 from grebe.core.quantities import QUANTITIES
@@ -47,12 +48,13 @@ class SimulationSettings:
 
 def simulate(
     survey_file: SurveyFile,
-    control: ControlSettings,
+    rule: Rule,
     settings: SimulationSettings,
     started: datetime,
     *,
     resume: bool = False,
     force: bool = False,
+    solver: SolverBuilder | None = None,
     watch: Callable[[Progress], None] | None = None,
 ) -> MissionReport:
     """Run the mission of a survey file with the simulated boat.
@@ -85,9 +87,10 @@ def simulate(
     controller = Controller(
         survey.vessel,
         survey.sets,
-        control,
+        rule,
         reached=reached,
         corridors=survey.corridors,
+        solver=solver,
     )
     if len(track) and not resume:
         survey_file.clear_mission()
