@@ -6,10 +6,8 @@ import numpy as np
 
 from benchmarks.common import BOAT, CELLS, print_head, print_row
 from grebe.control.controller import Controller
-from grebe.control.ocp import build
-from grebe.control.settings import paper_settings
-from grebe.control.solvers.base import CasadiSolver
-from grebe.control.solvers.fast.solver import FastSolver
+from grebe.control.rules.dual import Dual
+from grebe.control.solvers.builders import Fast, Ipopt
 from grebe.mission.trial import Conditions, fly
 
 # The solver was tuned on the first sample; the second was not looked at before.
@@ -17,12 +15,14 @@ SEEDS = (7, 11)
 
 
 class Recorder:
-    """Passes on what a controller asks its solver and keeps it."""
+    """Builds the fast solver, passes on what a controller asks it and keeps it."""
 
-    name = "recorder"
+    def __init__(self) -> None:
+        self.inner, self.asked = None, []
 
-    def __init__(self, inner) -> None:
-        self.inner, self.asked = inner, []
+    def build(self, vessel, shape):
+        self.inner = Fast().build(vessel, shape)
+        return self
 
     def solve(self, state, horizon, weather, guess):
         self.asked.append((state, horizon, weather, guess))
@@ -44,16 +44,15 @@ def _compared(instances: int, seed: int) -> dict[str, int]:
     rng = np.random.default_rng(seed)
     asked = []
     while len(asked) < 2 * instances:
-        controller = Controller(BOAT, CELLS, paper_settings())
-        recorder = Recorder(controller._solver)
-        controller._solver = recorder
+        recorder = Recorder()
+        controller = Controller(BOAT, CELLS, Dual(), solver=recorder)
         place = rng.uniform(-60, 60, 2)
         start = (*place, rng.uniform(-np.pi, np.pi), 0, 0, 0)
         fly(BOAT, CELLS, controller, start, Conditions(limit_s=80, observes=False))
         asked += recorder.asked
     chosen = [asked[i] for i in rng.choice(len(asked), instances, replace=False)]
     shape = chosen[0][1].shape
-    fast, oracle = FastSolver(BOAT, shape), CasadiSolver(build(BOAT, shape), "ipopt")
+    fast, oracle = Fast().build(BOAT, shape), Ipopt().build(BOAT, shape)
     reach = BOAT.thrust_max_n - BOAT.thrust_min_n
     same_start, near_optimum, solved, cheaper = 0, 0, 0, 0
     for state, horizon, weather, guess in chosen:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from grebe.control.controller import Command, Controller, StepStatus
-from grebe.control.settings import settings_for
+from grebe.control.rules.base import Rule
+from grebe.control.solvers.base import SolverBuilder
 from grebe.core.vessel import PRESETS
 from grebe.mission.trial import Conditions, Trial, fly, meander
 
@@ -14,12 +15,13 @@ START = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)
 CELLS = meander()
 
 
-def grebe_flight(rule: str, solver: str = "fast", boat=BOAT, cells=CELLS, start=START) -> Trial:
+def grebe_flight(
+    rule: Rule, solver: SolverBuilder | None = None, boat=BOAT, cells=CELLS, start=START
+) -> Trial:
     """Fly with Grebe's controller, compiled and built beforehand."""
-    settings = settings_for(rule, solver=solver)
-    warm = Controller(boat, cells[:2], settings)
+    warm = Controller(boat, cells[:2], rule, solver=solver)
     fly(boat, cells[:2], warm, start, Conditions(limit_s=5.0))
-    return fly(boat, cells, Controller(boat, cells, settings), start)
+    return fly(boat, cells, Controller(boat, cells, rule, solver=solver), start)
 
 
 def told(thrusts, reached: int, *, solved: bool = True) -> Command:

@@ -13,8 +13,9 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.common import told
-from grebe.control.rules.base import split_stage
-from grebe.control.settings import ControlSettings
+from grebe.control.controller import Margins
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.split import split_stage
 from grebe.core.dynamics import rates, rk4
 
 FAR = 1e6
@@ -22,17 +23,17 @@ OPEN = np.array([[0.0, 0.0, 0.0, FAR]] * 6)
 
 
 class DoMpcPilot:
-    def __init__(self, vessel, targets, settings: ControlSettings, substeps: int) -> None:
-        self.targets, self.settings, self.step_s = targets, settings, settings.step_s
-        self.aims = [t.shrunk(settings.margin_m, settings.speed_margin_mps) for t in targets]
-        self.costed = [OPEN] * (settings.horizon + 1)
-        self.held = [OPEN] * (settings.horizon + 1)
+    def __init__(self, vessel, targets, rule: Dual, substeps: int) -> None:
+        self.targets, self.rule, self.step_s = targets, rule, rule.step_s
+        self.aims = [t.shrunk(Margins().set_m, Margins().speed_mps) for t in targets]
+        self.costed = [OPEN] * (rule.stages + 1)
+        self.held = [OPEN] * (rule.stages + 1)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            self.mpc = self._built(vessel, settings, substeps)
+            self.mpc = self._built(vessel, rule, substeps)
         self.begun, self.reached, self.vessel = False, 0, vessel
 
-    def _built(self, vessel, settings, substeps):
+    def _built(self, vessel, rule, substeps):
         import do_mpc
 
         model = do_mpc.model.Model("discrete", "SX")
@@ -43,34 +44,34 @@ class DoMpcPilot:
         after = rk4(
             lambda s: rates(vessel, s, ca.vertsplit(thrusts), cos=ca.cos, sin=ca.sin),
             ca.vertsplit(z),
-            settings.step_s,
+            rule.step_s,
             substeps,
         )
         model.set_rhs("z", ca.vertcat(*after))
         model.setup()
         mpc = do_mpc.controller.MPC(model)
         mpc.set_param(
-            n_horizon=settings.horizon,
-            t_step=settings.step_s,
+            n_horizon=rule.stages,
+            t_step=rule.step_s,
             store_full_solution=False,
             nlpsol_opts={"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": 0},
         )
         outside = ca.fmax(_excess(costed, z), 0)
         effort = ca.sumsqr(thrusts / vessel.thrust_max_n)
         mpc.set_objective(
-            mterm=ca.SX(0), lterm=settings.alpha * ca.sumsqr(outside) + settings.beta * effort
+            mterm=ca.SX(0), lterm=rule.alpha * ca.sumsqr(outside) + rule.beta * effort
         )
         mpc.set_rterm(F=0.0)
         mpc.bounds["lower", "_u", "F"] = vessel.thrust_min_n
         mpc.bounds["upper", "_u", "F"] = vessel.thrust_max_n
         mpc.set_nl_cons(
             "held", _excess(held, z), ub=0, soft_constraint=True,
-            penalty_term_cons=settings.entry_penalty,
+            penalty_term_cons=rule.entry_penalty,
         )  # fmt: skip
         template = mpc.get_tvp_template()
 
         def parameters(_):
-            for k in range(settings.horizon + 1):
+            for k in range(rule.stages + 1):
                 template["_tvp", k, "costed"] = self.costed[k].ravel()
                 template["_tvp", k, "held"] = self.held[k].ravel()
             return template
@@ -81,8 +82,8 @@ class DoMpcPilot:
 
     def step(self, state, weather, elapsed_s):
         reached = self.reached
-        n = self.settings.horizon
-        split = split_stage(self.targets[reached].distance(state), self.settings.epsilon, n)
+        n = self.rule.stages
+        split = split_stage(self.targets[reached].distance(state), self.rule.epsilon, n)
         current = self.aims[reached].halfspaces
         last = reached + 1 == len(self.aims)
         following = OPEN if last else self.aims[reached + 1].halfspaces

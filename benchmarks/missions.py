@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from benchmarks.common import BOAT, CELLS, START, grebe_flight, print_head, print_row
 from benchmarks.optimum import optimum
-from benchmarks.peers import LineOfSightPilot, set_point_controller
-from grebe.control.settings import paper_settings
+from benchmarks.peers import LineOfSightPilot, SetPoint
+from grebe.control.controller import Controller
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import Lookahead
+from grebe.control.rules.single import Single
 from grebe.mission.trial import fly
 from grebe.paper.scenes import exploration
 
@@ -21,13 +24,13 @@ def missions() -> None:
 
 def _table(name, boat, cells, start) -> None:
     flights = {
-        f"Grebe `{r}`": grebe_flight(r, "fast", boat, cells, start)
-        for r in ("lookahead", "dual", "single")
+        f"Grebe `{name}`": grebe_flight(rule, None, boat, cells, start)
+        for name, rule in (("lookahead", Lookahead()), ("dual", Dual()), ("single", Single()))
     }
     lookahead = next(iter(flights.values()))
     best, worst, solved = optimum(boat, cells, lookahead, 3, held=True)
     finer, _, finer_solved = optimum(boat, cells, lookahead, 6, held=True)
-    set_point = set_point_controller(boat, cells, paper_settings())
+    set_point = Controller(boat, cells, SetPoint())
     flights["set-point NMPC on the centres"] = fly(boat, cells, set_point, start)
     for label, stopping in (
         ("waypoints, line of sight, PID", False),

@@ -14,10 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.ocp import build
-from grebe.control.rules.lookahead import pace_rows
-from grebe.control.settings import ControlSettings
-from grebe.control.solvers.base import CasadiSolver
+from grebe.control.rules.lookahead import Lookahead, pace_rows
+from grebe.control.solvers.builders import Fatrop
 
 STAGES_A_LEG = 5
 MOST_ITERATIONS = 1000
@@ -28,7 +26,7 @@ def optimum(vessel, targets, flight, substeps: int, *, held: bool) -> tuple[floa
     legs = len(targets)
     n = STAGES_A_LEG * legs
     shape = HorizonShape(stages=n, set_rows=len(targets[0].halfspaces), substeps=substeps)
-    solver = CasadiSolver(build(vessel, shape), most_iterations=MOST_ITERATIONS)
+    solver = Fatrop(most_iterations=MOST_ITERATIONS).build(vessel, shape)
     horizon = Horizon(shape=shape)
     horizon.duration_bounds[:] = (0.01, 3.0)
     horizon.time_weights[:] = 1.0
@@ -37,7 +35,7 @@ def optimum(vessel, targets, flight, substeps: int, *, held: bool) -> tuple[floa
         horizon.require(STAGES_A_LEG * (leg + 1), target.halfspaces, 1e3)
         if held:
             for stage in range(STAGES_A_LEG * leg, STAGES_A_LEG * (leg + 1)):
-                horizon.attract(stage, pace_rows(target), ControlSettings().hold)
+                horizon.attract(stage, pace_rows(target), Lookahead().hold)
     guess = _flown(vessel, targets, flight)
     state = guess.states[0]
     solution = None

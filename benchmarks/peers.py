@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.common import told
-from grebe.control.controller import Controller
-from grebe.control.horizon import Horizon
-from grebe.control.rules.base import Decision, Proposal, Situation
+from grebe.control.rules.base import Decision, Proposal, Situation, shifted
+from grebe.control.rules.split import fixed_steps
 
 
 class LineOfSightPilot:
@@ -64,27 +64,26 @@ class LineOfSightPilot:
         return path + math.atan2(-cross, self.LOOKAHEAD_M)
 
 
-def set_point(situation: Situation, settings, shape) -> Proposal:
+@dataclass(frozen=True, kw_only=True)
+class SetPoint:
     """Set-point NMPC: the squared distance to the centre of the current set alone."""
-    horizon = Horizon(shape=shape)
-    horizon.duration_bounds[:] = settings.step_s
-    horizon.effort_weights[:] = settings.beta
-    aim = situation.aims[0]
-    north, east = aim.centre
-    speed = 0.5 * (aim.speed_min_mps + aim.speed_max_mps)
-    point = np.array(
-        [[1, 0, 0, north], [-1, 0, 0, -north], [0, 1, 0, east], [0, -1, 0, -east],
-         [0, 0, 1, speed], [0, 0, -1, -speed]], dtype=float
-    )  # fmt: skip
-    for stage in range(shape.stages):
-        horizon.attract(stage, point, settings.alpha)
-    decision = Decision(target=situation.target, split=shape.stages, nearest=situation.distance)
-    plan = situation.plan
-    start = None if plan is None else plan.shifted(situation.elapsed_s)
-    return Proposal(horizon=horizon, decision=decision, start=start)
 
+    alpha: float = 1.0
+    beta: float = 0.4
+    stages: int = 15
+    step_s: float = 1.0
+    longest_stage_s: float = 1.0
 
-def set_point_controller(vessel, targets, settings) -> Controller:
-    controller = Controller(vessel, targets, settings)
-    controller._rule = set_point
-    return controller
+    def propose(self, situation: Situation, shape) -> Proposal:
+        horizon = fixed_steps(shape, self.step_s, self.beta)
+        aim = situation.aims[0]
+        north, east = aim.centre
+        speed = 0.5 * (aim.speed_min_mps + aim.speed_max_mps)
+        point = np.array(
+            [[1, 0, 0, north], [-1, 0, 0, -north], [0, 1, 0, east], [0, -1, 0, -east],
+             [0, 0, 1, speed], [0, 0, -1, -speed]], dtype=float
+        )  # fmt: skip
+        for stage in range(shape.stages):
+            horizon.attract(stage, point, self.alpha)
+        decision = Decision(target=situation.target, split=shape.stages)
+        return Proposal(horizon=horizon, decision=decision, start=shifted(situation))

@@ -11,16 +11,17 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.common import told
-from grebe.control.rules.base import split_stage
-from grebe.control.settings import ControlSettings
+from grebe.control.controller import Margins
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.split import split_stage
 from grebe.core.dynamics import rates, rk4
 
 
 class RebuiltPilot:
-    def __init__(self, vessel, targets, settings: ControlSettings, substeps: int) -> None:
-        self.vessel, self.targets, self.settings = vessel, targets, settings
-        self.step_s = settings.step_s
-        self.aims = [t.shrunk(settings.margin_m, settings.speed_margin_mps) for t in targets]
+    def __init__(self, vessel, targets, rule: Dual, substeps: int) -> None:
+        self.vessel, self.targets, self.rule = vessel, targets, rule
+        self.step_s = rule.step_s
+        self.aims = [t.shrunk(Margins().set_m, Margins().speed_mps) for t in targets]
         self.guess, self.reached = None, 0
         z, inputs = ca.SX.sym("z", 6), ca.SX.sym("F", 2)
         after = rk4(
@@ -33,9 +34,9 @@ class RebuiltPilot:
 
     def step(self, state, weather, elapsed_s):
         reached = self.reached
-        n, vessel, settings = self.settings.horizon, self.vessel, self.settings
+        n, vessel, rule = self.rule.stages, self.vessel, self.rule
         distance = self.targets[reached].distance(state)
-        split = split_stage(distance, settings.epsilon, n)
+        split = split_stage(distance, rule.epsilon, n)
         current = self.aims[reached].halfspaces
         following = self.aims[reached + 1].halfspaces if reached + 1 < len(self.aims) else None
         opti = ca.Opti()
@@ -48,8 +49,8 @@ class RebuiltPilot:
             rows = current if k < split else following
             if rows is not None:
                 outside = ca.fmax(rows[:, :3] @ x[[0, 1, 3], k] - rows[:, 3], 0)
-                cost += settings.alpha * ca.sumsqr(outside)
-            cost += settings.beta * ca.sumsqr(f[:, k] / vessel.thrust_max_n)
+                cost += rule.alpha * ca.sumsqr(outside)
+            cost += rule.beta * ca.sumsqr(f[:, k] / vessel.thrust_max_n)
         if split > 0:
             opti.subject_to(current[:, :3] @ x[[0, 1, 3], split] <= current[:, 3])
         if following is not None and split < n:

@@ -8,10 +8,10 @@ import numpy as np
 
 from benchmarks.common import BOAT, print_head, print_row
 from grebe.control.controller import Controller
-from grebe.control.settings import settings_for
 from grebe.core.dynamics import Weather
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.trial import Conditions, fly, meander
+from grebe.workflow.steering import rule_named
 
 MISSIONS = 200
 
@@ -30,7 +30,7 @@ def _random_mission(job: tuple[str, float, float, int]) -> tuple[bool, int, int]
     )
     cells = meander(rows=4)
     start = (radius * np.cos(where), radius * np.sin(where), heading, 0, 0, 0)
-    pilot = Controller(BOAT, cells, settings_for(rule))
+    pilot = Controller(BOAT, cells, rule_named(rule))
     flight = fly(
         BOAT,
         cells,

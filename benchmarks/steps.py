@@ -17,7 +17,9 @@ from benchmarks.common import (
 from benchmarks.dompc import DoMpcPilot
 from benchmarks.rebuilt import RebuiltPilot
 from grebe.control.controller import model_substeps
-from grebe.control.settings import paper_settings
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import Lookahead
+from grebe.control.solvers.builders import Fatrop
 from grebe.mission.trial import fly
 
 GET_READY = """
@@ -34,17 +36,17 @@ print(time.perf_counter() - began)
 
 
 def steps() -> None:
-    settings, substeps = paper_settings(), model_substeps(BOAT, 1.0)
+    rule, substeps = Dual(), model_substeps(BOAT, 1.0)
     flights = {
         "Opti + IPOPT, hard sets, rebuilt each step": fly(
-            BOAT, CELLS, RebuiltPilot(BOAT, CELLS, settings, substeps), START
+            BOAT, CELLS, RebuiltPilot(BOAT, CELLS, rule, substeps), START
         ),
         "do-mpc, the same problem": fly(
-            BOAT, CELLS, DoMpcPilot(BOAT, CELLS, settings, substeps), START
+            BOAT, CELLS, DoMpcPilot(BOAT, CELLS, rule, substeps), START
         ),
-        "Grebe `dual`, FATROP": grebe_flight("dual", "fatrop"),
-        "Grebe `dual`, fast": grebe_flight("dual"),
-        "Grebe `lookahead`, fast": grebe_flight("lookahead"),
+        "Grebe `dual`, FATROP": grebe_flight(Dual(), Fatrop()),
+        "Grebe `dual`, fast": grebe_flight(Dual()),
+        "Grebe `lookahead`, fast": grebe_flight(Lookahead()),
     }
     print_head(
         "A control step, 100 cells",

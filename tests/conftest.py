@@ -12,7 +12,7 @@ import shapely
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from grebe.control.settings import ControlSettings
+from grebe.control.rules.lookahead import Lookahead
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.sets import TargetSet
@@ -37,9 +37,9 @@ FRAME = LocalFrame(origin_lon_deg=3.171153, origin_lat_deg=50.636268)
 NOON = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
 
 
-def simulate(file, settings=None, world=None, **how):
+def simulate(file, rule=None, world=None, **how):
     """Run the mission of a survey file in a simulated world."""
-    helm = steered_by(settings or ControlSettings())
+    helm = steered_by(rule or Lookahead())
     return run_survey(file, world or SimulatedWorld(), helm, NOON, **how)
 
 

@@ -11,8 +11,12 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from grebe.control.controller import Command, Controller
-    from grebe.control.settings import ControlSettings
+    from grebe.control.controller import Command, Controller, Margins
+    from grebe.control.rules.base import Rule
+    from grebe.control.rules.dual import Dual
+    from grebe.control.rules.lookahead import Lookahead
+    from grebe.control.rules.single import Single
+    from grebe.control.solvers.builders import Fast, Fatrop, Ipopt
     from grebe.core.dynamics import Weather
     from grebe.core.errors import GrebeError
     from grebe.core.frames import LocalFrame
@@ -35,17 +39,24 @@ if TYPE_CHECKING:
 _HOME = {
     "BoatLink": "links.base",
     "Command": "control.controller",
-    "ControlSettings": "control.settings",
     "Controller": "control.controller",
+    "Dual": "control.rules.dual",
+    "Fast": "control.solvers.builders",
+    "Fatrop": "control.solvers.builders",
     "GrebeError": "core.errors",
+    "Ipopt": "control.solvers.builders",
     "LocalFrame": "core.frames",
+    "Lookahead": "control.rules.lookahead",
     "Mapper": "mapping.maps",
+    "Margins": "control.controller",
     "Mission": "mission.loop",
     "MissionReport": "mission.statistics",
     "Observation": "links.base",
     "PlanSettings": "core.plan_settings",
     "Region": "planning.region",
+    "Rule": "control.rules.base",
     "SimulatedWorld": "workflow.simulated",
+    "Single": "control.rules.single",
     "Survey": "core.survey",
     "SurveyFile": "io.store",
     "TargetSet": "core.sets",
@@ -62,17 +73,24 @@ _HOME = {
 __all__ = [
     "BoatLink",
     "Command",
-    "ControlSettings",
     "Controller",
+    "Dual",
+    "Fast",
+    "Fatrop",
     "GrebeError",
+    "Ipopt",
     "LocalFrame",
+    "Lookahead",
     "Mapper",
+    "Margins",
     "Mission",
     "MissionReport",
     "Observation",
     "PlanSettings",
     "Region",
+    "Rule",
     "SimulatedWorld",
+    "Single",
     "Survey",
     "SurveyFile",
     "TargetSet",

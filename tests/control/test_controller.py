@@ -7,29 +7,30 @@ from hypothesis import strategies as st
 
 from grebe.control.controller import PATIENCE_STEPS, Controller, StepStatus
 from grebe.control.horizon import HorizonShape, Plan
-from grebe.control.ocp import build
-from grebe.control.rules.base import Situation, dual
-from grebe.control.settings import ControlSettings, paper_settings, settings_for
-from grebe.control.solvers.base import CasadiSolver, Solution, Status
+from grebe.control.rules.base import Situation
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import Lookahead
+from grebe.control.rules.single import Single
+from grebe.control.solvers.base import Built, Solution, Status
+from grebe.control.solvers.builders import Fatrop, Ipopt
 from grebe.core.dynamics import rates, rk4
 from grebe.core.sets import rectangle
 from grebe.core.vessel import PRESETS
 
 BOAT = PRESETS["benchmark"]
-SETTINGS = paper_settings(solver="fatrop")
+DUAL = Dual()
 SHAPE = HorizonShape(stages=15)
-PROBLEM = build(BOAT, SHAPE)
 CALM4 = np.zeros(4)
 
 
 @pytest.fixture(scope="module")
 def fatrop():
-    return CasadiSolver(PROBLEM, "fatrop")
+    return Fatrop().build(BOAT, SHAPE)
 
 
 @pytest.fixture(scope="module")
 def ipopt():
-    return CasadiSolver(PROBLEM, "ipopt")
+    return Ipopt().build(BOAT, SHAPE)
 
 
 def row_of_cells(count, side=5.0, speed=(1, 2)):
@@ -56,7 +57,7 @@ def drive(controller, state, steps, boat=BOAT, watch=None):
 
 def horizon_for(state, sets):
     situation = Situation(state=state, target=0, ahead=sets, aims=sets)
-    return dual(situation, SETTINGS, SHAPE).horizon
+    return DUAL.propose(situation, SHAPE).horizon
 
 
 START_STATES = {
@@ -71,7 +72,7 @@ START_STATES = {
 @pytest.mark.parametrize("name", START_STATES)
 def test_fatrop_finds_what_the_oracle_finds(name, fatrop, ipopt):
     state = np.array(START_STATES[name], dtype=float)
-    controller = Controller(BOAT, row_of_cells(2), SETTINGS, solver=fatrop)
+    controller = Controller(BOAT, row_of_cells(2), DUAL, solver=Built(solver=fatrop))
     guess = controller.roll_out(state)
     horizon = horizon_for(tuple(state), row_of_cells(2))
     quick = fatrop.solve(state, horizon, CALM4, guess)
@@ -84,7 +85,7 @@ def test_fatrop_finds_what_the_oracle_finds(name, fatrop, ipopt):
 @pytest.mark.parametrize("name", START_STATES)
 def test_a_plan_keeps_the_dynamics_and_the_limits(name, fatrop):
     state = np.array(START_STATES[name], dtype=float)
-    controller = Controller(BOAT, row_of_cells(2), SETTINGS, solver=fatrop)
+    controller = Controller(BOAT, row_of_cells(2), DUAL, solver=Built(solver=fatrop))
     horizon = horizon_for(tuple(state), row_of_cells(2))
     plan = fatrop.solve(state, horizon, CALM4, controller.roll_out(state)).plan
     assert plan.states[0] == pytest.approx(state, abs=1e-6)
@@ -101,7 +102,7 @@ def test_the_hard_problem_s_solution_is_found_where_it_exists(fatrop):
     state = np.array([-7.0, 2.5, 0, 1.5, 0, 0])
     horizon = horizon_for(tuple(state), sets)
     plan = fatrop.solve(
-        state, horizon, CALM4, Controller(BOAT, sets, SETTINGS).roll_out(state)
+        state, horizon, CALM4, Controller(BOAT, sets, DUAL, solver=Fatrop()).roll_out(state)
     ).plan
     assert sets[0].distance(plan.states[7]) < 1e-4
     assert sets[1].distance(plan.states[15]) < 1e-4
@@ -119,14 +120,14 @@ def test_mirrored_targets_give_mirrored_tracks():
     tracks = []
     for sets in (path, mirrored):
         track = []
-        controller = Controller(BOAT, sets, SETTINGS)
+        controller = Controller(BOAT, sets, DUAL, solver=Fatrop())
         drive(controller, (0, 0, 0, 0, 0, 0), 60, watch=track.append)
         assert controller.done
         tracks.append(np.array(track))
     first, second = (track[:60] for track in tracks)
     signs = np.array([1, -1, -1, 1, -1, -1])
     assert np.max(np.abs(first - signs * second)) < 0.05
-    before = np.array([path[0].distance(z) > SETTINGS.epsilon for z in first])
+    before = np.array([path[0].distance(z) > DUAL.epsilon for z in first])
     assert before.any()
     assert np.max(np.abs(first[before][:, 1])) < 0.05
     assert np.max(np.abs(tracks[0][:, 1])) > 1.0
@@ -138,25 +139,23 @@ def _mirror(target):
 
 
 def test_the_last_target_is_reached_and_not_circled():
-    controller = Controller(BOAT, row_of_cells(3), SETTINGS)
+    controller = Controller(BOAT, row_of_cells(3), DUAL, solver=Fatrop())
     _, statuses = drive(controller, (-10, 2.5, 0, 0, 0, 0), 30)
     assert controller.done
     assert all(status.is_solved for status in statuses)
 
 
 def test_a_boat_at_rest_in_its_cell_does_not_put_off_for_ever():
-    controller = Controller(BOAT, row_of_cells(1), SETTINGS)
+    controller = Controller(BOAT, row_of_cells(1), DUAL, solver=Fatrop())
     drive(controller, (2.5, 2.5, 0, 0, 0, 0), 40)
     assert controller.done
 
 
-_SHARED = CasadiSolver(PROBLEM, "fatrop")
+_SHARED = Fatrop().build(BOAT, SHAPE)
 
 
 class Failing:
     """A solver that fails when told to."""
-
-    name = "failing"
 
     def __init__(self, inner, fails):
         self.inner, self.fails, self.calls = inner, fails, 0
@@ -173,14 +172,18 @@ class Failing:
 
 def test_a_failed_solve_is_started_anew(fatrop):
     flaky = Failing(fatrop, lambda call: call == 1)
-    controller = Controller(BOAT, row_of_cells(2), SETTINGS, solver=flaky, second_solver=fatrop)
+    controller = Controller(
+        BOAT, row_of_cells(2), DUAL, solver=Built(solver=flaky), second_solver=Built(solver=fatrop)
+    )
     assert controller.step((-10, 2.5, 0, 0, 0, 0)).status is StepStatus.RESTARTED
 
 
 def test_when_nothing_converges_the_last_plan_is_followed_then_the_boat_stops(fatrop):
     broken = Failing(fatrop, lambda call: call > 1)
     never = Failing(fatrop, lambda call: True)
-    controller = Controller(BOAT, row_of_cells(40), SETTINGS, solver=broken, second_solver=never)
+    controller = Controller(
+        BOAT, row_of_cells(40), DUAL, solver=Built(solver=broken), second_solver=Built(solver=never)
+    )
     z, statuses = drive(controller, (-10, 2.5, 0, 0, 0, 0), 30)
     assert statuses[0] is StepStatus.SOLVED
     assert statuses[1 : PATIENCE_STEPS + 1] == [StepStatus.LAST_PLAN] * PATIENCE_STEPS
@@ -191,7 +194,13 @@ def test_when_nothing_converges_the_last_plan_is_followed_then_the_boat_stops(fa
 def test_the_second_solver_is_asked_when_two_steps_in_a_row_have_failed(fatrop):
     broken = Failing(fatrop, lambda call: call > 1)
     second = Failing(fatrop, lambda call: False)
-    controller = Controller(BOAT, row_of_cells(40), SETTINGS, solver=broken, second_solver=second)
+    controller = Controller(
+        BOAT,
+        row_of_cells(40),
+        DUAL,
+        solver=Built(solver=broken),
+        second_solver=Built(solver=second),
+    )
     _, statuses = drive(controller, (-10, 2.5, 0, 0, 0, 0), 3)
     assert statuses == [StepStatus.SOLVED, StepStatus.LAST_PLAN, StepStatus.RESTARTED]
     assert second.calls == 1
@@ -199,8 +208,6 @@ def test_the_second_solver_is_asked_when_two_steps_in_a_row_have_failed(fatrop):
 
 class Answering:
     """Answers with plans at rest in the given places, each with its status and cost."""
-
-    name = "answering"
 
     def __init__(self, *answers):
         self.answers = list(answers)
@@ -214,7 +221,7 @@ class Answering:
 
 def test_a_feasible_plan_is_followed_and_said_to_be_improved_only():
     inside = Answering((2.5, Status.FEASIBLE, 1.0))
-    controller = Controller(BOAT, row_of_cells(2), ControlSettings(), solver=inside)
+    controller = Controller(BOAT, row_of_cells(2), solver=Built(solver=inside))
     assert controller.step((-10, 2.5, 0, 0, 0, 0)).status is StepStatus.IMPROVED
 
 
@@ -222,12 +229,12 @@ def test_a_feasible_plan_is_followed_and_said_to_be_improved_only():
 def test_a_plan_that_misses_its_set_gives_way_to_a_cheaper_one_made_afresh(afresh, chosen):
     """The first plan ends at 8 m, beyond the set, at cost 10; the second one in the set."""
     solver = Answering((8.0, Status.SOLVED, 10.0), (2.5, Status.SOLVED, afresh))
-    controller = Controller(BOAT, row_of_cells(1), ControlSettings(), solver=solver)
+    controller = Controller(BOAT, row_of_cells(1), solver=Built(solver=solver))
     assert controller.step((-10, 2.5, 0, 0, 0, 0)).plan.states[-1, 0] == chosen
 
 
 def test_a_state_that_is_not_finite_is_refused():
-    controller = Controller(BOAT, row_of_cells(1), SETTINGS, solver=_SHARED)
+    controller = Controller(BOAT, row_of_cells(1), DUAL, solver=Built(solver=_SHARED))
     with pytest.raises(ValueError, match="six finite"):
         controller.step((0, 0, float("nan"), 0, 0, 0))
 
@@ -242,7 +249,7 @@ def test_a_duration_between_bounds_is_chosen_by_the_solver(fatrop, ipopt):
     horizon.duration_bounds[:] = (0.05, 1.0)
     horizon.time_weights[:] = 1.0
     horizon.require(15, sets[0].halfspaces, 1e3)
-    guess = Controller(BOAT, sets, SETTINGS, solver=fatrop).roll_out(state)
+    guess = Controller(BOAT, sets, DUAL, solver=Built(solver=fatrop)).roll_out(state)
     plans = [s.solve(state, horizon, CALM4, guess) for s in (fatrop, ipopt)]
     assert all(solution.solved for solution in plans)
     quick, exact = (solution.plan.duration_s for solution in plans)
@@ -259,7 +266,7 @@ def drive_freely(controller, state, limit_s, boat, watch=None):
         controller.see(z)
         if controller.done:
             break
-        if now - since >= controller.settings.step_s - 1e-9:
+        if now - since >= controller.rule.step_s - 1e-9:
             command, since = controller.step(z), now
         thrusts = command.thrusts_at(now - since)
         if watch is not None:
@@ -290,9 +297,9 @@ def test_any_sequence_of_targets_is_reached_within_the_limits(corners, heading, 
         assert np.max(thrusts) <= boat.thrust_max_n
 
 
-@pytest.mark.parametrize("rule", ["single", "dual", "lookahead"])
+@pytest.mark.parametrize("rule", [Single(), Dual(), Lookahead()], ids=repr)
 def test_every_rule_flies_a_row_with_the_fast_solver(rule):
-    controller = Controller(BOAT, row_of_cells(6), settings_for(rule))
+    controller = Controller(BOAT, row_of_cells(6), rule)
     drive_freely(controller, (-10, 2.5, 0, 0, 0, 0), 200, BOAT)
     assert controller.done
 
@@ -304,8 +311,8 @@ def test_lookahead_is_faster_than_the_paper_s_rule():
         for c in (range(6) if r == 0 else range(5, -1, -1))
     ]
     times = [
-        drive_freely(Controller(BOAT, sets, settings_for(rule)), (-10, 2.5, 0, 0, 0, 0), 120, BOAT)
-        for rule in ("lookahead", "dual")
+        drive_freely(Controller(BOAT, sets, rule), (-10, 2.5, 0, 0, 0, 0), 120, BOAT)
+        for rule in (Lookahead(), Dual())
     ]
     assert times[0] < times[1] < 120
 

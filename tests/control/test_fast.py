@@ -8,14 +8,13 @@ from hypothesis import strategies as st
 
 from grebe.control.controller import Controller
 from grebe.control.horizon import HorizonShape
-from grebe.control.ocp import build
-from grebe.control.rules.base import Situation, dual
-from grebe.control.rules.lookahead import lookahead
-from grebe.control.settings import ControlSettings, paper_settings
-from grebe.control.solvers.base import CasadiSolver, Status
+from grebe.control.rules.base import Situation
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import Lookahead
+from grebe.control.solvers.base import Status
+from grebe.control.solvers.builders import Fast, Ipopt
 from grebe.control.solvers.fast.model import advance, linearise, parameter_vector, second_order
 from grebe.control.solvers.fast.riccati import factorise, solve
-from grebe.control.solvers.fast.solver import FastSolver
 from grebe.core.dynamics import rates, rk4
 from grebe.core.sets import rectangle
 from grebe.core.vessel import PRESETS
@@ -113,14 +112,13 @@ STARTS = {
 def test_the_fast_path_s_first_input_is_the_oracle_s(name):
     """Within 1 % of the thrust range, for the paper's problem in form D."""
     vessel = PRESETS["benchmark"]
-    settings = paper_settings()
-    controller = Controller(vessel, SETS, settings)
+    controller = Controller(vessel, SETS, Dual())
     state = np.array(STARTS[name], dtype=float)
     situation = Situation(state=tuple(state), target=0, ahead=SETS, aims=SETS)
-    horizon = dual(situation, settings, controller.shape).horizon
+    horizon = Dual().propose(situation, controller.shape).horizon
     guess = controller.roll_out(state)
-    fast = FastSolver(vessel, controller.shape).solve(state, horizon, np.zeros(4), guess)
-    oracle = CasadiSolver(build(vessel, controller.shape), "ipopt")
+    fast = Fast().build(vessel, controller.shape).solve(state, horizon, np.zeros(4), guess)
+    oracle = Ipopt().build(vessel, controller.shape)
     exact = oracle.solve(state, horizon, np.zeros(4), guess)
     assert fast.solved
     assert exact.solved
@@ -135,9 +133,9 @@ def test_free_durations_agree_with_the_oracle():
     cells = [rectangle((5 * i, 5 * i + 5), (0, 5), (1, 2)) for i in range(10)]
     state = np.array([-6.0, 2.0, 0.1, 1.2, 0, 0])
     situation = Situation(state=tuple(state), target=0, ahead=cells, aims=cells, cruise_thrust_n=15)
-    proposal = lookahead(situation, ControlSettings(), shape)
-    fast = FastSolver(vessel, shape).solve(state, proposal.horizon, np.zeros(4), proposal.start)
-    oracle = CasadiSolver(build(vessel, shape), "ipopt")
+    proposal = Lookahead().propose(situation, shape)
+    fast = Fast().build(vessel, shape).solve(state, proposal.horizon, np.zeros(4), proposal.start)
+    oracle = Ipopt().build(vessel, shape)
     exact = oracle.solve(state, proposal.horizon, np.zeros(4), proposal.start)
     assert fast.solved
     assert exact.solved
@@ -148,10 +146,10 @@ def test_free_durations_agree_with_the_oracle():
 def test_a_hopeless_start_is_a_status_and_not_an_exception():
     vessel = PRESETS["benchmark"]
     shape = HorizonShape(stages=15)
-    controller = Controller(vessel, SETS, paper_settings())
+    controller = Controller(vessel, SETS, Dual())
     state = np.array([0.0, 0, 0, 1e6, 1e6, 1e6])
     situation = Situation(state=tuple(state), target=0, ahead=SETS, aims=SETS)
-    horizon = dual(situation, paper_settings(), shape).horizon
+    horizon = Dual().propose(situation, shape).horizon
     guess = controller.roll_out(np.zeros(6))
-    solution = FastSolver(vessel, shape).solve(state, horizon, np.zeros(4), guess)
+    solution = Fast().build(vessel, shape).solve(state, horizon, np.zeros(4), guess)
     assert solution.status in (Status.NOT_CONVERGED, Status.FEASIBLE)

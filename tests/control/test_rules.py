@@ -6,24 +6,19 @@ from conftest import states
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grebe.control.controller import Margins
 from grebe.control.horizon import NO_ROW, HorizonShape, Plan
-from grebe.control.rules.base import (
-    STALL_STEPS,
-    Decision,
-    Situation,
-    dual,
-    reached_count,
-    single,
-    split_stage,
-)
-from grebe.control.rules.lookahead import ENTRY_PENALTY, LONGEST_STAGE_S, lookahead
-from grebe.control.settings import ControlSettings, paper_settings
+from grebe.control.rules.base import Decision, Progress, Situation, reached_count
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import ENTRY_PENALTY, LONGEST_STAGE_S, Lookahead
+from grebe.control.rules.single import Single
+from grebe.control.rules.split import STALL_STEPS, Approach, split_stage
 from grebe.core.errors import UsageError
 from grebe.core.sets import rectangle
 
 FIRST = rectangle((0, 5), (0, 5), (1, 2))
 SECOND = rectangle((5, 10), (0, 5), (1, 2))
-SETTINGS = paper_settings()
+DUAL, SINGLE = Dual(), Single()
 SHAPE = HorizonShape(stages=15)
 
 
@@ -31,8 +26,8 @@ def situation(state, *, sets=(FIRST, SECOND), last=None):
     return Situation(state=state, target=0, ahead=sets, aims=sets, last=last)
 
 
-def answer(rule, at, settings=SETTINGS):
-    proposal = rule(at, settings, SHAPE)
+def answer(rule, at):
+    proposal = rule.propose(at, SHAPE)
     return proposal.horizon, proposal.decision
 
 
@@ -47,9 +42,9 @@ def is_open(rows):
 
 def test_split_is_the_horizon_on_the_rim_and_zero_inside():
     """Remark 10."""
-    assert split_stage(SETTINGS.epsilon, SETTINGS.epsilon, 15) == 15
-    assert split_stage(0.0, SETTINGS.epsilon, 15) == 0
-    assert split_stage(SETTINGS.epsilon * 1.001, SETTINGS.epsilon, 15) == 15
+    assert split_stage(DUAL.epsilon, DUAL.epsilon, 15) == 15
+    assert split_stage(0.0, DUAL.epsilon, 15) == 0
+    assert split_stage(DUAL.epsilon * 1.001, DUAL.epsilon, 15) == 15
 
 
 @given(st.floats(0, 50), st.floats(0, 50), st.integers(2, 60))
@@ -74,7 +69,7 @@ def test_a_set_is_not_reached_out_of_its_speed_window():
 
 
 def test_single_draws_every_stage_to_the_current_set():
-    horizon, decision = answer(single, situation(at_distance(40)))
+    horizon, decision = answer(SINGLE, situation(at_distance(40)))
     assert decision.split == 15
     assert all(np.array_equal(rows, FIRST.halfspaces) for rows in horizon.cost_sets)
     assert np.array_equal(horizon.entry_sets[15], FIRST.halfspaces)
@@ -83,16 +78,16 @@ def test_single_draws_every_stage_to_the_current_set():
 def test_dual_outside_the_fattened_set_is_single():
     """Eq. (6), second case."""
     far = situation(at_distance(40))
-    one, _ = answer(single, far)
-    two, _ = answer(dual, far)
+    one, _ = answer(SINGLE, far)
+    two, _ = answer(DUAL, far)
     assert np.array_equal(one.cost_sets, two.cost_sets)
     assert np.array_equal(one.entry_sets, two.entry_sets)
 
 
 def test_dual_inside_it_splits_cost_and_constraints():
     """Eqs. (6) to (8), first case: d = 7 gives N_x = 7."""
-    settings = paper_settings(p=2.0, q=3.0, alpha=0.5)
-    horizon, decision = answer(dual, situation(at_distance(7)), settings)
+    rule = Dual(p=2.0, q=3.0, alpha=0.5)
+    horizon, decision = answer(rule, situation(at_distance(7)))
     assert decision.split == 7
     assert np.array_equal(horizon.cost_sets[6], FIRST.halfspaces)
     assert np.array_equal(horizon.cost_sets[7], SECOND.halfspaces)
@@ -103,23 +98,23 @@ def test_dual_inside_it_splits_cost_and_constraints():
 
 
 def test_the_last_set_has_no_successor():
-    horizon, decision = answer(dual, situation(at_distance(7), sets=(FIRST,)))
+    horizon, decision = answer(DUAL, situation(at_distance(7), sets=(FIRST,)))
     assert decision.split == 7
     assert is_open(horizon.entry_sets[15])
     assert np.all(horizon.cost_weights[7:] == 0)
 
 
 def test_on_the_rim_the_last_node_is_asked_to_be_in_one_set_only():
-    horizon, decision = answer(dual, situation(at_distance(15)))
+    horizon, decision = answer(DUAL, situation(at_distance(15)))
     assert decision.split == 15
     assert np.array_equal(horizon.entry_sets[15], FIRST.halfspaces)
 
 
 @given(states(40))
 def test_the_fixed_rules_keep_the_paper_s_step(state):
-    for rule in (single, dual):
+    for rule in (SINGLE, DUAL):
         horizon, _ = answer(rule, situation(state))
-        assert np.all(horizon.duration_bounds == SETTINGS.step_s)
+        assert np.all(horizon.duration_bounds == DUAL.step_s)
         assert np.all(horizon.time_weights == 0)
 
 
@@ -128,30 +123,31 @@ def test_a_stalled_split_is_counted_down_from_the_horizon():
     at_rest = (2.5, 2.5, 0.0, 0.0, 0.0, 0.0)
     last, splits = None, []
     for _ in range(STALL_STEPS + 16):
-        _, last = answer(dual, situation(at_rest, last=last))
+        _, last = answer(DUAL, situation(at_rest, last=last))
         splits.append(last.split)
     assert splits[: STALL_STEPS + 1] == [1, 1, 1, 15]
     assert splits[STALL_STEPS : STALL_STEPS + 15] == list(range(15, 0, -1))
 
 
 def test_a_count_down_ends_with_its_target():
-    last = Decision(target=7, split=4, nearest=0.1, idle=9, committed=True)
-    _, decision = answer(dual, situation(at_distance(7), last=last))
+    memory = Approach(progress=Progress(nearest=0.1, idle=9), committed=True)
+    last = Decision(target=7, split=4, memory=memory)
+    _, decision = answer(DUAL, situation(at_distance(7), last=last))
     assert decision.split == 7
-    assert not decision.committed
+    assert not decision.memory.committed
 
 
 def test_settings_out_of_bounds_are_refused():
-    for wrong in (
-        {"horizon": 1},
-        {"step_s": 0.0},
-        {"epsilon": -1},
-        {"rule": "best"},
-        {"solver": "magic"},
-        {"margin_m": -0.1},
+    for kind, wrong in (
+        (Lookahead, {"stages": 1}),
+        (Lookahead, {"hold": -1.0}),
+        (Single, {"step_s": 0.0}),
+        (Single, {"beta": float("nan")}),
+        (Dual, {"epsilon": -1.0}),
+        (Margins, {"set_m": -0.1}),
     ):
         with pytest.raises(UsageError):
-            ControlSettings(**wrong)
+            kind(**wrong)
 
 
 @given(st.floats(0.1, 3.0), st.integers(2, 10))
@@ -170,8 +166,8 @@ LONG = HorizonShape(stages=32)
 
 
 def ahead_of(state, cells=CELLS, **more):
-    return lookahead(
-        Situation(state=state, target=0, ahead=cells, aims=cells, **more), ControlSettings(), LONG
+    return Lookahead().propose(
+        Situation(state=state, target=0, ahead=cells, aims=cells, **more), LONG
     )
 
 

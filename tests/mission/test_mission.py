@@ -5,7 +5,8 @@ import pytest
 from conftest import NOON, simulate, square_survey
 
 from grebe.control.controller import Controller, model_substeps
-from grebe.control.settings import ControlSettings, settings_for
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import Lookahead
 from grebe.core.dynamics import Weather, rates, rk4
 from grebe.core.errors import InputError, LinkError, PlanError, SurveyFileError
 from grebe.core.events import EndReason
@@ -85,11 +86,11 @@ def test_a_flown_survey_is_not_flown_again_by_accident(flown):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rule", ["dual", "lookahead"])
+@pytest.mark.parametrize("rule", [Dual(), Lookahead()], ids=repr)
 def test_an_unknown_current_does_not_stop_the_mission(tmp_path, rule):
     world = SimulatedWorld(weather=Weather(current_north_mps=0.2, current_east_mps=-0.2))
     with new_file(tmp_path, side_m=30.0) as file:
-        assert simulate(file, settings_for(rule), world).complete
+        assert simulate(file, rule, world).complete
 
 
 class Stopping(SimulatedLink):
@@ -157,7 +158,7 @@ def test_force_forgets_nothing_before_the_new_mission_can_start(tmp_path):
         samples = len(file.samples())
         lost = SimulatedWorld(water_from=tmp_path / "none.csv")
         with pytest.raises(InputError):
-            simulate(file, ControlSettings(), lost, force=True)
+            simulate(file, Lookahead(), lost, force=True)
         assert len(file.samples()) == samples > 0
         again = simulate(file, force=True)
         assert again.samples == len(file.samples()) == samples
@@ -167,7 +168,7 @@ def test_an_unreachable_target_ends_the_mission_as_incomplete(tmp_path):
     """A current faster than the boat: it is carried off, and the mission gives up."""
     world = SimulatedWorld(weather=Weather(current_north_mps=-4.0))
     with new_file(tmp_path) as file:
-        report = simulate(file, ControlSettings(), world)
+        report = simulate(file, Lookahead(), world)
         assert not report.complete
         assert file.events()[-1].code == "target_not_reached"
 
@@ -187,7 +188,7 @@ def test_the_same_seed_gives_the_same_mission(tmp_path):
     for name in ("a", "b"):
         survey = square_survey()
         with SurveyFile.create(tmp_path / name, survey, meta={}, force=True) as file:
-            simulate(file, ControlSettings(), SimulatedWorld(seed=5))
+            simulate(file, Lookahead(), SimulatedWorld(seed=5))
             tables.append(file.samples())
     assert np.array_equal(tables[0].positions, tables[1].positions)
     assert np.array_equal(tables[0].values["ph"], tables[1].values["ph"])

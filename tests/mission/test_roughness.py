@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.control.controller import Controller
-from grebe.control.settings import ControlSettings
+from grebe.control.rules.lookahead import Lookahead
 from grebe.core.errors import UsageError, VesselError
 from grebe.core.vessel import PRESETS, vessel_named
 from grebe.io.store import SurveyFile
@@ -86,7 +86,7 @@ def test_a_mission_completes_with_another_hull_noise_and_lost_estimates(tmp_path
     )
     survey = square_survey(side_m=30.0)
     with SurveyFile.create(tmp_path / "r.gpkg", survey, meta={}, force=True) as file:
-        assert simulate(file, ControlSettings(), world).complete
+        assert simulate(file, Lookahead(), world).complete
 
 
 class Blinking(SimulatedLink):

@@ -24,7 +24,7 @@ def test_the_printed_starts_and_settings_are_the_paper_s():
     assert scenes.four_sets().start == pytest.approx((0, 0, np.pi / 2, 0, 0, 0))
     scene = scenes.exploration()
     assert scene.start == pytest.approx((20, 105, -np.pi / 2, 0, 0, 0))
-    assert (scene.settings.horizon, scene.settings.step_s) == (15, 1.0)
+    assert (scene.rule.stages, scene.rule.step_s) == (15, 1.0)
     whole = sum(t.polygon.area == pytest.approx(25.0) for t in scene.targets)
     assert whole > 0.7 * len(scene.targets)
 

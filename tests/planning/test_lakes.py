@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grebe.control.controller import Controller
-from grebe.control.settings import settings_for
 from grebe.core.dynamics import Weather
 from grebe.core.errors import PlanError
 from grebe.core.plan_settings import SHAPES, PlanSettings
@@ -245,8 +244,7 @@ def test_a_real_lake_is_surveyed_without_touching_land(name, cell, current):
     """Alamillo has nine islands; of Allequash a bay is taken."""
     region = real(name) if name == "alamillo" else bay_of(real(name))
     survey = plan(region, BOAT, PlanSettings(cell_m=cell, shore_margin_m=1.0)).survey
-    settings_ = settings_for("lookahead")
-    pilot = Controller(BOAT, survey.sets, settings_, corridors=survey.corridors)
+    pilot = Controller(BOAT, survey.sets, corridors=survey.corridors)
     weather = Weather(current_north_mps=0.8 * current, current_east_mps=-0.6 * current)
     world = Conditions(weather=weather, limit_s=5000)
     flight = fly(BOAT, survey.sets, pilot, survey.start.at_rest(), world)

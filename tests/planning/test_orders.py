@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grebe.control.controller import Controller
-from grebe.control.settings import settings_for
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings
@@ -143,7 +142,7 @@ def test_a_mission_takes_about_what_its_plan_says(vessel, core):
     plan_settings = PlanSettings(cell_m=6, core=core, speed_min_mps=0.5, speed_max_mps=1.5)
     planned = plan(field(bay), boat, plan_settings)
     survey = planned.survey
-    pilot = Controller(boat, survey.sets, settings_for("lookahead"), corridors=survey.corridors)
+    pilot = Controller(boat, survey.sets, corridors=survey.corridors)
     world = Conditions(weather=Weather(current_north_mps=0.1), limit_s=3000)
     flight = fly(boat, survey.sets, pilot, survey.start.at_rest(), world)
     assert flight.complete

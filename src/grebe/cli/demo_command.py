@@ -12,7 +12,7 @@ import shapely
 from grebe.cli import options, output
 from grebe.cli.files import make_folder, write_survey_file
 from grebe.cli.map_command import write_maps
-from grebe.control.settings import ControlSettings
+from grebe.control.rules.lookahead import Lookahead
 from grebe.core.errors import IncompleteError
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
@@ -61,7 +61,7 @@ def command(out: Path, as_json: bool) -> None:
         report = run_survey(
             survey_file,
             SimulatedWorld(),
-            steered_by(ControlSettings()),
+            steered_by(Lookahead()),
             datetime.now(UTC),
             listeners=[ProgressMeter(bar.update)],
         )

@@ -11,12 +11,9 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
-from grebe.control.settings import (
-    RULES,
-    SOLVERS,
-    ControlSettings,
-    settings_for,
-)
+from grebe.control.rules.base import Rule
+from grebe.control.rules.dual import Dual
+from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, LinkError, StoppedError, UsageError
 from grebe.core.events import EndReason
 from grebe.io.store import SurveyFile
@@ -28,8 +25,9 @@ from grebe.workflow.boats import boat_named
 from grebe.workflow.checked import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
+from grebe.workflow.steering import RULES, SOLVERS, rule_named, solver_named
 
-DEFAULTS = ControlSettings()
+DEFAULTS = Dual()
 WEIGHTS = {
     "alpha": "Weight of the squared distance (Eq. 2), for single and dual.",
     "beta": "Weight of the squared thrusts (Eq. 2), for single and dual.",
@@ -58,12 +56,16 @@ def _weight_options(command: Any) -> Any:
     help="Which boat: sim: is the simulated one, python:FILE.py one of your own.",
 )
 @click.option(
-    "--rule", type=click.Choice(RULES), default=DEFAULTS.rule, show_default=True, help="Who plans."
+    "--rule",
+    type=click.Choice(list(RULES)),
+    default="lookahead",
+    show_default=True,
+    help="Who plans.",
 )
 @click.option(
     "--solver",
-    type=click.Choice(SOLVERS),
-    default=DEFAULTS.solver,
+    type=click.Choice(list(SOLVERS)),
+    default="fast",
     show_default=True,
     help="Who solves.",
 )
@@ -151,18 +153,18 @@ def command(
     """
     if resume and force:
         raise UsageError("--resume goes on and --force begins anew; give one of them.")
-    boat_named(url, _settings(run)[1])
+    boat_named(url, _settings(run)[2])
     output.note_compilation()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         if resume:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
-        control, world = _settings(run)
+        rule, solver, world = _settings(run)
         before = survey_file.progress().reached if resume else 0
         survey_file.set_meta("run", json.dumps(run, default=str))
         report = run_survey(
             survey_file,
             boat_named(url, world),
-            steered_by(control),
+            steered_by(rule, solver),
             datetime.now(UTC),
             MissionSettings(sampling=InSets() if in_sets_only else InWindow()),
             resume=resume,
@@ -191,16 +193,10 @@ def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:
     )
 
 
-def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulatedWorld]:
-    """Turn the options of a run into the controller's and the world's settings."""
-    control = settings_for(
-        run["rule"],
-        run["horizon"],
-        run["step_s"],
-        solver=run["solver"],
-        epsilon=run["epsilon"],
-        **{name: run[name] for name in WEIGHTS},
-    )
+def _settings(run: dict[str, Any]) -> tuple[Rule, SolverBuilder, SimulatedWorld]:
+    """Turn the options of a run into its rule, its solver and the world's settings."""
+    rule = rule_named(run["rule"], run | {"stages": run["horizon"]})
+    solver = solver_named(run["solver"])
     world = SimulatedWorld(
         weather=options.weather_of(run["current"], run["wind"]),
         mismatch=run["mismatch"],
@@ -208,7 +204,7 @@ def _settings(run: dict[str, Any]) -> tuple[ControlSettings, SimulatedWorld]:
         water_from=None if run["water"] is None else Path(run["water"]),
         seed=run["seed"],
     )
-    return control, world
+    return rule, solver, world
 
 
 def _as_before(ctx: click.Context, run: dict[str, Any], recorded: str) -> dict[str, Any]:

@@ -17,20 +17,17 @@ import numpy as np
 import shapely
 
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
-from grebe.control.ocp import build
 from grebe.control.rules.base import (
     Decision,
     Proposal,
     Rule,
     Situation,
-    dual,
+    check_not_negative,
     reached_count,
-    single,
 )
-from grebe.control.rules.lookahead import LONGEST_STAGE_S, lookahead
-from grebe.control.settings import ControlSettings, RuleName
-from grebe.control.solvers.base import CasadiSolver, Solution, Solver, Status
-from grebe.control.solvers.fast.solver import FastSolver
+from grebe.control.rules.lookahead import Lookahead
+from grebe.control.solvers.base import Solution, Solver, SolverBuilder, Status
+from grebe.control.solvers.builders import Fast, Ipopt
 from grebe.core.dynamics import CALM, Weather, rates, rk4
 from grebe.core.sets import TargetSet, inner_rows
 from grebe.core.vessel import Vessel
@@ -41,7 +38,6 @@ if TYPE_CHECKING:
 # Steps for which an old plan is followed before the boat is brought to rest.
 PATIENCE_STEPS = 5
 LOOK_AHEAD_SETS = 16
-RULE_NAMED: dict[RuleName, Rule] = {"single": single, "dual": dual, "lookahead": lookahead}
 # Largest product of a Runge-Kutta step and the boat's fastest rate; RK4 is unstable at 2.8.
 SUBSTEP_STIFFNESS = 1.2
 # Metres or metres per second by which a plan may miss a set and still count as entering it; the
@@ -64,6 +60,22 @@ class StepStatus(enum.Enum):
     def is_solved(self) -> bool:
         """Whether the thrusts come from a plan that converged in this step."""
         return self in (StepStatus.SOLVED, StepStatus.RESTARTED, StepStatus.IMPROVED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins:
+    """How far inside its bounds the controller aims, whatever the rule.
+
+    `set_m` and `speed_mps` shrink the set that it aims at; whether a set is reached is judged on
+    the set itself. `corridor_m` is kept from the sides of a corridor. Raises `UsageError`.
+    """
+
+    set_m: float = 0.1
+    speed_mps: float = 0.05
+    corridor_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_not_negative(set_m=self.set_m, speed_mps=self.speed_mps, corridor_m=self.corridor_m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,62 +123,51 @@ class _Answer:
 
 
 class Controller:
-    """Steers a vessel through target sets in their order.
+    """Steers a vessel through target sets in their order, by a rule.
 
     `reached` counts the sets reached so far (Definition 5); `targets[reached]` is the
     current target set Omega_x (Definition 6) and `done` says that there is none left.
     `corridors` holds for each target the convex polygon to stay in on the way to it, or is
-    empty.
+    empty. `solver` makes the solver, `second_solver` the one that is asked where that fails;
+    the latter is built when it is first needed.
     """
 
     def __init__(
         self,
         vessel: Vessel,
         targets: Sequence[TargetSet],
-        settings: ControlSettings | None = None,
+        rule: Rule | None = None,
         *,
         reached: int = 0,
         corridors: Sequence[shapely.Polygon] = (),
-        solver: Solver | None = None,
-        second_solver: Solver | None = None,
+        margins: Margins | None = None,
+        solver: SolverBuilder | None = None,
+        second_solver: SolverBuilder | None = None,
     ) -> None:
         self.vessel = vessel
         self.targets = tuple(targets)
-        self.settings = settings or ControlSettings()
+        self.rule: Rule = rule or Lookahead()
         self.reached = reached
-        margin_m = self.settings.corridor_margin_m
-        self._corridors = tuple(inner_rows(corridor, margin_m) for corridor in corridors)
-        self._aims = [
-            target.shrunk(self.settings.margin_m, self.settings.speed_margin_mps)
-            for target in self.targets
-        ]
+        kept = margins or Margins()
+        self._corridors = tuple(inner_rows(corridor, kept.corridor_m) for corridor in corridors)
+        self._aims = [target.shrunk(kept.set_m, kept.speed_mps) for target in self.targets]
         self.shape = HorizonShape(
-            stages=self.settings.horizon,
+            stages=self.rule.stages,
             set_rows=rows_needed([len(aim.vertices) for aim in self._aims]),
             corridor_rows=max(map(len, self._corridors), default=0),
-            substeps=model_substeps(vessel, self._stage_s),
+            substeps=model_substeps(vessel, self.rule.longest_stage_s),
         )
-        self._solver = solver or self._first_solver()
-        self._second = second_solver
-        self._rule = RULE_NAMED[self.settings.rule]
+        self._solver = (solver or Fast()).build(vessel, self.shape)
+        self._second_builder = second_solver or Ipopt()
+        self._second: Solver | None = None
         self._plan: Plan | None = None
         self._decision: Decision | None = None
         self._unsolved_in_a_row = 0
 
     @property
-    def _stage_s(self) -> float:
-        """What a stage may span: the model's integration is made for it."""
-        return LONGEST_STAGE_S if self.settings.rule == "lookahead" else self.settings.step_s
-
-    def _first_solver(self) -> Solver:
-        if self.settings.solver == "fast":
-            return FastSolver(self.vessel, self.shape)
-        return CasadiSolver(build(self.vessel, self.shape), self.settings.solver)
-
-    @property
     def step_s(self) -> float:
         """Time between two steps [s]."""
-        return self.settings.step_s
+        return self.rule.step_s
 
     @property
     def done(self) -> bool:
@@ -187,7 +188,7 @@ class Controller:
     ) -> Command:
         """Return the thrusts to apply from `state` on for one control step.
 
-        `elapsed_s` is the time since the last step, where it is not the settings' own: the
+        `elapsed_s` is the time since the last step, where it is not the rule's own: the
         estimate that was due may have come late.
         """
         if self.done:
@@ -196,13 +197,13 @@ class Controller:
         if z.shape != (6,) or not np.all(np.isfinite(z)):
             raise ValueError(f"a state is six finite numbers, but this is {state}")
         wind = np.asarray(weather.as_tuple())
-        elapsed = self.settings.step_s if elapsed_s is None else elapsed_s
+        elapsed = self.rule.step_s if elapsed_s is None else elapsed_s
         situation = self._situation(z, elapsed)
         best: _Answer | None = None
         for attempt, solver, status in self._attempts(situation):
             if best is not None and solver == self._second_solver:
                 break
-            proposal = self._rule(attempt, self.settings, self.shape)
+            proposal = self.rule.propose(attempt, self.shape)
             start = self.roll_out(z, weather) if proposal.start is None else proposal.start
             solution = solver().solve(z, proposal.horizon, wind, start)
             self._decision = proposal.decision
@@ -233,7 +234,7 @@ class Controller:
 
         A start for the solver that is dynamically consistent and never backs up.
         """
-        n, step = self.settings.horizon, self.settings.step_s
+        n, step = self.rule.stages, self.rule.step_s
         states, thrusts = [state], []
         for _ in range(n):
             inputs = self._turn_and_go(states[-1])
@@ -261,9 +262,9 @@ class Controller:
         return 0.5 * (target.speed_min_mps + target.speed_max_mps)
 
     def _second_solver(self) -> Solver:
-        """IPOPT, built only when it is needed for the first time."""
+        """The second solver, built when it is needed for the first time."""
         if self._second is None:
-            self._second = CasadiSolver(build(self.vessel, self.shape), "ipopt")
+            self._second = self._second_builder.build(self.vessel, self.shape)
         return self._second
 
     def _accept(self, answer: _Answer) -> Command:
@@ -287,7 +288,7 @@ class Controller:
 
     def _braking(self, state: NDArray[np.float64]) -> tuple[float, float]:
         """Thrust that takes the surge away within about a step, without turning."""
-        wanted = -0.5 * self.vessel.m11_kg * state[3] / max(self.settings.step_s, 0.5)
+        wanted = -0.5 * self.vessel.m11_kg * state[3] / max(self.rule.step_s, 0.5)
         thrust = float(np.clip(wanted, self.vessel.thrust_min_n, self.vessel.thrust_max_n))
         return thrust, thrust
 

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from grebe.control.horizon import Horizon, HorizonShape, Plan
+from grebe.control.horizon import DURATION_REGULARISATION, Horizon, HorizonShape, Plan
 from grebe.core.dynamics import rates, rk4
 from grebe.core.vessel import Vessel
 
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 STATES, THRUSTS, WEATHER = 6, 2, 4
-
-# Keeps the share of a duration whose bounds coincide in the middle; far below any cost.
-DURATION_REGULARISATION = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)

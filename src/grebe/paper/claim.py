@@ -16,7 +16,6 @@ import numpy as np
 import shapely
 
 from grebe.control.controller import Controller
-from grebe.control.settings import settings_for
 from grebe.core.errors import PlanError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.quantities import QUANTITIES, Quantity
@@ -121,8 +120,7 @@ def flown(survey: Survey, way: str) -> Sampled:
     """Sail a survey in simulation, sampled as every mission is by default."""
     assert survey.vessel is not None
     assert survey.start is not None
-    settings = settings_for("lookahead")
-    pilot = Controller(survey.vessel, survey.sets, settings, corridors=survey.corridors)
+    pilot = Controller(survey.vessel, survey.sets, corridors=survey.corridors)
     flight = fly(
         survey.vessel, survey.sets, pilot, survey.start.at_rest(), Conditions(limit_s=20_000)
     )

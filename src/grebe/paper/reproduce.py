@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.settings import settings_for
+from grebe.control.rules.lookahead import Lookahead
+from grebe.control.solvers.builders import Fast
 from grebe.core.sets import TargetSet
 from grebe.mission.trial import Trial
 from grebe.paper import drawings, scenes
@@ -30,7 +31,7 @@ def fig1(out: Path) -> Reproduction:
     pair = scenes.mirrored_paths()
     flights = [scene.flown() for scene in pair]
     first, second = (np.array(flight.track) for flight in flights)
-    parting = _second_mode_s(flights[0], pair[0].settings.horizon)
+    parting = _second_mode_s(flights[0], pair[0].rule.stages)
     before = first[:, 0] <= parting + 1e-9
     shared = min(len(first), len(second))
     same = _apart(first[before], second[: len(first)][before])
@@ -83,7 +84,7 @@ def fig7(out: Path) -> Reproduction:
     """The region explored: every set reached at least once; beside it what `lookahead` takes."""
     scene = scenes.exploration()
     flight = scene.flown()
-    further = scenes.with_settings(scene, settings_for("lookahead")).flown()
+    further = scenes.flown_otherwise(scene, Lookahead(), Fast()).flown()
     picture = save(drawings.exploration(scene, flight), out / "fig7.png")
     return Reproduction(
         figure="fig7",

@@ -14,7 +14,10 @@ from dataclasses import dataclass, replace
 import shapely
 
 from grebe.control.controller import Controller
-from grebe.control.settings import ControlSettings, paper_settings
+from grebe.control.rules.base import Rule
+from grebe.control.rules.dual import Dual
+from grebe.control.solvers.base import SolverBuilder
+from grebe.control.solvers.builders import Fatrop
 from grebe.core.sets import TargetSet, rectangle, ring_vertices
 from grebe.core.vessel import Vessel, vessel_named
 from grebe.mission.trial import Conditions, Trial, fly
@@ -37,12 +40,13 @@ class Scene:
 
     targets: tuple[TargetSet, ...]
     start: State
-    settings: ControlSettings
+    rule: Rule
+    solver: SolverBuilder
     vessel: Vessel
 
     def flown(self) -> Trial:
         """Fly it in still water."""
-        pilot = Controller(self.vessel, self.targets, self.settings)
+        pilot = Controller(self.vessel, self.targets, self.rule, solver=self.solver)
         return fly(self.vessel, self.targets, pilot, self.start, Conditions(limit_s=LIMIT_S))
 
 
@@ -51,14 +55,15 @@ def _scene(targets: tuple[TargetSet, ...], start: State) -> Scene:
         targets=targets,
         start=start,
         # FATROP to its full tolerance: a mirror image must be one to the millimetre.
-        settings=paper_settings("dual", solver="fatrop"),
+        solver=Fatrop(),
+        rule=Dual(),
         vessel=vessel_named("spyboat"),
     )
 
 
-def with_settings(scene: Scene, settings: ControlSettings) -> Scene:
-    """Return the scene as another rule would fly it."""
-    return replace(scene, settings=settings)
+def flown_otherwise(scene: Scene, rule: Rule, solver: SolverBuilder) -> Scene:
+    """Return the scene as another rule and solver would fly it."""
+    return replace(scene, rule=rule, solver=solver)
 
 
 def mirrored_paths() -> tuple[Scene, Scene]:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 
 from grebe.control.controller import Controller
-from grebe.control.settings import ControlSettings
+from grebe.control.rules.base import Rule
+from grebe.control.solvers.base import SolverBuilder
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
 from grebe.mission.departure import Departure, prepare
@@ -18,12 +19,14 @@ BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]
 
 
-def steered_by(settings: ControlSettings) -> HelmOf:
-    """Return what makes Grebe's controller with these settings for a survey."""
+def steered_by(rule: Rule | None = None, solver: SolverBuilder | None = None) -> HelmOf:
+    """Return what makes Grebe's controller, with a rule and a solver, for a survey."""
 
     def helm(departure: Departure) -> Helm:
         survey = departure.survey
-        return Controller(departure.vessel, survey.sets, settings, corridors=survey.corridors)
+        return Controller(
+            departure.vessel, survey.sets, rule, corridors=survey.corridors, solver=solver
+        )
 
     return helm
 

@@ -1,47 +1,43 @@
-"""Rules: from where the boat is and what lies ahead to the parameters of the stages.
+"""What every rule shares: what it is asked, what it answers, and how progress is told.
 
-Each rule is a pure function of a `Situation`; none solves anything. `single` is problem
-(5) of the paper, `dual` is problem (8) with cost (7). Departures from the paper's letter
-are named here and argued in docs/theory.md.
+A rule is a frozen value: its own settings, the stages of its horizon, and `propose`, a pure
+function of a `Situation`. It solves nothing. `Single`, `Dual` and `Lookahead` are built in;
+whatever has the members of `Rule` steers as well (docs/how-to/add-a-rule.md).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.settings import ControlSettings
+from grebe.core.errors import UsageError
 from grebe.core.sets import TargetSet
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-
-# Control steps without coming nearer to Omega_x after which the split is counted down.
-STALL_STEPS = 3
 # A step that brings the boat less than this nearer counts as none: creeping is stalling too.
 LEAST_PROGRESS = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """What a rule decided, and what it must remember for the next step.
+    """What a rule decided in a step.
 
-    The target's index, the split N_x, the smallest d(x, Omega_x) so far, the steps since it
-    last fell, whether the split is being counted down after a stall, and, for a horizon of
-    legs, the nodes at which the sets from the target on are entered.
+    `target` is the index of Omega_x and `split` the stage N_x at which it is to be entered.
+    `entries` are the nodes at which the plan has to be in the sets from the target on; where it
+    is not in the first of them, the controller also tries a plan made afresh (empty: the rule
+    asks for no such check). `memory` is the rule's own: it comes back with the next situation
+    and nobody else reads it.
     """
 
     target: int
     split: int
-    nearest: float
-    idle: int = 0
-    committed: bool = False
     entries: tuple[int, ...] = ()
+    memory: object = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +67,12 @@ class Situation:
         """d(x, Omega_x), on the set itself and not on the aim."""
         return self.ahead[0].distance(self.state)
 
+    @property
+    def memory(self) -> object:
+        """What the rule left in its last decision, if that was about the same target."""
+        last = self.last
+        return last.memory if last is not None and last.target == self.target else None
+
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
@@ -83,7 +85,49 @@ class Proposal:
     start: Plan | None
 
 
-Rule = Callable[[Situation, ControlSettings, HorizonShape], Proposal]
+class Rule(Protocol):
+    """What a controller needs of a rule: the sizes of its horizon, and `propose`.
+
+    `stages` is N; `step_s` is T, the time between two solves; no stage that the rule proposes
+    lasts longer than `longest_stage_s`, for which the model's integration is made.
+    """
+
+    @property
+    def stages(self) -> int:
+        """N, how many stages the horizon has."""
+        ...
+
+    @property
+    def step_s(self) -> float:
+        """T, the time between two solves [s]."""
+        ...
+
+    @property
+    def longest_stage_s(self) -> float:
+        """What a stage may last at most [s]."""
+        ...
+
+    def propose(self, situation: Situation, shape: HorizonShape) -> Proposal:
+        """Return the parameters of every stage; pure, and nothing of `situation` is changed."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How near the boat has been to the current target (d, Definition 2) since it became the
+    current one, and for how many steps it has not come nearer.
+    """
+
+    nearest: float
+    idle: int = 0
+
+
+def progress(situation: Situation, before: Progress | None) -> Progress:
+    """Return the progress after a step; `before` is None when the target is new."""
+    distance = situation.distance
+    if before is None or distance < before.nearest - LEAST_PROGRESS:
+        return Progress(nearest=distance)
+    return Progress(nearest=before.nearest, idle=before.idle + 1)
 
 
 def reached_count(targets: Sequence[TargetSet], reached: int, state: Sequence[float]) -> int:
@@ -96,28 +140,6 @@ def reached_count(targets: Sequence[TargetSet], reached: int, state: Sequence[fl
     return reached
 
 
-def split_stage(distance: float, epsilon: float, horizon: int) -> int:
-    """N_x = ceil(N d / epsilon) within the fattened set, N outside (below Eq. 6)."""
-    if distance > epsilon:
-        return horizon
-    return math.ceil(horizon * distance / epsilon)
-
-
-def single(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
-    """Problem (5): every stage is drawn to Omega_x, the last node must lie in it.
-
-    Departure: after a stall the node that must lie in it is counted down from the last.
-    """
-    decision = _decide(situation, shape.stages, settings.epsilon, shape.stages)
-    horizon = _fixed_steps(settings, shape)
-    aim = situation.aims[0].halfspaces
-    for stage in range(shape.stages):
-        horizon.attract(stage, aim, settings.alpha)
-    horizon.require(decision.split, aim, settings.entry_penalty)
-    confine(horizon, situation, [shape.stages])
-    return Proposal(horizon=horizon, decision=decision, start=_shifted(situation))
-
-
 def confine(horizon: Horizon, situation: Situation, entries: Sequence[int]) -> None:
     """Keep each node in the corridor of its leg; `entries` are the nodes where legs end."""
     node = 1
@@ -127,74 +149,28 @@ def confine(horizon: Horizon, situation: Situation, entries: Sequence[int]) -> N
         node = end + 1
 
 
-def dual(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
-    """Problem (8): N_x stages for Omega_x, the others for its successor.
-
-    Departures: the last target has no successor, so nothing is asked after N_x; with
-    N_x = N node N is asked to lie in Omega_x alone; a split that has stalled is counted
-    down from N.
-    """
-    n = shape.stages
-    planned = split_stage(situation.distance, settings.epsilon, n)
-    decision = _decide(situation, planned, settings.epsilon, n)
-    split = decision.split
-    horizon = _fixed_steps(settings, shape)
-    aim = situation.aims[0].halfspaces
-    for stage in range(split):
-        horizon.attract(stage, aim, settings.p * settings.alpha)
-    if split > 0:
-        horizon.require(split, aim, settings.entry_penalty)
-    if len(situation.aims) > 1 and split < n:
-        _lead_on(horizon, split, situation.aims[1].halfspaces, settings)
-    confine(horizon, situation, [split, n])
-    return Proposal(horizon=horizon, decision=decision, start=_shifted(situation))
-
-
-def _lead_on(horizon: Horizon, split: int, rows: NDArray, settings: ControlSettings) -> None:
-    """Second mode: the stages from N_x on belong to Omega_x+."""
-    n = horizon.shape.stages
-    for stage in range(split, n):
-        horizon.attract(stage, rows, settings.q * settings.alpha)
-    horizon.require(n, rows, settings.successor_penalty)
-
-
-def _decide(situation: Situation, split: int, epsilon: float, horizon: int) -> Decision:
-    """N_x as planned, or counted down from N once the approach has stalled.
-
-    With N_x a function of d alone a boat can put entry off for ever: at rest in its cell it
-    plans at every step to speed up N_x steps later, and facing away from the rim it has too
-    few steps to turn. Where the distance has not fallen for `STALL_STEPS`, the split is
-    set to N and then counted down: time enough to turn, and each plan, shifted by a step,
-    is feasible for the next problem.
-    """
-    idle, nearest = progress(situation)
-    last = situation.last
-    counting = last is not None and last.target == situation.target and last.committed
-    # From afar N steps may not be enough: there the count would end before the way does.
-    committed = situation.distance <= epsilon and (counting or idle >= STALL_STEPS)
-    if committed:
-        split = last.split - 1 if last is not None and counting and last.split > 1 else horizon
-    return Decision(
-        target=situation.target, split=split, nearest=nearest, idle=idle, committed=committed
-    )
-
-
-def progress(situation: Situation) -> tuple[int, float]:
-    """Steps since the boat last came nearer to Omega_x, and how near it has been."""
-    last, distance = situation.last, situation.distance
-    if last is None or last.target != situation.target:
-        return 0, distance
-    if distance < last.nearest - LEAST_PROGRESS:
-        return 0, distance
-    return last.idle + 1, last.nearest
-
-
-def _shifted(situation: Situation) -> Plan | None:
+def shifted(situation: Situation) -> Plan | None:
+    """Return the last plan as it looks now, to start from; None where there is none."""
     return None if situation.plan is None else situation.plan.shifted(situation.elapsed_s)
 
 
-def _fixed_steps(settings: ControlSettings, shape: HorizonShape) -> Horizon:
-    horizon = Horizon(shape=shape)
-    horizon.duration_bounds[:] = settings.step_s
-    horizon.effort_weights[:] = settings.beta
-    return horizon
+def check_stages(stages: int, step_s: float) -> None:
+    """Raise `UsageError` for a horizon that no boat can be steered with."""
+    if not 2 <= stages <= 100:
+        raise UsageError(f"The horizon is {stages} stages; give 2 to 100.")
+    if not 0.05 <= step_s <= 10.0:
+        raise UsageError(f"The control step is {step_s} s; give 0.05 to 10 s.")
+
+
+def check_positive(**values: float) -> None:
+    """Raise `UsageError` naming the first value that is not positive."""
+    for name, value in values.items():
+        if not value > 0:
+            raise UsageError(f"{name} is {value}; it must be positive.")
+
+
+def check_not_negative(**values: float) -> None:
+    """Raise `UsageError` naming the first value that is negative or not a number."""
+    for name, value in values.items():
+        if not value >= 0:
+            raise UsageError(f"{name} is {value}; it must not be negative.")

@@ -1,4 +1,4 @@
-"""The rule `lookahead`: a horizon of legs to the next sets, their durations free.
+"""The rule `Lookahead`: a horizon of legs to the next sets, their durations free.
 
 Problem (8) plans to sit in the second set; here the horizon's stages are dealt out to the
 legs to as many of the next sets as they can resolve, each leg ends with the entry into its
@@ -10,14 +10,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.rules.base import Decision, Proposal, Situation, confine, progress
-from grebe.control.settings import ControlSettings
+from grebe.control.rules.base import (
+    Decision,
+    Progress,
+    Proposal,
+    Situation,
+    check_not_negative,
+    check_stages,
+    confine,
+    progress,
+)
 from grebe.core.sets import TargetSet
 
 if TYPE_CHECKING:
@@ -50,42 +58,63 @@ BACKWARDS_MPS = 0.4
 PACING = 2.0
 
 
-def lookahead(situation: Situation, settings: ControlSettings, shape: HorizonShape) -> Proposal:
+@dataclass(frozen=True, kw_only=True)
+class Lookahead:
     """Legs to the next sets in minimum time, each entry held by an L1 slack.
 
-    The upper end of the window also bounds the surge on the way, at a price, so that the boat
-    does not race between sets; the lower end is asked at entry alone, for turns are slow.
+    The upper end of the window also bounds the surge on the way, so that the boat does not race
+    between sets: `hold` is the price of the squared surge above it. The lower end is asked at
+    entry alone, for turns are slow. `stages` is N; `step_s` is T, the time between two solves;
+    the durations of the stages are free. Raises `UsageError`.
     """
-    idle, nearest = progress(situation)
-    if idle >= STALL_STEPS:
-        situation, idle = replace(situation, plan=None), 0
-    arrivals = _arrivals(situation)
-    stages = _deal_out(arrivals, shape.stages)
-    horizon = Horizon(shape=shape)
-    horizon.duration_bounds[:, 1] = LONGEST_STAGE_S
-    horizon.time_weights[:] = 1.0
-    horizon.effort_weights[:] = EFFORT
-    node = 0
-    for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
-        horizon.duration_bounds[node : node + count, 0] = SHORTEST_LEG_S / count
-        for stage in range(node, node + count):
-            horizon.attract(stage, pace_rows(target), settings.hold)
-        node += count
-        horizon.require(node, aim.halfspaces, ENTRY_PENALTY)
-    start = _start(situation, arrivals[: len(stages)], stages)
-    horizon.duration_nominal[:] = start.durations
-    horizon.duration_weights[:] = PACING
-    nodes = np.cumsum(stages)
-    confine(horizon, situation, nodes.tolist())
-    horizon.corridor_penalty = CORRIDOR_PENALTY
-    decision = Decision(
-        target=situation.target,
-        split=int(nodes[0]),
-        nearest=nearest,
-        idle=idle,
-        entries=tuple(int(k) for k in nodes),
-    )
-    return Proposal(horizon=horizon, decision=decision, start=start)
+
+    hold: float = 50.0
+    stages: int = 24
+    step_s: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_stages(self.stages, self.step_s)
+        check_not_negative(hold=self.hold)
+
+    @property
+    def longest_stage_s(self) -> float:
+        """The upper bound of every stage's duration."""
+        return LONGEST_STAGE_S
+
+    def propose(self, situation: Situation, shape: HorizonShape) -> Proposal:
+        """See `Rule.propose`."""
+        memory = situation.memory
+        now = progress(situation, memory if isinstance(memory, Progress) else None)
+        if now.idle >= STALL_STEPS:
+            situation, now = replace(situation, plan=None), replace(now, idle=0)
+        arrivals = _arrivals(situation)
+        stages = _deal_out(arrivals, shape.stages)
+        horizon = self._legs(situation, shape, stages)
+        start = _start(situation, arrivals[: len(stages)], stages)
+        horizon.duration_nominal[:] = start.durations
+        horizon.duration_weights[:] = PACING
+        nodes: list[int] = np.cumsum(stages).tolist()
+        confine(horizon, situation, nodes)
+        horizon.corridor_penalty = CORRIDOR_PENALTY
+        decision = Decision(
+            target=situation.target, split=nodes[0], entries=tuple(nodes), memory=now
+        )
+        return Proposal(horizon=horizon, decision=decision, start=start)
+
+    def _legs(self, situation: Situation, shape: HorizonShape, stages: Sequence[int]) -> Horizon:
+        """The stages of each leg, and the set that it ends in."""
+        horizon = Horizon(shape=shape)
+        horizon.duration_bounds[:, 1] = LONGEST_STAGE_S
+        horizon.time_weights[:] = 1.0
+        horizon.effort_weights[:] = EFFORT
+        node = 0
+        for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
+            horizon.duration_bounds[node : node + count, 0] = SHORTEST_LEG_S / count
+            for stage in range(node, node + count):
+                horizon.attract(stage, pace_rows(target), self.hold)
+            node += count
+            horizon.require(node, aim.halfspaces, ENTRY_PENALTY)
+        return horizon
 
 
 def pace_rows(target: TargetSet) -> Array:

@@ -1,22 +1,21 @@
 """Solvers of the optimal control problem, behind one small interface.
 
 `Solver.solve` takes what a rule wrote and a starting plan and returns a `Solution`; whether
-it converged is a value, the caller decides what to do about it.
+it converged is a value, the caller decides what to do about it. A `SolverBuilder` makes the
+solver for a vessel and a shape: `Fast`, `Fatrop` and `Ipopt` in `builders` are such values.
 """
 
 from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
-import casadi as ca
-import numpy as np
-
-from grebe.control.horizon import Horizon, Plan
-from grebe.control.ocp import Problem
+from grebe.control.horizon import Horizon, HorizonShape, Plan
+from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
 
@@ -46,8 +45,6 @@ class Solution:
 class Solver(Protocol):
     """What a controller needs of a solver."""
 
-    name: str
-
     def solve(
         self,
         state: NDArray[np.float64],
@@ -59,58 +56,20 @@ class Solver(Protocol):
         ...
 
 
-FATROP_OPTIONS: dict[str, Any] = {
-    "structure_detection": "auto",
-    "fatrop": {"mu_init": 1e-2, "tol": 1e-5, "max_iter": 120, "print_level": 0},
-}
-IPOPT_OPTIONS: dict[str, Any] = {
-    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-8, "max_iter": 200},
-}
+class SolverBuilder(Protocol):
+    """Makes a solver for a vessel and the sizes of a problem."""
+
+    def build(self, vessel: Vessel, shape: HorizonShape) -> Solver:
+        """Return a solver of problems of this shape; called once for each controller."""
+        ...
 
 
-class CasadiSolver:
-    """A solver from CasADi's wheel: FATROP, which uses the stages, or IPOPT, the oracle."""
+@dataclass(frozen=True, kw_only=True)
+class Built:
+    """A solver that is there already, shared by controllers of one vessel and one shape."""
 
-    def __init__(
-        self, problem: Problem, name: str = "fatrop", most_iterations: int | None = None
-    ) -> None:
-        self.name = name
-        self._problem = problem
-        options: dict[str, Any] = {"expand": True, "print_time": False, "error_on_fail": False}
-        if name == "fatrop":
-            options |= FATROP_OPTIONS | {"equality": problem.equality}
-        else:
-            options |= IPOPT_OPTIONS
-        if most_iterations is not None:
-            options[name] = options[name] | {"max_iter": most_iterations}
-        self._solver = ca.nlpsol("solver", name, problem.nlp, options)
-        self._bounds = {
-            "lbx": problem.lower_x,
-            "ubx": problem.upper_x,
-            "lbg": problem.lower_g,
-            "ubg": problem.upper_g,
-        }
+    solver: Solver
 
-    def solve(
-        self,
-        state: NDArray[np.float64],
-        horizon: Horizon,
-        weather: NDArray[np.float64],
-        guess: Plan,
-    ) -> Solution:
-        """Solve; see `Solver.solve`."""
-        problem = self._problem
-        answer = self._solver(
-            x0=problem.guess(guess, horizon),
-            p=problem.parameters(state, horizon, weather),
-            **self._bounds,
-        )
-        x = np.asarray(answer["x"]).ravel()
-        stats = self._solver.stats()
-        solved = bool(stats["success"]) and bool(np.all(np.isfinite(x)))
-        return Solution(
-            plan=problem.plan(x, horizon),
-            status=Status.SOLVED if solved else Status.NOT_CONVERGED,
-            cost=float(answer["f"]),
-            iterations=int(stats["iter_count"]),
-        )
+    def build(self, vessel: Vessel, shape: HorizonShape) -> Solver:  # noqa: ARG002
+        """Return it; see `SolverBuilder`."""
+        return self.solver

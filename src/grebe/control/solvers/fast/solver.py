@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.ocp import DURATION_REGULARISATION
+from grebe.control.horizon import DURATION_REGULARISATION, Horizon, HorizonShape, Plan
 from grebe.control.solvers.base import Solution, Status
 from grebe.control.solvers.fast import sqp
 from grebe.control.solvers.fast.model import parameter_vector
@@ -16,7 +15,6 @@ from grebe.core.vessel import Vessel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-MOST_ITERATIONS = 30
 # Largest change in the last step: metres, radians, shares of the thrust range.
 TOLERANCE = 1e-2
 
@@ -30,11 +28,7 @@ _STATUS = {
 class FastSolver:
     """Structured SQP with compiled derivatives; needs no compiler, numba brings one."""
 
-    name = "fast"
-
-    def __init__(
-        self, vessel: Vessel, shape: HorizonShape, most_iterations: int = MOST_ITERATIONS
-    ) -> None:
+    def __init__(self, vessel: Vessel, shape: HorizonShape, most_iterations: int) -> None:
         self._vessel = vessel
         self._shape = shape
         self._most_iterations = most_iterations

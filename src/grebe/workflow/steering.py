@@ -1,0 +1,54 @@
+"""Rules and solvers by the names that front ends and recorded missions give them.
+
+The controller itself takes values and knows no names: this is the one table of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, TypeVar
+
+from grebe.control.rules.base import Rule
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import Lookahead
+from grebe.control.rules.single import Single
+from grebe.control.solvers.base import SolverBuilder
+from grebe.control.solvers.builders import Fast, Fatrop, Ipopt
+from grebe.core.errors import UsageError
+
+_T = TypeVar("_T")
+
+RULES: Mapping[str, type[Single | Dual | Lookahead]] = {
+    "single": Single,
+    "dual": Dual,
+    "lookahead": Lookahead,
+}
+SOLVERS: Mapping[str, type[Fast | Fatrop | Ipopt]] = {
+    "fast": Fast,
+    "fatrop": Fatrop,
+    "ipopt": Ipopt,
+}
+
+
+def rule_named(name: str, settings: Mapping[str, Any] | None = None) -> Rule:
+    """Return the rule of that name with its own defaults, but for `settings`.
+
+    Settings that are None, and those that the rule does not have, are passed over: a record holds
+    what was typed for any rule. Raises `UsageError` for an unknown name or an impossible value.
+    """
+    chosen = _choice("rule", name, RULES)
+    own = {field.name for field in fields(chosen)}
+    given = {k: v for k, v in (settings or {}).items() if k in own and v is not None}
+    return chosen(**given)
+
+
+def solver_named(name: str) -> SolverBuilder:
+    """Return the solver of that name; raises `UsageError` for an unknown one."""
+    return _choice("solver", name, SOLVERS)()
+
+
+def _choice(what: str, name: str, table: Mapping[str, _T]) -> _T:
+    if name not in table:
+        raise UsageError(f"There is no {what} {name!r}; choose one of {', '.join(table)}.")
+    return table[name]
