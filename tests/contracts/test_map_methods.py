@@ -43,7 +43,7 @@ every = pytest.mark.parametrize("method", ALL, ids=lambda one: one.key)
 
 
 def truth(places):
-    return np.sin(places[:, 0] / 25) + 0.5 * np.cos(places[:, 1] / 18)
+    return np.sin(places[:, 0] / 12) + 0.5 * np.cos(places[:, 1] / 9)
 
 
 def readings(noise=0.0, shift=0.0, scale=1.0):

@@ -62,5 +62,3 @@ def write_hypsography(path: Path, lake: Bathymetry) -> None:
             writer.writerows([f"{value:.6g}" for value in row] for row in rows)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}.") from None
-
-
