@@ -29,6 +29,7 @@ from grebe.mapping.difference import difference
 from grebe.mapping.drift import combined, inflow, linear
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
+from grebe.mapping.methods.choice import KRIGING, ByShore, with_settings
 from grebe.report.texts import LANGUAGES, texts_of
 from grebe.report.thresholds import read_profile
 
@@ -42,7 +43,7 @@ def made(shift=0.0, seed=0, settings=None):
     rng = np.random.default_rng(seed)
     positions = rng.uniform(0, 100, (150, 2))
     values = 4.9 + shift + np.sin(positions[:, 0] / 30) + rng.normal(0, 0.05, 150)
-    mapper = Mapper(WATER, make_grid(WATER, 2.5), settings or MapSettings(method="kriging"))
+    mapper = Mapper(WATER, make_grid(WATER, 2.5), settings or MapSettings(method=KRIGING))
     flags = np.full(150, Flag.GOOD)
     return mapper.map_quantity(QUANTITIES[1], positions, values, flags)
 
@@ -137,7 +138,9 @@ def test_a_drift_carries_the_map_beyond_the_samples():
     water = shapely.box(0, 0, 100, 50)
     results = []
     for drift in (None, combined([linear])):
-        mapper = Mapper(water, make_grid(water, 5.0), MapSettings(method="kriging", drift=drift))
+        mapper = Mapper(
+            water, make_grid(water, 5.0), MapSettings(method=with_settings(KRIGING, drift=drift))
+        )
         one = mapper.map_quantity(QUANTITIES[0], positions, values, flags)
         results.append(np.nanmax(one.mean))
     assert results[1] == pytest.approx(9.75, abs=0.5)
@@ -165,7 +168,11 @@ def test_a_bathymetry_carries_the_map(tmp_path):
     positions = rng.uniform(0, [50, 60], (100, 2))
     values = 0.5 * positions[:, 0] / 10 + rng.normal(0, 0.02, 100)
     water = shapely.box(0, 0, 90, 60)
-    mapper = Mapper(water, make_grid(water, 5.0), MapSettings(drift=combined([at])))
+    mapper = Mapper(
+        water,
+        make_grid(water, 5.0),
+        MapSettings(choice=ByShore(straight=with_settings(KRIGING, drift=at))),
+    )
     one = mapper.map_quantity(QUANTITIES[0], positions, values, np.full(100, Flag.GOOD))
     assert np.nanmax(one.mean) == pytest.approx(4.4, abs=0.3)
 

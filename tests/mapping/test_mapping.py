@@ -17,7 +17,8 @@ from grebe.mapping.covariance import KINDS, CovarianceModel
 from grebe.mapping.grid import make_grid
 from grebe.mapping.kriging import krige, merge_places
 from grebe.mapping.maps import Mapper, map_all
-from grebe.mapping.methods import Kriging
+from grebe.mapping.methods.base import Domain, Readings
+from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.validation import validate
 from grebe.mapping.variogram import empirical_variogram, fit_model, fit_variogram
 from grebe.simulation.water import LAKE_STATISTICS, conditioned_water, free_water
@@ -155,11 +156,14 @@ def test_intervals_cover_what_they_promise():
 
 def test_validation_leaves_out_stretches():
     along = np.column_stack([np.linspace(0, 300, 200), np.zeros(200)])
-    report = validate(along, smooth(along), Kriging(model=MODEL))
+    readings = Readings(positions=along, values=smooth(along))
+    field = Kriging().fit(readings, Domain(WATER, make_grid(WATER, 5.0)))
+    report = validate(readings, field)
     assert report.samples == 200
     assert "blocks" in report.left_out
     assert report.rmse > 0.01
-    assert validate(along[:10], smooth(along[:10]), Kriging(model=MODEL)) is None
+    few = np.arange(200) < 10
+    assert validate(field.readings.part(few), field) is None
 
 
 WATER = shapely.Polygon([(0, 0), (100, 0), (100, 60), (0, 100)])
@@ -298,7 +302,7 @@ def test_a_reading_that_is_recorded_twice_counts_once(count):
     flags = np.full(count, Flag.GOOD)
     single = mapped(positions, values, flags)
     double = mapped(np.tile(positions, (2, 1)), np.tile(values, 2), np.tile(flags, 2))
-    assert double.interpolator.model == single.interpolator.model
+    assert double.model == single.model
 
 
 @pytest.mark.parametrize("factor", [1.0, 1e5])

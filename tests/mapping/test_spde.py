@@ -11,6 +11,7 @@ from grebe.core.samples import Flag
 from grebe.mapping import spde
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
+from grebe.mapping.methods.choice import METHODS
 
 SEA = shapely.box(0, 0, 200, 200)
 
@@ -102,7 +103,7 @@ def field(seed, count=250, noise=0.1):
 
 def mapped(water, grid, positions, values, method):
     flags = np.full(len(values), Flag.GOOD)
-    mapper = Mapper(water, grid, MapSettings(method=method))
+    mapper = Mapper(water, grid, MapSettings(method=METHODS.get(method)))
     return mapper.map_quantity(QUANTITIES[0], positions, values, flags)
 
 
@@ -116,7 +117,7 @@ def test_with_land_between_it_is_better_than_straight_distances():
             one = mapped(water, mesh.grid, positions, values, method)
             error = one.mean[mesh.grid.inside] - truth
             rmse[method] = np.sqrt(np.mean(error**2))
-        methods.append(one.method)
+        methods.append(one.method.key)
         inside.append(np.mean(np.abs(error) <= 1.96 * one.sd[mesh.grid.inside]))
         ratios.append(rmse["spde"] / rmse["kriging"])
     assert set(methods) == {"spde"}
@@ -129,7 +130,7 @@ def test_without_land_kriging_is_chosen():
     positions = rng.uniform(0, 200, (80, 2))
     values = np.sin(positions[:, 0] / 40) + rng.normal(0, 0.05, 80)
     one = mapped(SEA, make_grid(SEA, 10.0), positions, values, None)
-    assert one.method == "kriging"
+    assert one.method.key == "kriging"
     assert "no land" in one.reason
 
 

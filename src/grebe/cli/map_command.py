@@ -20,9 +20,10 @@ from grebe.io.readers.depth import read_depth
 from grebe.io.store import SurveyFile
 from grebe.mapping.drift import DriftFunction, combined, inflow, linear
 from grebe.mapping.maps import MapSettings, QuantityMap
-from grebe.mapping.methods import METHODS, Method
+from grebe.mapping.methods.choice import COVARIANCE_FITS, KRIGING, METHODS, ByShore, with_settings
 from grebe.mapping.variogram import ESTIMATORS, Estimator
 from grebe.report import canvas, map_figures
+from grebe.report.bathymetry import bathymetry_of, hypsographic_figure, write_hypsography
 from grebe.report.data import ReportData, gather
 from grebe.report.thresholds import Profile, read_profile
 
@@ -34,11 +35,13 @@ NETCDF_NAME = "map.nc"
 @click.option("--out", type=options.FOLDER, required=True, help="Folder for the maps.")
 @click.option("--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m].")
 @click.option(
-    "--method", type=click.Choice(METHODS), help="How to interpolate.  [default: by the shore]"
+    "--method",
+    type=click.Choice(tuple(METHODS)),
+    help="How to interpolate.  [default: by the shore]",
 )
 @click.option(
     "--variogram",
-    type=click.Choice(("reml", "wls")),
+    type=click.Choice(tuple(COVARIANCE_FITS)),
     help="Fit the covariance by restricted likelihood or to the variogram.  "
     "[default: what predicts left-out samples better]",
 )
@@ -52,6 +55,12 @@ NETCDF_NAME = "map.nc"
 )
 @click.option(
     "--depth", type=options.EXISTING, help="Raster of depths on which the mean depends (GeoTIFF)."
+)
+@click.option(
+    "--shore-depth-sd",
+    "shore_depth_sd_m",
+    type=float,
+    help="Take the depth of the water as zero along the shore, within this standard deviation [m].",
 )
 @click.option(
     "--estimator",
@@ -68,11 +77,12 @@ def command(
     file: Path,
     out: Path,
     resolution_m: float | None,
-    method: Method | None,
-    variogram: Any,
+    method: str | None,
+    variogram: str | None,
     drift: str | None,
     inflows: tuple[tuple[float, float], ...],
     depth: Path | None,
+    shore_depth_sd_m: float | None,
     estimator: Estimator,
     draws: int,
     profile: Path | None,
@@ -90,12 +100,8 @@ def command(
         SurveyFile.open(file) as survey_file,
         output.Countdown("quantities", len(QUANTITIES), quiet=as_json) as countdown,
     ):
-        settings = MapSettings(
-            method=method,
-            variogram=variogram,
-            estimator=estimator,
-            drift=_drift(survey_file, drift, inflows, depth),
-        )
+        functions = _drift(survey_file, drift, inflows, depth)
+        settings = _settings(method, variogram, estimator, functions, shore_depth_sd_m)
         data = gather(survey_file, resolution_m, settings, countdown.update)
     written = write_maps(data, out, thresholds, draws)
     for text in data.left_out:
@@ -104,13 +110,29 @@ def command(
         {
             "maps": [map_numbers(one) for one in data.maps]
             if as_json
-            else [f"{one.quantity.label} ({one.method})" for one in data.maps],
+            else [f"{one.quantity.label} ({one.method.key})" for one in data.maps],
             "left_out": list(data.left_out),
             "files": [str(path) for path in written],
         },
         as_json=as_json,
         next_command=f"grebe report {file} -o report.html",
     )
+
+
+def _settings(
+    method: str | None,
+    variogram: str | None,
+    estimator: Estimator,
+    drift: DriftFunction | None,
+    shore_depth_sd_m: float | None,
+) -> MapSettings:
+    """The methods by their names in the table, with the settings that are given."""
+    fit = None if variogram is None else COVARIANCE_FITS[variogram]
+    if method is None:
+        straight = with_settings(KRIGING, fit_covariance=fit, estimator=estimator, drift=drift)
+        return MapSettings(choice=ByShore(straight=straight), shore_depth_sd_m=shore_depth_sd_m)
+    asked = with_settings(METHODS[method], fit_covariance=fit, estimator=estimator, drift=drift)
+    return MapSettings(method=asked, shore_depth_sd_m=shore_depth_sd_m)
 
 
 def _drift(
@@ -149,6 +171,11 @@ def write_maps(data: ReportData, out: Path, profile: Profile, draws: int = 0) ->
         write_geotiff(out / f"{key}.tif", one, frame, concerns[key])
         canvas.save(map_figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
         written += [out / f"{key}.tif", out / f"{key}.png"]
+        lake = bathymetry_of(one, data.survey)
+        if lake is not None:
+            write_hypsography(out / "hypsography.csv", lake)
+            canvas.save(hypsographic_figure(lake), out / "hypsography.png")
+            written += [out / "hypsography.csv", out / "hypsography.png"]
     return written
 
 
@@ -163,12 +190,12 @@ def _attributes(data: ReportData) -> dict[str, str]:
 
 def map_numbers(one: QuantityMap) -> dict[str, Any]:
     """What there is to say of a map, for JSON."""
-    model, validation = one.interpolator.model, one.validation
+    model, validation = one.model, one.validation
     return {
         "quantity": one.quantity.key,
         "samples": one.samples,
         "flagged": one.flagged,
-        "method": one.method,
+        "method": one.method.key,
         "reason": one.reason,
         "sd_widened_by": one.widening,
         "variogram": {
@@ -177,10 +204,10 @@ def map_numbers(one: QuantityMap) -> dict[str, Any]:
             "partial_sill": model.sill,
             "range_m": model.range_m,
             "practical_range_m": model.practical_range_m,
-            "reason": one.fit.reason,
+            "reason": model.reason,
             "standard_errors": {
                 name: value if np.isfinite(value) else None
-                for name, value in one.fit.standard_errors.items()
+                for name, value in model.standard_errors.items()
             },
         },
         "validation": vars(validation) if validation else None,

@@ -71,12 +71,14 @@ def krige(
     model: CovarianceModel,
     neighbours: int | None = None,
     drift: Drift | None = None,
+    extra_variance: Array | None = None,
 ) -> Estimate:
     """Estimate the signal at `targets` (m, 2) from `values` (n,) at `positions` (n, 2) [m];
     several columns of values (n, c) share one variance.
 
     `neighbours` limits each estimate to that many samples around it; by default all are used
-    up to `EXACT_LIMIT` samples and `NEIGHBOURS` beyond.
+    up to `EXACT_LIMIT` samples and `NEIGHBOURS` beyond. `extra_variance` (n,) of each value is
+    besides the nugget.
     """
     if len(values) == 0 or not (np.isfinite(positions).all() and np.isfinite(values).all()):
         raise ValueError("kriging needs at least one sample, and finite ones")
@@ -89,13 +91,16 @@ def krige(
         functions = np.column_stack([functions, drift.at_samples])
         there = np.column_stack([there, drift.at_targets])
     count = 1 if values.ndim == 1 else values.shape[1]
-    positions, columns = distinct(positions, np.column_stack([values, functions]))
-    positions, columns, counts = _joined(positions, columns, model)
+    extra = np.zeros(len(values)) if extra_variance is None else extra_variance
+    table = np.column_stack([values, functions, extra])
+    positions, table = distinct(positions, table)
+    positions, table, counts = _joined(positions, table, model)
+    columns, extra = table[:, :-1], table[:, -1]
     functions, there = _scaled(columns[:, count:], there)
     samples = _Samples(
         positions=model.isotropic(positions),
         values=columns[:, :count],
-        noise=model.nugget / counts + JITTER * model.sill,
+        noise=(model.nugget + extra) / counts + JITTER * model.sill,
         functions=functions,
     )
     targets = model.isotropic(targets)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -13,22 +13,15 @@ from scipy.special import ndtr
 from grebe.core.errors import InputError
 from grebe.core.quantities import QUANTITIES, Quantity
 from grebe.core.samples import Flag
-from grebe.mapping.drift import DriftFunction
+from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
-from grebe.mapping.likelihood import fit_reml
-from grebe.mapping.methods import (
-    Interpolator,
-    Kriging,
-    Method,
-    ShoreInterpolator,
-    blocked_share,
-    chosen_method,
-)
+from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
+from grebe.mapping.methods.choice import ByShore, Choice
+from grebe.mapping.methods.shore import WithShore
 from grebe.mapping.noise import noise_variance
-from grebe.mapping.spde import Mesh, coarse_mesh, fit_spde
+from grebe.mapping.threads import one_blas_thread
 from grebe.mapping.validation import Validation, validate
-from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,37 +31,42 @@ if TYPE_CHECKING:
 FEWEST_SAMPLES = 10
 # A mean squared standardised error beyond this is not chance.
 CLEAR_MSDR = 1.2
-SHORE_REASON = "range and noise by restricted likelihood on the water's mesh"
-CHOSEN = "of the two ways to fit, this one predicts left-out samples better"
-# With fewer samples there is nothing to choose a fit by.
-FEWEST_FOR_CHOICE = 20
+CHOSEN = "this one predicts left-out samples better"
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapSettings:
-    """How maps are made where the choice is not left to the data: None chooses.
+    """How maps are made.
 
-    The covariance is fitted by restricted likelihood and to the variogram, unless one is asked
-    for, and what predicts left-out lines better is taken. `drift` is what the mean depends on
-    besides a constant; with it the method is kriging.
+    `method`: a method, or several of which the one that predicts left-out lines best is taken;
+    None leaves it to `choice`. `shore_depth_sd_m`: the depth of the water is taken as zero along
+    the shore, with this standard deviation [m]; None says nothing of the shore.
     """
 
-    method: Method | None = None
-    variogram: Literal["wls", "reml"] | None = None
-    estimator: Estimator = "matheron"
-    drift: DriftFunction | None = None
+    method: Method | tuple[Method, ...] | None = None
+    choice: Choice = field(default_factory=ByShore)
+    shore_depth_sd_m: float | None = None
 
     def __post_init__(self) -> None:
-        if self.drift is not None and self.method == "spde":
-            raise InputError(
-                "A drift goes with kriging; the spde has a constant mean.", settings=("method",)
-            )
+        sd = self.shore_depth_sd_m
+        if sd is not None and not (np.isfinite(sd) and sd > 0):
+            raise InputError(f"shore_depth_sd_m must be above 0 m, not {sd}.")
+
+    def methods(self, readings: Readings, domain: Domain) -> tuple[tuple[Method, ...], str]:
+        """The methods to try on some readings, and why these."""
+        if self.method is None:
+            return self.choice(readings, domain)
+        several = self.method if isinstance(self.method, tuple) else (self.method,)
+        return several, "as asked"
 
 
 @dataclass(frozen=True, kw_only=True)
 class QuantityMap:
     """The map of one quantity: `mean` and `sd` of the water, (rows, columns), NaN on land;
     how it was made and what it is worth.
+
+    `field` answers at any place, before the widening; `model` is what it is made of, with the
+    reason for it.
 
     `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not.
     `widening` is the factor that cross-validation put on the standard deviations. `positions`
@@ -81,10 +79,10 @@ class QuantityMap:
     sd: Array
     widening: float
     micro_sd: float
-    interpolator: Interpolator
+    field: Field
     method: Method
     reason: str
-    fit: VariogramFit
+    model: Model
     validation: Validation | None
     positions: Array
     values: Array
@@ -98,7 +96,7 @@ class QuantityMap:
     @property
     def noise_sd(self) -> float:
         """Standard deviation of an observation about the water."""
-        nugget = self.widening**2 * self.interpolator.model.nugget
+        nugget = self.widening**2 * self.model.nugget
         return float(np.sqrt(max(nugget - self.micro_sd**2, 0.0)))
 
     def exceedance(self, threshold: float) -> Array:
@@ -111,7 +109,8 @@ class QuantityMap:
 
     def draws(self, count: int, seed: int = 0) -> Array:
         """Equally likely fields given the samples, (count, rows, columns); NaN on land."""
-        drawn = self.interpolator.draws(self.positions, self.values, self.grid, count, seed)
+        with one_blas_thread():
+            drawn = self.field.draws(self.grid.nodes, count, seed)
         fields = np.array([self.grid.spread(one) for one in drawn])
         fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, fields.shape)
         return self.mean + self.widening * (fields - self.mean) + fine
@@ -124,7 +123,9 @@ class Mapper:
     water: shapely.Polygon
     grid: Grid
     settings: MapSettings = field(default_factory=MapSettings)
-    _shared: tuple[Mesh, Mesh] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        self._domain = Domain(self.water, self.grid)
 
     def map_quantity(
         self, quantity: Quantity, positions: Array, values: Array, flags: NDArray[np.int64]
@@ -140,88 +141,59 @@ class Mapper:
                 f"{quantity.label}: {int(good.sum())} good samples; a map needs {FEWEST_SAMPLES}."
             )
         at, data = distinct(positions[good], values[good])
-        try:
-            first = fit_variogram(at, self._detrended(at, data), self.settings.estimator)
-            method, reason = self._method(at, data, first)
-            fit, interpolator, validation = self._best(method, at, data, first)
-        except ValueError as error:
-            raise InputError(f"{quantity.label}: {error}.") from None
-        estimate = interpolator.estimate(at, data, self.grid.nodes)
+        flagged = int((present & ~good).sum())
+        with one_blas_thread():
+            try:
+                return self._mapped(quantity, Readings(positions=at, values=data), flagged)
+            except ValueError as error:
+                raise InputError(f"{quantity.label}: {error}.") from None
+
+    def _mapped(self, quantity: Quantity, readings: Readings, flagged: int) -> QuantityMap:
+        at, data = readings.positions, readings.values
+        methods, reason = self.settings.methods(readings, self._domain)
+        if quantity.key == WATER_DEPTH and self.settings.shore_depth_sd_m is not None:
+            sd = self.settings.shore_depth_sd_m
+            methods = tuple(WithShore(method=one, sd=sd) for one in methods)
+        method, found, model, validation = best_of(methods, readings, self._domain)
         widening = _widening(validation)
-        nugget = interpolator.model.nugget
-        micro_sd = widening * float(np.sqrt(nugget - noise_variance(at, data, nugget)))
+        micro_sd = widening * float(np.sqrt(model.nugget - noise_variance(at, data, model.nugget)))
         # What is finer than the sensor resolves is not known either.
         micro_sd = float(np.hypot(micro_sd, quantity.resolution / np.sqrt(12)))
+        nodes = self.grid.nodes
         return QuantityMap(
             quantity=quantity,
             grid=self.grid,
-            mean=self.grid.spread(estimate.mean),
-            sd=self.grid.spread(np.hypot(widening * estimate.sd, micro_sd)),
+            mean=self.grid.spread(found.mean(nodes)),
+            sd=self.grid.spread(np.hypot(widening * found.sd(nodes), micro_sd)),
             widening=widening,
             micro_sd=micro_sd,
-            interpolator=interpolator,
+            field=found,
             method=method,
             reason=reason,
-            fit=fit,
+            model=model,
             validation=validation,
             positions=at,
             values=data,
-            flagged=int((present & ~good).sum()),
+            flagged=flagged,
         )
 
-    def _detrended(self, at: Array, data: Array) -> Array:
-        """What a drift leaves, where there is one."""
-        if self.settings.drift is not None:
-            basis = np.column_stack([np.ones(len(at)), self.settings.drift(at)])
-            data = data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]
-        return data
 
-    def _fits(self, at: Array, data: Array, first: VariogramFit) -> list[VariogramFit]:
-        """The covariances to choose from, the one that was fitted to the variogram given."""
-        asked = self.settings.variogram
-        if asked == "wls" or first.model.sill == 0 or np.ptp(data) == 0:
-            return [first]
-        likeliest = fit_reml(at, self._detrended(at, data), self.settings.estimator)
-        few = len(data) < FEWEST_FOR_CHOICE
-        return [likeliest] if asked == "reml" or few else [likeliest, first]
-
-    def _method(self, at: Array, data: Array, fit: VariogramFit) -> tuple[Method, str]:
-        if self.settings.method is not None:
-            return self.settings.method, "as asked"
-        if self.settings.drift is not None:
-            return "kriging", "a drift is asked for"
-        if fit.model.sill == 0 or np.ptp(data) == 0:
-            return "kriging", "nothing varies between places"
-        reach = fit.model.practical_range_m
-        return chosen_method(blocked_share(self.water, at, self.grid.nodes, reach))
-
-    def _best(
-        self, method: Method, at: Array, data: Array, first: VariogramFit
-    ) -> tuple[VariogramFit, Interpolator, Validation | None]:
-        """The fit that predicts the left-out lines best, with its interpolator and the proof.
-
-        A field that knows the shore is validated on the coarse mesh, to save time.
-        """
-        if method == "spde":
-            mesh, coarse = self._meshes()
-            model = fit_spde(coarse, at, data)
-            proof = validate(at, data, ShoreInterpolator(model=model, mesh=coarse))
-            fit = replace(first, standard_errors={}, reason=SHORE_REASON)
-            return fit, ShoreInterpolator(model=model, mesh=mesh), proof
-        tried: list[tuple[VariogramFit, Interpolator, Validation | None]] = []
-        for fit in self._fits(at, data, first):
-            kriging = Kriging(model=fit.model, drift=self.settings.drift)
-            tried.append((fit, kriging, validate(at, data, kriging)))
-        best = min(tried, key=lambda one: np.inf if one[2] is None else one[2].score)
-        if len(tried) > 1 and best[2] is not None:
-            chosen = replace(best[0], reason=f"{best[0].reason}; {CHOSEN}")
-            best = (chosen, best[1], best[2])
-        return best
-
-    def _meshes(self) -> tuple[Mesh, Mesh]:
-        if self._shared is None:
-            self._shared = Mesh(self.grid, self.water), coarse_mesh(self.water)
-        return self._shared
+def best_of(
+    methods: Sequence[Method], readings: Readings, domain: Domain
+) -> tuple[Method, Field, Model, Validation | None]:
+    """Fit each method; the one that predicts the left-out lines best, its field, what it is made
+    of, and the proof. Where nothing can be left out it is the first.
+    """
+    tried = [(one, one.fit(readings, domain)) for one in methods]
+    proofs = [validate(readings, fitted) for _, fitted in tried]
+    scores = [np.inf if proof is None else proof.score for proof in proofs]
+    chosen = int(np.argmin(scores))
+    method, found = tried[chosen]
+    model = found.model
+    if max(scores) > scores[chosen]:
+        ways = {2: "two"}.get(len(tried), str(len(tried)))
+        model = replace(model, reason=f"{model.reason}; of the {ways} ways to fit, {CHOSEN}")
+    return method, found, model, proofs[chosen]
 
 
 def _widening(validation: Validation | None) -> float:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy.spatial import KDTree
 
-from grebe.mapping.methods import Interpolator
+from grebe.mapping.methods.base import Field, Readings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,10 +59,11 @@ class Validation:
     score: float
 
 
-def validate(
-    positions: Array, values: Array, interpolator: Interpolator, folds: Indices | None = None
-) -> Validation | None:
-    """Leave out each fold in turn; None for too few samples, or all in one fold."""
+def validate(readings: Readings, field: Field, folds: Indices | None = None) -> Validation | None:
+    """Leave out each fold in turn, the field's model kept; None for too few samples, or all in
+    one fold.
+    """
+    positions, values = readings.positions, readings.values
     n = len(values)
     left_out: Literal["lines", "blocks", "given"] = "given"
     pieces = 0
@@ -74,9 +75,9 @@ def validate(
     nearest, weighted = np.empty(n), np.empty(n)
     for k in np.unique(folds):
         out = folds == k
-        estimate = interpolator.estimate(positions[~out], values[~out], positions[out])
-        error[out] = estimate.mean - values[out]
-        variance[out] = estimate.variance + interpolator.model.nugget
+        rest = field.given(readings.part(~out))
+        error[out] = rest.mean(positions[out]) - values[out]
+        variance[out] = rest.sd(positions[out]) ** 2 + field.model.nugget
         simple = _simple(positions[~out], values[~out], positions[out])
         nearest[out], weighted[out] = simple - values[out]
     safe = np.maximum(variance, np.finfo(float).tiny)

@@ -171,11 +171,15 @@ def _draw_concern(
 
 
 def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
-    empirical, model = one.fit.empirical, one.interpolator.model
+    model, empirical = one.model, one.model.empirical
+    if empirical is None:
+        axes.set_axis_off()
+        return
     axes.plot(empirical.distance_m, empirical.semivariance, "o", ms=4, color=BLUE)
     h = np.linspace(empirical.distance_m[0] / 50, empirical.distance_m[-1], 200)
-    for factor in (1.0, model.ratio) if model.ratio < 1 else (1.0,):
-        axes.plot(h, model.variogram(h / factor), color=VERMILLION, lw=1.4)
+    if model.semivariance is not None:
+        for factor in (1.0, model.ratio) if model.ratio < 1 else (1.0,):
+            axes.plot(h, model.semivariance(h / factor), color=VERMILLION, lw=1.4)
     axes.set_ylim(bottom=0, top=1.35 * float(empirical.semivariance.max()) or None)
     axes.set_xlim(left=0)
     axes.set_title(texts["variogram_title"])

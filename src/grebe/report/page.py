@@ -17,6 +17,7 @@ from grebe.core.errors import InputError
 from grebe.mapping.maps import QuantityMap
 from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures
+from grebe.report.bathymetry import bathymetry_of, hypsographic_figure
 from grebe.report.data import ReportData
 from grebe.report.texts import Texts, texts_of
 from grebe.report.thresholds import Profile, Threshold, read_profile
@@ -63,6 +64,7 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
             (one, _embed(map_figures.quantity_figure(data, one, profile.of(one), texts)))
             for one in data.maps
         ],
+        bathymetry=_bathymetry(data, texts),
         methods=[_method(one, texts) for one in data.maps],
         quality=_quality(data),
         measured=_measured(data, texts),
@@ -172,12 +174,23 @@ def _row(one: QuantityMap) -> dict[str, object]:
 
 def _method(one: QuantityMap, t: Texts) -> str:
     """How a map was made and what it is worth, in sentences."""
-    model, check = one.interpolator.model, one.validation
+    model, check = one.model, one.validation
+    words = f"method_{one.method.key}"
     said = [
-        t(f"method_{one.method}", samples=one.samples, reason=one.reason),
-        t("model", text=model.text, nugget=significant(model.nugget, 3),
-          sill=significant(model.sill, 3), reason=one.fit.reason),
-    ]  # fmt: skip
+        t(
+            words if words in t.table else "method_other",
+            label=one.method.label,
+            samples=one.samples,
+            reason=one.reason,
+        ),
+        t(
+            "model",
+            text=model.text,
+            nugget=significant(model.nugget, 3),
+            sill="-" if model.sill is None else significant(model.sill, 3),
+            reason=model.reason,
+        ),
+    ]
     if check is not None:
         numbers = {"rmse": check.rmse, "nearest": check.nearest_rmse, "idw": check.idw_rmse,
                    "bias": check.bias, "msdr": check.msdr}  # fmt: skip
@@ -193,6 +206,25 @@ def _method(one: QuantityMap, t: Texts) -> str:
     if one.widening > 1:
         said.append(t("widened", factor=f"{one.widening:.2f}"))
     return " ".join(said)
+
+
+def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:
+    """What a map of depths says of the lake in a sentence, and its hypsographic curve."""
+    lakes = [lake for one in data.maps if (lake := bathymetry_of(one, data.survey)) is not None]
+    return [
+        (
+            t(
+                "bathymetry",
+                volume=significant(lake.volume_m3, 3),
+                error=significant(Z95 * lake.volume_sd_m3, 2),
+                mean=significant(lake.mean_depth_m, 3),
+                deepest=significant(lake.max_depth_m, 3),
+                area=f"{lake.area_m2 / 1e4:.2f}",
+            ),
+            _embed(hypsographic_figure(lake, t)),
+        )
+        for lake in lakes
+    ]
 
 
 def _quality(data: ReportData) -> list[tuple[str, str, int, int]] | None:

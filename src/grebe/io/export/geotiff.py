@@ -68,7 +68,7 @@ def write_bands(
                     dataset.set_band_description(index, name)
                     is_probability = name.startswith("P(")
                     dataset.set_band_unit(index, "1" if is_probability else unit or "1")
-                dataset.update_tags(quantity=one.quantity.key, interpolation=one.method)
+                dataset.update_tags(quantity=one.quantity.key, interpolation=one.method.key)
             with memory.open() as dataset, MemoryFile(ext=".tif") as optimized:
                 copy(dataset, optimized.name, driver="COG", compress="DEFLATE")
                 part.write_bytes(optimized.read())

@@ -89,21 +89,28 @@ def _write_grid(dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame) -> None
 
 
 def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
-    quantity, model = one.quantity, one.interpolator.model
+    quantity, model = one.quantity, one.model
     mean = _field(dataset, quantity.key, one.mean)
     mean.setncatts(
         {
             "standard_name": quantity.standard_name,
-            "long_name": f"{quantity.label} of the surface water, interpolated ({one.method})",
+            "long_name": f"{quantity.label} of the surface water, interpolated ({one.method.key})",
             "units": quantity.cf_unit,
             "ancillary_variables": f"{quantity.key}_sd",
             "comment": "Lake water; the sea_water_* names are the nearest in the CF table.",
             "variogram_model": model.kind,
             "variogram_nugget": model.nugget,
-            "variogram_partial_sill": model.sill,
-            "variogram_range_m": model.range_m,
-            "variogram_practical_range_m": model.practical_range_m,
-            "interpolation": f"{one.method}: {one.reason}",
+            **{
+                name: value
+                for name, value in (
+                    ("variogram_partial_sill", model.sill),
+                    ("variogram_range_m", model.range_m),
+                    ("variogram_practical_range_m", model.practical_range_m),
+                )
+                if value is not None
+            },
+            "variogram_reason": model.reason,
+            "interpolation": f"{one.method.key}: {one.reason}",
             "sample_count": np.int32(one.samples),
         }
     )

@@ -1,0 +1,165 @@
+"""Kriging as a method: a covariance of the straight distance, and a drift."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.drift import DriftFunction
+from grebe.mapping.kriging import Drift, Estimate, krige
+from grebe.mapping.likelihood import fit_reml
+from grebe.mapping.methods.base import Domain, Model, Readings
+from grebe.mapping.simulation import circulant_fields
+from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# Fields are drawn so many times as fine as the map, where that is not too much.
+REFINE, MOST_DRAWN_NODES = 3, 2_000_000
+# The smallest draws are made of so many at once, to keep memory in bounds.
+DRAWS_AT_ONCE = 20
+
+CovarianceFit = Callable[["Array", "Array", Estimator], VariogramFit]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kriging:
+    """Kriging with a covariance of the straight distance.
+
+    `fit_covariance` takes positions (n, 2), values (n,) and the variogram's `estimator`:
+    `fit_reml`, `fit_variogram` or your own. `drift` is what the mean depends on besides a
+    constant.
+    """
+
+    fit_covariance: CovarianceFit = fit_reml
+    estimator: Estimator = "matheron"
+    drift: DriftFunction | None = None
+
+    key = "kriging"
+    label = "Kriging"
+
+    def first_fit(self, readings: Readings) -> VariogramFit:
+        """The covariance that fits the variogram best; `ValueError` where there are too few
+        pairs.
+        """
+        return _fitted(readings, fit_variogram, self.estimator, self.drift)
+
+    def fit(self, readings: Readings, domain: Domain) -> KrigingField:
+        """See `Method`. Where nothing varies the variogram's flat model is taken."""
+        fit = self.first_fit(readings)
+        if fit.model.sill > 0 and np.ptp(readings.values) > 0:
+            fit = _fitted(readings, self.fit_covariance, self.estimator, self.drift)
+        return KrigingField(
+            covariance=fit.model,
+            model=described(fit),
+            readings=readings,
+            domain=domain,
+            drift=self.drift,
+        )
+
+
+@lru_cache(maxsize=16)
+def _fitted(
+    readings: Readings, fit: CovarianceFit, estimator: Estimator, drift: DriftFunction | None
+) -> VariogramFit:
+    """A fit to what the drift leaves; kept, for several methods ask for the same one."""
+    at, data = readings.positions, readings.values
+    if drift is not None:
+        basis = np.column_stack([np.ones(len(at)), drift(at)])
+        data = data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]
+    return fit(at, data, estimator)
+
+
+def described(fit: VariogramFit) -> Model:
+    """A fitted covariance as reports print it."""
+    model = fit.model
+    return Model(
+        kind=model.kind,
+        text=model.text,
+        nugget=model.nugget,
+        sill=model.sill,
+        range_m=model.range_m,
+        practical_range_m=model.practical_range_m,
+        ratio=model.ratio,
+        angle_deg=model.angle_deg,
+        reason=fit.reason,
+        standard_errors=fit.standard_errors,
+        semivariance=model.variogram,
+        empirical=fit.empirical,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KrigingField:
+    """The signal by kriging with a given covariance."""
+
+    covariance: CovarianceModel
+    model: Model
+    readings: Readings
+    domain: Domain
+    drift: DriftFunction | None = None
+    # The last places and their estimate: mean and sd come from one solution.
+    _last: list[tuple[Array, Estimate]] = field(
+        default_factory=list[tuple["Array", Estimate]], init=False, repr=False
+    )
+
+    def mean(self, places: Array) -> Array:
+        """See `Field`."""
+        return self._estimate(places).mean
+
+    def sd(self, places: Array) -> Array:
+        """See `Field`."""
+        return self._estimate(places).sd
+
+    def given(self, readings: Readings) -> KrigingField:
+        """See `Field`."""
+        return KrigingField(
+            covariance=self.covariance,
+            model=self.model,
+            readings=readings,
+            domain=self.domain,
+            drift=self.drift,
+        )
+
+    def draws(self, places: Array, count: int, seed: int) -> Array:
+        """Free fields whose error at the readings is taken away by kriging."""
+        grid, at = self.domain.grid, self.readings.positions
+        drawn = np.empty((count, len(places)))
+        rng = np.random.default_rng(seed)
+        refine = REFINE if grid.inside.size * REFINE**2 < MOST_DRAWN_NODES else 1
+        noise_sd = np.sqrt(self.covariance.nugget + _extra_variance(self.readings))
+        for start in range(0, count, DRAWS_AT_ONCE):
+            part = slice(start, min(start + DRAWS_AT_ONCE, count))
+            _, free = circulant_fields(
+                self.covariance, grid, np.vstack([at, places]), part.stop - start, rng, refine
+            )
+            seen, there = free[:, : len(at)], free[:, len(at) :]
+            noise = rng.normal(0.0, noise_sd, seen.shape)
+            lack = self.readings.values[:, None] - (seen + noise).T
+            drawn[part] = there + self._krige(lack, places).mean.T
+        return drawn
+
+    def _estimate(self, places: Array) -> Estimate:
+        if not (self._last and np.array_equal(self._last[0][0], places)):
+            self._last[:] = [(places.copy(), self._krige(self.readings.values, places))]
+        return self._last[0][1]
+
+    def _krige(self, values: Array, places: Array) -> Estimate:
+        at, extra = self.readings.positions, self.readings.extra_sd
+        drift = None
+        if self.drift is not None:
+            drift = Drift(at_samples=self.drift(at), at_targets=self.drift(places))
+        variance = None if extra is None else extra**2
+        return krige(at, values, places, self.covariance, drift=drift, extra_variance=variance)
+
+
+def _extra_variance(readings: Readings) -> Array | float:
+    return 0.0 if readings.extra_sd is None else readings.extra_sd**2
