@@ -49,7 +49,7 @@ def test_links_and_named_files_exist(page):
 
 
 def test_tests_named_in_the_theory_exist():
-    written = "".join(p.read_text() for p in (ROOT / "tests").glob("test_*.py"))
+    written = "".join(p.read_text() for p in (ROOT / "tests").rglob("test_*.py"))
     for name in re.findall(r"`(test_\w+)`", (ROOT / "docs" / "theory.md").read_text()):
         assert f"def {name}(" in written, name
 
