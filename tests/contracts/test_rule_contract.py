@@ -1,7 +1,12 @@
 """What every rule must do; two of them are defined here, as a user would."""
 
 import copy
+import inspect
+import re
+import sys
+import types
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +25,7 @@ from grebe.core.vessel import HullMasses, Vessel, paper_masses, vessel_named
 from grebe.mission.trial import Conditions, fly
 
 BOAT = vessel_named("benchmark")
+HOW_TO = Path(__file__).resolve().parents[2] / "docs" / "how-to"
 
 
 # docs/how-to/add-a-rule.md shows this class.
@@ -151,6 +157,20 @@ def test_every_rule_completes_a_small_mission(rule):
     flight = fly(BOAT, cells, pilot, (-10, 2.5, 0, 0, 0, 0), Conditions(limit_s=120))
     assert flight.complete
     assert flight.report.unsolved_steps == 0
+
+
+@pytest.mark.parametrize(
+    ("page", "shown"), [("add-a-rule.md", "Sprint"), ("add-a-vessel.md", "punt")]
+)
+def test_the_how_to_s_show_the_code_that_is_flown_here(page, shown):
+    """The block of code of each page runs by itself and holds the source that is tested."""
+    text = (HOW_TO / page).read_text()
+    code = re.search(r"```python\n(.*?)```", text, re.DOTALL).group(1)
+    assert inspect.getsource(globals()[shown]) in code
+    module = types.ModuleType(shown)
+    sys.modules[shown] = module
+    exec(compile(code, page, "exec", dont_inherit=True), vars(module))
+    assert vars(module)[shown]()
 
 
 # docs/how-to/add-a-vessel.md shows this boat.
