@@ -21,7 +21,6 @@ from grebe.control.controller import Command, Controller, StepStatus
 from grebe.control.observer import Observer
 from grebe.core.dynamics import drive_power_w
 from grebe.core.events import Event, EventLevel, TrackPoint
-from grebe.core.quantities import QUANTITIES
 from grebe.core.samples import Sample, gross_range_flag
 from grebe.core.survey import Target
 from grebe.io.store import SurveyFile
@@ -184,7 +183,10 @@ class Mission:
         if not reading:
             return
         north, east, _, surge, _, _ = observation.state
-        flags = {q.key: gross_range_flag(reading.get(q.key), q.span) for q in QUANTITIES}
+        flags = {
+            key: gross_range_flag(reading.get(key), one.span)
+            for key, one in self._file.quantities.items()
+        }
         self._file.append_samples(
             [
                 Sample(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.core.errors import TrackError
-from grebe.core.quantities import QUANTITIES
-from grebe.core.samples import Sample, gross_range_flag
+from grebe.core.quantities import BUILTIN, Quantities
+from grebe.core.samples import Samples
 from grebe.core.sets import hull_of
 from grebe.core.survey import Survey
 from grebe.io.readers.track import RawTrack
@@ -25,35 +24,28 @@ def survey_of_track(track: RawTrack, name: str) -> Survey:
     return Survey(name=region.name, frame=region.frame, water=region.water)
 
 
-def samples_of_track(track: RawTrack, survey: Survey) -> list[Sample]:
-    """Return each row as a sample; its speed follows from the positions around it.
+def samples_of_track(
+    track: RawTrack, survey: Survey, quantities: Quantities = BUILTIN
+) -> Samples:
+    """Return the rows as samples, flagged by their gross range; speeds follow from the positions.
 
     Raises `TrackError` when the track has no quantity at all, or no times.
     """
     if not track.values:
         raise TrackError(
-            "The track has none of the five quantities; name their columns, for example with "
-            "--temperature-column."
+            "The track has no column of a quantity that is known; name one, as column KEY=NAME, "
+            f"with a key of {quantities.keys_text}; or define a new quantity."
         )
     if track.times is None:
-        raise TrackError("The track has no column of times; name it with --time-column.")
+        raise TrackError("The track has no column of times; name it, as column time=NAME.")
     positions = survey.frame.to_local(track.lonlat)
-    speeds = _speeds(positions, track.times)
-    samples: list[Sample] = []
-    for i, (north, east) in enumerate(positions.tolist()):
-        values = {key: _present(column[i]) for key, column in track.values.items()}
-        samples.append(
-            Sample(
-                time=datetime.fromtimestamp(float(track.times[i]), UTC),
-                north_m=north,
-                east_m=east,
-                target_seq=None,
-                speed_mps=_present(speeds[i]),
-                values=values,
-                flags={q.key: gross_range_flag(values.get(q.key), q.span) for q in QUANTITIES},
-            )
-        )
-    return samples
+    return Samples.of(
+        times=track.times,
+        positions=positions,
+        values=track.values,
+        quantities=quantities,
+        speed_mps=_speeds(positions, track.times),
+    )
 
 
 def _speeds(positions: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -63,7 +55,3 @@ def _speeds(positions: NDArray[np.float64], times: NDArray[np.float64]) -> NDArr
     seconds = times[after] - times[before]
     way = np.hypot(*(positions[after] - positions[before]).T)
     return np.where(seconds > 0, way / np.where(seconds > 0, seconds, 1.0), np.nan)
-
-
-def _present(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

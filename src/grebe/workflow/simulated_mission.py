@@ -13,8 +13,8 @@ from grebe.control.controller import Controller
 from grebe.control.settings import ControlSettings
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import PlanError, SurveyFileError, UsageError
-from grebe.core.quantities import QUANTITIES
-from grebe.core.samples import Flag
+from grebe.core.quantities import LIMNOLOGICAL, Quantities
+from grebe.core.samples import Samples
 from grebe.core.survey import Survey
 from grebe.io.readers.track import read_track
 from grebe.io.store import SurveyFile
@@ -81,7 +81,7 @@ def simulate(
     elif not resume:
         reached = 0
     survey_file.claim()
-    water = true_water(survey, settings)
+    water = true_water(survey, settings, survey_file.quantities)
     controller = Controller(
         survey.vessel,
         survey.sets,
@@ -99,16 +99,18 @@ def simulate(
     return Mission(survey_file, controller, link, started, watch).run()
 
 
-def true_water(survey: Survey, settings: SimulationSettings) -> Water:
-    """Draw the true water of a survey's region."""
+def true_water(
+    survey: Survey, settings: SimulationSettings, quantities: Quantities = LIMNOLOGICAL
+) -> Water:
+    """Draw the true water of a survey's region: those of some quantities that it can have."""
     bounds = survey.water.bounds
     if settings.water_from is None:
-        return free_water(bounds, settings.seed)
-    positions, values = _known_samples(survey, settings.water_from)
+        return free_water(bounds, settings.seed, quantities)
+    known = _known_samples(survey, settings.water_from, quantities)
     north0, east0, north1, east1 = bounds
     near = np.all(
-        (positions >= np.array([north0, east0]) - 1000.0)
-        & (positions <= np.array([north1, east1]) + 1000.0),
+        (known.positions >= np.array([north0, east0]) - 1000.0)
+        & (known.positions <= np.array([north1, east1]) + 1000.0),
         axis=1,
     )
     if near.sum() < 10:
@@ -116,26 +118,25 @@ def true_water(survey: Survey, settings: SimulationSettings) -> Water:
             f"{settings.water_from}: {int(near.sum())} of its samples lie within a kilometre of "
             "the survey's region; the water can only be conditioned on samples of the same lake."
         )
-    return conditioned_water(
-        bounds, positions[near], {k: v[near] for k, v in values.items()}, settings.seed
-    )
+    known = known.rows(near)
+    values = {
+        key: np.where(known.usable(key), known.values[key], np.nan)
+        for key in quantities
+        if key in known.values
+    }
+    return conditioned_water(bounds, known.positions, values, settings.seed)
 
 
-def _known_samples(survey: Survey, source: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _known_samples(survey: Survey, source: Path, quantities: Quantities) -> Samples:
+    """The samples of a track or of a survey file in the survey's frame."""
     if source.suffix.lower() == ".csv":
-        track = read_track(source)
-        spans = {quantity.key: quantity.span for quantity in QUANTITIES}
-        possible = {
-            key: np.where((values >= spans[key][0]) & (values <= spans[key][1]), values, np.nan)
-            for key, values in track.values.items()
-        }
-        return survey.frame.to_local(track.lonlat), possible
+        track = read_track(source, quantities=quantities)
+        positions = survey.frame.to_local(track.lonlat)
+        times = np.zeros(len(positions)) if track.times is None else track.times
+        return Samples.of(
+            times=times, positions=positions, values=track.values, quantities=quantities
+        )
     with SurveyFile.open(source) as known:
         samples = known.samples()
         lonlat = known.survey.frame.to_wgs84(samples.positions)
-    present = {
-        key: np.where(np.isin(samples.flags[key], Flag.USABLE), values, np.nan)
-        for key, values in samples.values.items()
-        if np.isfinite(values).any()
-    }
-    return survey.frame.to_local(lonlat), present
+    return samples.moved(survey.frame.to_local(lonlat))
