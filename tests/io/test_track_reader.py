@@ -6,7 +6,7 @@ from conftest import CHINA, TRACKS, needs_data
 
 from grebe.core.errors import InputError, TrackError
 from grebe.io.readers.track import TrackColumns, read_track
-from grebe.workflow.imported import samples_of_track, survey_of_track
+from grebe.workflow.tracks import samples_of_track, survey_of_track
 
 HEADER = "time,Latitude,Longitude,Temp °C,pH"
 

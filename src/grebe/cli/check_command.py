@@ -8,12 +8,11 @@ import click
 
 from grebe.cli import options, output
 from grebe.core.errors import InputError, UsageError
-from grebe.core.quantities import QUANTITY_KEYS
+from grebe.core.quantities import Quantities
 from grebe.io.readers.limits import read_limits
 from grebe.io.store import SurveyFile
 from grebe.mapping.lag import Lag
-from grebe.mapping.quality import DEFAULT_LIMITS
-from grebe.workflow.checked import check_samples, store_lags, stored_lags
+from grebe.workflow.quality import check_samples
 
 
 @click.command(name="check")
@@ -38,16 +37,17 @@ def command(
     as_json: bool,
 ) -> None:
     """Check the samples of FILE by QARTOD's tests and store a flag beside each value."""
-    limits = DEFAULT_LIMITS if limits_file is None else read_limits(limits_file)
-    known = dict(map(_lag, lags))
     with SurveyFile.open(file) as survey_file:
         survey_file.claim()
+        known = survey_file.quantities
+        found = dict(_lag(text, known) for text in lags)
+        limits = None if limits_file is None else read_limits(limits_file, known)
         if not survey_file.count("samples"):
             raise InputError(f"{file} holds no samples yet.")
         quality = check_samples(survey_file, limits)
-        if known:
-            store_lags(survey_file, known)
-        lags_known = stored_lags(survey_file)
+        if found:
+            survey_file.note_lags(found)
+        lags_known = survey_file.lags()
         for name, text in (("sensors", sensors), ("positions", positions)):
             if text is not None:
                 survey_file.set_meta(name, text)
@@ -74,11 +74,11 @@ def _found(counts: dict[str, dict[str, tuple[int, int]]]) -> list[str]:
     ]
 
 
-def _lag(text: str) -> tuple[str, Lag]:
+def _lag(text: str, known: Quantities) -> tuple[str, Lag]:
     """Parse KEY=DELAY[,TAU]."""
     key, _, numbers = text.partition("=")
-    if key not in QUANTITY_KEYS:
-        raise UsageError(f"--lag {text!r}: no quantity {key!r}; one of {', '.join(QUANTITY_KEYS)}.")
+    if key not in known:
+        raise UsageError(f"--lag {text!r}: no quantity {key!r}; one of {known.keys_text}.")
     try:
         delay, *tau = (float(number) for number in numbers.split(","))
         return key, Lag(delay_s=delay, tau_s=tau[0] if tau else 0.0)

@@ -10,8 +10,6 @@ import click
 import shapely
 
 from grebe.cli import options, output
-from grebe.cli.files import make_folder, write_survey_file
-from grebe.cli.map_command import write_maps
 from grebe.control.rules.lookahead import Lookahead
 from grebe.core.errors import IncompleteError
 from grebe.core.frames import LocalFrame
@@ -22,10 +20,11 @@ from grebe.mission.statistics import ProgressMeter
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 from grebe.report import canvas, mission_figures
-from grebe.report.data import gather
 from grebe.report.page import write_report
 from grebe.report.thresholds import read_profile
-from grebe.workflow.checked import check_samples
+from grebe.workflow.files import make_folder, write_survey
+from grebe.workflow.maps import map_survey, write_maps
+from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -53,7 +52,7 @@ def command(out: Path, as_json: bool) -> None:
     canvas.save(mission_figures.plan_figure(survey), out / "plan.png")
     output.note(f"{NOTE} {len(survey.targets)} target sets of 25 m2; steering through them:")
     output.note_compilation()
-    write_survey_file(file, survey, force=True, note=NOTE)
+    write_survey(file, survey, force=True, note=NOTE)
     with (
         SurveyFile.open(file) as survey_file,
         output.MissionBar(quiet=as_json) as bar,
@@ -67,7 +66,7 @@ def command(out: Path, as_json: bool) -> None:
         )
         output.note("checking and mapping what was measured")
         check_samples(survey_file)
-        data = gather(survey_file)
+    data = map_survey(file)
     write_maps(data, out / "maps", read_profile(None))
     write_report(out / "report.html", data)
     output.result(

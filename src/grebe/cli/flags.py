@@ -15,6 +15,7 @@ FLAGS = {
     "method": "--method",
     "minutes": "--minutes",
     "pattern": "--pattern",
+    "quantities": "--quantities",
     "resume": "--resume",
     "shape": "--shape",
     "shore_margin_m": "--shore-margin",

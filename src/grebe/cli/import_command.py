@@ -7,53 +7,52 @@ from pathlib import Path
 import click
 
 from grebe.cli import options, output
-from grebe.cli.files import write_survey_file
-from grebe.core.quantities import QUANTITIES
+from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag
-from grebe.io.readers.track import read_track
-from grebe.io.store import SurveyFile
-from grebe.workflow.checked import check_samples
-from grebe.workflow.imported import samples_of_track, survey_of_track
+from grebe.workflow.tracks import import_track
 
 
 @click.command(name="import")
 @click.argument("track", type=options.EXISTING)
 @click.option("-o", "--output", "path", type=options.OUTPUT, required=True, help="Survey file.")
 @options.column_options
+@options.quantities_option
 @options.force_option
 @options.json_option
 def command(
     track: Path,
     path: Path,
+    columns: tuple[str, ...],
+    header_from: Path | None,
+    quantities_file: Path | None,
     force: bool,
     as_json: bool,
-    header_from: Path | None,
-    **columns: str | None,
+    **named: str | None,
 ) -> None:
     """Import the data of TRACK (CSV); its convex hull becomes the region."""
     options.refuse_same(track, options.checked_output(path))
-    raw = read_track(track, options.track_columns(columns), header_from)
-    missing = [q.label for q in QUANTITIES if q.key in raw.missing]
-    for text in (*raw.notes, *(f"no column for {label}: left out" for label in missing)):
+    done = import_track(
+        track,
+        path,
+        columns=options.track_columns(columns, named),
+        header_from=header_from,
+        quantities_file=quantities_file,
+        force=force,
+    )
+    missing = [one.label for key, one in LIMNOLOGICAL.items() if key not in done.quantities]
+    for text in (*done.raw.notes, *(f"no column for {label}: left out" for label in missing)):
         output.note(f"{track}: {text}")
-    survey = survey_of_track(raw, track.stem)
-    write_survey_file(path, survey, force=force, note=f"Imported from {track.name}.")
-    with SurveyFile.open(path) as file:
-        file.append_samples(samples_of_track(raw, survey))
-        file.set_meta("water", f"measured, {track.name}")
-        quality = check_samples(file)
-        count = file.count("samples")
-    for key in raw.values:
-        if not (quality.flags[key] == Flag.GOOD).any():
-            output.note(f"{track}: no good value of {key}: missing, text, or flagged")
+    for key in done.without_good:
+        output.note(f"{track}: no good value of {key}: missing, text, or flagged")
+    flags = done.quality.flags
     output.result(
         {
-            "name": survey.name,
-            "samples": count,
-            "origin": options.place_text(survey.frame),
-            "area_m2": round(survey.water.area, 1),
-            "columns": [f"{key}: {name}" for key, name in raw.columns.items()],
-            "good": {key: int((quality.flags[key] == 1).sum()) for key in raw.values},
+            "name": done.survey.name,
+            "samples": done.samples,
+            "origin": options.place_text(done.survey.frame),
+            "area_m2": round(done.survey.water.area, 1),
+            "columns": [f"{key}: {name}" for key, name in done.raw.columns.items()],
+            "good": {key: int((flags[key] == Flag.GOOD).sum()) for key in done.raw.values},
             "left_out": missing,
             "file": str(path),
         },

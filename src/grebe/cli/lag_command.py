@@ -7,16 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from grebe.cli import options, output
-from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITIES
-from grebe.core.samples import Flag
-from grebe.io.store import SampleTable, SurveyFile
-from grebe.mapping.lag import LagEstimate, Pass, estimate_lag
-
-LONGEST_APART_S = 6 * 3600.0
+from grebe.mapping.lag import LagEstimate
+from grebe.workflow.lags import compare_runs
 
 
 @click.command(name="lag")
@@ -29,30 +23,7 @@ def command(first: Path, second: Path, as_json: bool) -> None:
     For each quantity the delay and time constant that bring the runs closest, and whether
     that is worth a correction: what the water itself did between the runs no lag explains.
     """
-    with SurveyFile.open(first) as one, SurveyFile.open(second) as other:
-        frame = one.survey.frame
-        tables = one.samples(), other.samples()
-        places = (
-            tables[0].positions,
-            frame.to_local(other.survey.frame.to_wgs84(tables[1].positions)),
-        )
-    apart_s = abs(np.median(_seconds(tables[0])) - np.median(_seconds(tables[1])))
-    if apart_s > LONGEST_APART_S:
-        raise InputError(
-            f"{first} and {second} were measured {apart_s / 3600:.0f} h apart: the water itself "
-            "has changed since; a lag needs two runs of one line within hours."
-        )
-    found: dict[str, LagEstimate] = {}
-    for quantity in QUANTITIES:
-        passes = [_pass(table, at, quantity.key) for table, at in zip(tables, places, strict=True)]
-        if min(len(run.times) for run in passes) == 0:
-            continue
-        try:
-            found[quantity.key] = estimate_lag(*passes)
-        except ValueError as error:
-            raise InputError(f"{first} and {second}: {error}.") from None
-    if not found:
-        raise InputError(f"{first} and {second} have no quantity in common.")
+    found = compare_runs(first, second)
     advised = " ".join(
         f"--lag {key}={one.lag.delay_s:g},{one.lag.tau_s:g}"
         for key, one in found.items()
@@ -65,17 +36,6 @@ def command(first: Path, second: Path, as_json: bool) -> None:
         if advised
         else "grebe map: no correction is worth making",
     )
-
-
-def _pass(table: SampleTable, positions: np.ndarray, key: str) -> Pass:
-    good = np.isin(table.flags[key], Flag.USABLE) & np.isfinite(table.values[key])
-    return Pass(
-        times=_seconds(table)[good], positions=positions[good], values=table.values[key][good]
-    )
-
-
-def _seconds(table: SampleTable) -> np.ndarray:
-    return np.array([moment.timestamp() for moment in table.times])
 
 
 def _row(one: LagEstimate, *, as_json: bool) -> Any:

@@ -4,30 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
-import numpy as np
 
 from grebe.cli import options, output
-from grebe.cli.files import make_folder
 from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITIES
-from grebe.io.export.contours import write_contours
-from grebe.io.export.geotiff import write_geotiff
-from grebe.io.export.netcdf import write_netcdf
+from grebe.core.survey import Survey
 from grebe.io.readers.depth import read_depth
 from grebe.io.store import SurveyFile
 from grebe.mapping.drift import DriftFunction, combined, inflow, linear
-from grebe.mapping.maps import MapSettings, QuantityMap
+from grebe.mapping.maps import MapSettings
 from grebe.mapping.methods.choice import COVARIANCE_FITS, KRIGING, METHODS, ByShore, with_settings
 from grebe.mapping.variogram import ESTIMATORS, Estimator
-from grebe.report import canvas, map_figures
-from grebe.report.bathymetry import bathymetry_of, hypsographic_figure, write_hypsography
-from grebe.report.data import ReportData, gather
-from grebe.report.thresholds import Profile, read_profile
-
-NETCDF_NAME = "map.nc"
+from grebe.report.thresholds import read_profile
+from grebe.workflow.files import make_folder
+from grebe.workflow.maps import NETCDF_NAME, map_numbers, map_survey, write_maps
 
 
 @click.command(name="map")
@@ -96,13 +87,12 @@ def command(
     make_folder(out)
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} holds maps already; give another folder, or --force.")
-    with (
-        SurveyFile.open(file) as survey_file,
-        output.Countdown("quantities", len(QUANTITIES), quiet=as_json) as countdown,
-    ):
-        functions = _drift(survey_file, drift, inflows, depth)
-        settings = _settings(method, variogram, estimator, functions, shore_depth_sd_m)
-        data = gather(survey_file, resolution_m, settings, countdown.update)
+    with SurveyFile.open(file) as survey_file:
+        functions = _drift(survey_file.survey, drift, inflows, depth)
+        mapped = sum(one.mapped for one in survey_file.quantities.values())
+    settings = _settings(method, variogram, estimator, functions, shore_depth_sd_m)
+    with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
+        data = map_survey(file, settings, resolution_m, countdown.update)
     written = write_maps(data, out, thresholds, draws)
     for text in data.left_out:
         output.note(f"left out: {text}")
@@ -136,79 +126,14 @@ def _settings(
 
 
 def _drift(
-    survey_file: SurveyFile,
+    survey: Survey,
     name: str | None,
     inflows: Sequence[tuple[float, float]],
     depth: Path | None,
 ) -> DriftFunction | None:
-    frame = survey_file.survey.frame
+    frame = survey.frame
     functions: list[DriftFunction] = [linear] if name == "linear" else []
-    water = survey_file.survey.water
-    functions += [inflow(frame.place_near(water, place, "inflow")) for place in inflows]
+    functions += [inflow(frame.place_near(survey.water, place, "inflow")) for place in inflows]
     if depth is not None:
         functions.append(read_depth(depth, frame))
     return combined(functions)
-
-
-def write_maps(data: ReportData, out: Path, profile: Profile, draws: int = 0) -> list[Path]:
-    """Write everything that maps are given in; `InputError` when there is nothing to map."""
-    if not data.maps:
-        raise InputError(f"No quantity can be mapped: {'; '.join(data.left_out)}.")
-    make_folder(out)
-    frame = data.survey.frame
-    concerns = {
-        one.quantity.key: {each.name: each.probability(one) for each in profile.of(one)}
-        for one in data.maps
-    }
-    drawn: dict[str, np.ndarray] = {
-        one.quantity.key: one.draws(draws) for one in data.maps if draws
-    }
-    written = [out / NETCDF_NAME, out / "contours.gpkg"]
-    write_netcdf(written[0], data.maps, frame, _attributes(data), concerns, drawn)
-    write_contours(written[1], data.maps, frame)
-    for one in data.maps:
-        key = one.quantity.key
-        write_geotiff(out / f"{key}.tif", one, frame, concerns[key])
-        canvas.save(map_figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
-        written += [out / f"{key}.tif", out / f"{key}.png"]
-        lake = bathymetry_of(one, data.survey)
-        if lake is not None:
-            write_hypsography(out / "hypsography.csv", lake)
-            canvas.save(hypsographic_figure(lake), out / "hypsography.png")
-            written += [out / "hypsography.csv", out / "hypsography.png"]
-    return written
-
-
-def _attributes(data: ReportData) -> dict[str, str]:
-    return {
-        "title": f"Surface water of {data.survey.name}",
-        "source": f"Grebe {data.meta['software_version']}, {data.meta.get('water', 'measured')}",
-        "history": f"mapped from survey {data.meta.get('survey_id', '')}",
-        "comment": data.meta.get("note", ""),
-    }
-
-
-def map_numbers(one: QuantityMap) -> dict[str, Any]:
-    """What there is to say of a map, for JSON."""
-    model, validation = one.model, one.validation
-    return {
-        "quantity": one.quantity.key,
-        "samples": one.samples,
-        "flagged": one.flagged,
-        "method": one.method.key,
-        "reason": one.reason,
-        "sd_widened_by": one.widening,
-        "variogram": {
-            "kind": model.kind,
-            "nugget": model.nugget,
-            "partial_sill": model.sill,
-            "range_m": model.range_m,
-            "practical_range_m": model.practical_range_m,
-            "reason": model.reason,
-            "standard_errors": {
-                name: value if np.isfinite(value) else None
-                for name, value in model.standard_errors.items()
-            },
-        },
-        "validation": vars(validation) if validation else None,
-    }

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from grebe.core.dynamics import Weather
-from grebe.core.errors import InputError
+from grebe.core.errors import InputError, UsageError
 from grebe.core.frames import LocalFrame
 from grebe.io.readers.track import TrackColumns
 
@@ -86,19 +86,25 @@ json_option = click.option(
 force_option = click.option("--force", is_flag=True, help="Replace what is there already.")
 
 
+quantities_option = click.option(
+    "--quantities",
+    "quantities_file",
+    type=EXISTING,
+    help="TOML: more quantities.  [default: quantities.toml beside the survey, if it is there]",
+)
+
+
 def column_options(command: Any) -> Any:
     """Add the options that name a track's columns."""
-    for name, what in (
-        ("turbidity", "turbidity [NTU]"),
-        ("conductivity", "conductivity [uS/cm]"),
-        ("ph", "pH"),
-        ("oxygen", "dissolved oxygen [mg/L]"),
-        ("temperature", "temperature [degC]"),
-        ("time", "time (unix seconds or ISO 8601)"),
-        ("lon", "longitude [deg]"),
-        ("lat", "latitude [deg]"),
-    ):
+    for name, (_, what) in reversed(COLUMNS.items()):
         command = click.option(f"--{name}-column", help=f"Column of a CSV track: {what}.")(command)
+    command = click.option(
+        "--column",
+        "columns",
+        multiple=True,
+        metavar="KEY=NAME",
+        help="Column of a CSV track: time, lat, lon or the key of any quantity.",
+    )(command)
     return click.option(
         "--header-from",
         type=EXISTING,
@@ -106,15 +112,29 @@ def column_options(command: Any) -> Any:
     )(command)
 
 
-def track_columns(given: dict[str, str | None]) -> TrackColumns:
-    """Turn the --...-column options into the reader's record."""
-    return TrackColumns(
-        time=given["time_column"],
-        lat=given["lat_column"],
-        lon=given["lon_column"],
-        temperature_degc=given["temperature_column"],
-        dissolved_oxygen_mgl=given["oxygen_column"],
-        ph=given["ph_column"],
-        conductivity_uscm=given["conductivity_column"],
-        turbidity_ntu=given["turbidity_column"],
-    )
+# The columns that have an option of their own, and what they hold.
+COLUMNS = {
+    "lat": ("lat", "latitude [deg]"),
+    "lon": ("lon", "longitude [deg]"),
+    "time": ("time", "time (unix seconds or ISO 8601)"),
+    "temperature": ("temperature_degc", "temperature [degC]"),
+    "oxygen": ("dissolved_oxygen_mgl", "dissolved oxygen [mg/L]"),
+    "ph": ("ph", "pH"),
+    "conductivity": ("conductivity_uscm", "conductivity [uS/cm]"),
+    "turbidity": ("turbidity_ntu", "turbidity [NTU]"),
+}
+
+
+def track_columns(pairs: tuple[str, ...], named: dict[str, str | None]) -> TrackColumns:
+    """The columns of a track by key, from --column KEY=NAME and the options of their own."""
+    columns = {
+        COLUMNS[option.removesuffix("_column")][0]: name
+        for option, name in named.items()
+        if name is not None
+    }
+    for pair in pairs:
+        key, equals, name = pair.partition("=")
+        if not equals or not name:
+            raise UsageError(f"--column {pair!r} is not KEY=NAME.")
+        columns[key.strip()] = name
+    return columns

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from grebe.cli import files, options, output
+from grebe.cli import options, output
 from grebe.core.errors import IncompleteError, UsageError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def command(
     wanted = figures or (FLOWN if track is None else (*FLOWN, *BY_HAND))
     if track is None and set(wanted) & {*BY_HAND, CLAIM}:
         raise UsageError(f"{', '.join((*BY_HAND, CLAIM))} need a hand-driven track: --track FILE.")
-    files.make_folder(out)
+    make_folder(out)
     output.note_compilation()
     made = _reproduced([name for name in wanted if name != CLAIM], out, track, quiet=as_json)
     rows = _claimed(out, track, seeds, quiet=as_json) if CLAIM in wanted and track else []

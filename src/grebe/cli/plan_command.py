@@ -7,18 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import click
-import shapely
 
 from grebe.cli import options, output
-from grebe.cli.files import write_survey_file
-from grebe.core.errors import InputError, UsageError
+from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, Pattern, PlanSettings, Shape
-from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS, vessel_named
-from grebe.io.readers.outline import read_outline
-from grebe.planning.planner import Planned, plan
-from grebe.planning.region import Region, clean_region
-from grebe.report import canvas, mission_figures
+from grebe.planning.planner import Planned
+from grebe.workflow.plans import plan_region, plan_warnings, read_region, write_plan
 
 DEFAULT_CELL_M = 5.0
 DEFAULT_MARGIN_M = 1.0
@@ -114,6 +109,7 @@ DEFAULT_MARGIN_M = 1.0
 )
 @click.option("--start", type=options.LON_LAT, help="Where the boat starts [deg].")
 @options.column_options
+@options.quantities_option
 @options.force_option
 @options.json_option
 def command(
@@ -138,8 +134,10 @@ def command(
     start: tuple[float, float] | None,
     force: bool,
     as_json: bool,
+    columns: tuple[str, ...],
     header_from: Path | None,
-    **columns: str | None,
+    quantities_file: Path | None,
+    **named: str | None,
 ) -> None:
     """Plan a survey of REGION: GeoJSON, KML, KMZ, GPX, a Shapefile, a GeoPackage, or a CSV track
     whose convex hull is the region.
@@ -148,12 +146,11 @@ def command(
     it goes around land by transit sets, within corridors that the file holds.
     """
     options.refuse_same(region, options.checked_output(path))
-    picture = path.with_suffix(".png")
-    if picture.is_dir():
-        raise InputError(f"{picture}, where the picture of the plan would go, is a folder.")
     boat = vessel_named(vessel)
-    outline = read_outline(region, options.track_columns(columns), header_from)
-    for text in outline.notes:
+    water, notes = read_region(
+        region, columns=options.track_columns(columns, named), header_from=header_from
+    )
+    for text in notes:
         output.note(f"{region}: {text}")
     settings = PlanSettings(
         cell_m=_cell_m(
@@ -171,14 +168,9 @@ def command(
         minutes=minutes,
         energy_wh=energy_wh,
     )
-    water = clean_region(outline.geometry, outline.name)
-    planned = plan(water, boat, settings, start, _zones(no_go, water))
-    survey = planned.survey
-    for text in planned.notes:
-        output.note(f"note: {text}")
-    write_survey_file(path, survey, force=force)
-    canvas.save(mission_figures.plan_figure(survey), picture)
-    for text in plan_warnings(survey):
+    planned = plan_region(water, boat, settings, start_lonlat=start, no_go=no_go)
+    picture = write_plan(planned, path, quantities_file=quantities_file, force=force)
+    for text in (*planned.notes, *plan_warnings(planned.survey)):
         output.note(f"note: {text}")
     known = f" --water {region}" if region.suffix.lower() == ".csv" else ""
     output.result(
@@ -218,34 +210,6 @@ def _angle_deg(text: str) -> float | None:
         return float(text)
     except ValueError:
         raise UsageError(f"--angle {text!r} is neither a number of degrees nor 'auto'.") from None
-
-
-def _zones(paths: tuple[Path, ...], region: Region) -> list[shapely.Polygon]:
-    """The no-go zones of some files, in the region's frame."""
-    zones: list[shapely.Polygon] = []
-    for path in paths:
-        local = region.frame.geometry_to_local(read_outline(path).geometry)
-        if not local.is_valid:
-            raise InputError(f"{path}: holds a polygon that crosses itself; mend it first.")
-        zones += [part for part in shapely.get_parts(local) if isinstance(part, shapely.Polygon)]
-    return zones
-
-
-def plan_warnings(survey: Survey) -> list[str]:
-    """What a field team should know before it goes out."""
-    warnings: list[str] = []
-    start, vessel = survey.start, survey.vessel
-    if start is not None:
-        away = survey.water.distance(shapely.Point(start.north_m, start.east_m))
-        if away > 1.0:
-            warnings.append(f"the start lies {away:.0f} m outside the region; is it on water?")
-    fastest = max(target.set.speed_max_mps for target in survey.targets)
-    if vessel is not None and fastest > vessel.speed_max_mps:
-        warnings.append(
-            f"the window goes up to {fastest:g} m/s, and {vessel.name} makes "
-            f"{vessel.speed_max_mps:.2f} m/s at full thrust"
-        )
-    return warnings
 
 
 def plan_numbers(planned: Planned) -> dict[str, Any]:

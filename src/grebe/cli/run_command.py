@@ -22,7 +22,7 @@ from grebe.mission.loop import MissionSettings
 from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.statistics import MissionReport, ProgressMeter
 from grebe.workflow.boats import boat_named
-from grebe.workflow.checked import check_samples
+from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 from grebe.workflow.steering import RULES, SOLVERS, rule_named, solver_named

@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import click
-import numpy as np
 
 from grebe.cli import options, output
-from grebe.core.quantities import QUANTITY_KEYS
 from grebe.io.store import SurveyFile
 
 
@@ -31,7 +29,7 @@ def command(file: Path, as_json: bool) -> None:
             "targets": len(survey.targets),
             "reached": progress.reached,
             "samples": len(samples),
-            "quantities": [key for key in QUANTITY_KEYS if np.isfinite(samples.values[key]).any()],
+            "quantities": [key for key in samples.values if samples.measured(key)],
             "track_points": survey_file.count("track"),
             "events": survey_file.count("events"),
         }

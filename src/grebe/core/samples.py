@@ -1,14 +1,24 @@
-"""Samples: what the sonde read, where, and how good each value is."""
+"""Samples: what the sonde read, where, and how good each value is.
+
+`Sample` is one reading, as a mission takes it; `Samples` are many, as columns: what the survey
+file hands out, and quality control, lag, maps and report take.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITY_KEYS
+from grebe.core.quantities import Quantities
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 class Flag:
@@ -27,7 +37,7 @@ class Sample:
     """One reading of the sonde with the place where it was taken.
 
     `speed_mps` is the surge over ground, the u of the speed window; `values` and `flags`
-    are keyed by `grebe.core.quantities`, a value that is missing is None and flagged 9.
+    are keyed by quantity, a value that is missing is None and flagged 9.
     """
 
     time: datetime
@@ -38,10 +48,99 @@ class Sample:
     values: Mapping[str, float | None]
     flags: Mapping[str, int]
 
+
+@dataclass(frozen=True, kw_only=True)
+class Samples:
+    """Many samples as columns.
+
+    `times` (n,) unix seconds, UTC; `positions` (n, 2) north, east [m] in the survey's frame;
+    `target_seq` (n,) the target that each was taken in, 0 for none; `speed_mps` (n,) surge over
+    ground, NaN where unknown; `values` (n,) by quantity, in its unit, NaN for missing; `flags`
+    (n,) by quantity, see `Flag`. Raises `InputError` where columns differ in length, or a
+    quantity has values and no flags.
+    """
+
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    target_seq: NDArray[np.int64]
+    speed_mps: NDArray[np.float64]
+    values: Mapping[str, NDArray[np.float64]]
+    flags: Mapping[str, NDArray[np.int64]]
+
     def __post_init__(self) -> None:
-        unknown = (set(self.values) | set(self.flags)) - set(QUANTITY_KEYS)
-        if unknown:
-            raise InputError(f"A sample has unknown quantities: {', '.join(sorted(unknown))}.")
+        n = len(self.times)
+        if self.positions.shape != (n, 2):
+            raise InputError(f"{n} samples have positions of shape {self.positions.shape}.")
+        columns = {"target_seq": self.target_seq, "speed_mps": self.speed_mps, **self.values}
+        for name, column in columns.items():
+            if column.shape != (n,):
+                raise InputError(f"{n} samples have {name} of shape {column.shape}.")
+        if set(self.values) != set(self.flags):
+            odd = sorted(set(self.values) ^ set(self.flags))
+            raise InputError(f"Samples have values or flags, but not both, of {', '.join(odd)}.")
+        for key, column in self.flags.items():
+            if column.shape != (n,):
+                raise InputError(f"{n} samples have flags of {key} of shape {column.shape}.")
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        times: NDArray[np.float64],
+        positions: NDArray[np.float64],
+        values: Mapping[str, NDArray[np.float64]],
+        quantities: Quantities,
+        speed_mps: NDArray[np.float64] | None = None,
+    ) -> Samples:
+        """Samples outside any plan, flagged by the gross range of their quantities alone."""
+        n = len(times)
+        return cls(
+            times=times,
+            positions=positions,
+            target_seq=np.zeros(n, dtype=np.int64),
+            speed_mps=np.full(n, np.nan) if speed_mps is None else speed_mps,
+            values=values,
+            flags={
+                key: gross_range_flags(column, quantities.known(key).span)
+                for key, column in values.items()
+            },
+        )
+
+    def moment(self, index: int) -> datetime:
+        """When one sample was taken, UTC."""
+        return datetime.fromtimestamp(float(self.times[index]), UTC)
+
+    def measured(self, key: str) -> bool:
+        """Whether there is any value of a quantity."""
+        return key in self.values and bool(np.isfinite(self.values[key]).any())
+
+    def usable(self, key: str) -> NDArray[np.bool_]:
+        """Which values (n,) are there and not flagged suspect or failed."""
+        return np.isfinite(self.values[key]) & np.isin(self.flags[key], Flag.USABLE)
+
+    def rows(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Samples:
+        """Some of the samples."""
+        return Samples(
+            times=self.times[index],
+            positions=self.positions[index],
+            target_seq=self.target_seq[index],
+            speed_mps=self.speed_mps[index],
+            values={key: column[index] for key, column in self.values.items()},
+            flags={key: column[index] for key, column in self.flags.items()},
+        )
+
+    def moved(self, positions: NDArray[np.float64]) -> Samples:
+        """The same samples in another frame's positions (n, 2)."""
+        return replace(self, positions=positions)
+
+    def with_values(self, values: Mapping[str, NDArray[np.floating]]) -> Samples:
+        """The same samples with other values of the same quantities."""
+        return replace(
+            self, values={**self.values, **{k: v.astype(np.float64) for k, v in values.items()}}
+        )
 
 
 def gross_range_flag(value: float | None, span: tuple[float, float]) -> int:
@@ -49,3 +148,10 @@ def gross_range_flag(value: float | None, span: tuple[float, float]) -> int:
     if value is None or not math.isfinite(value):
         return Flag.MISSING
     return Flag.GOOD if span[0] <= value <= span[1] else Flag.FAIL
+
+
+def gross_range_flags(values: NDArray[np.float64], span: tuple[float, float]) -> NDArray[np.int64]:
+    """Flag values (n,) as `gross_range_flag` does one."""
+    inside = (values >= span[0]) & (values <= span[1])
+    flags = np.where(inside, Flag.GOOD, Flag.FAIL)
+    return np.where(np.isfinite(values), flags, Flag.MISSING).astype(np.int64)

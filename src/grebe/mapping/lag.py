@@ -8,11 +8,14 @@ on response times, for the first-order correction).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import KDTree
+
+from grebe.core.samples import Flag, Samples
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -99,6 +102,22 @@ def unlagged(times: Array, values: Array, lag: Lag) -> Array:
         slope = _line(times[known], values[known], lag.tau_s / 2)[1]
         shifted = shifted + lag.tau_s * _between(late, times[known], slope)
     return np.where(known, shifted, np.nan)
+
+
+def corrected_values(samples: Samples, lags: Mapping[str, Lag]) -> dict[str, Array]:
+    """The values (n,) by quantity without the sensors' lag.
+
+    A value that is flagged suspect or failed is not used to correct the others, and is NaN.
+    """
+    corrected: dict[str, Array] = dict(samples.values)
+    for key, lag in lags.items():
+        good = np.flatnonzero(np.isin(samples.flags[key], Flag.USABLE))
+        good = good[np.argsort(samples.times[good], kind="stable")]
+        times, once, back = np.unique(samples.times[good], return_index=True, return_inverse=True)
+        column = np.full(len(samples), np.nan)
+        column[good] = unlagged(times, samples.values[key][good[once]], lag)[back]
+        corrected[key] = column
+    return corrected
 
 
 def _between(at: Array, times: Array, values: Array) -> Array:

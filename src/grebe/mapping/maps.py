@@ -1,8 +1,8 @@
-"""The limnological map F: Omega -> R^5 (remark 11), one quantity at a time."""
+"""The limnological map F (remark 11), one quantity at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -11,8 +11,8 @@ import shapely
 from scipy.special import ndtr
 
 from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITIES, Quantity
-from grebe.core.samples import Flag
+from grebe.core.quantities import Quantities, Quantity
+from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
@@ -209,9 +209,8 @@ def _widening(validation: Validation | None) -> float:
 
 def map_all(
     mapper: Mapper,
-    positions: Array,
-    values: Mapping[str, Array],
-    flags: Mapping[str, NDArray[np.int64]],
+    samples: Samples,
+    quantities: Quantities,
     on_done: Callable[[int, int], None] | None = None,
 ) -> tuple[list[QuantityMap], list[str]]:
     """Map every quantity that can be mapped; return the maps and why others are left out.
@@ -220,15 +219,17 @@ def map_all(
     """
     maps: list[QuantityMap] = []
     left_out: list[str] = []
-    for done, quantity in enumerate(QUANTITIES, start=1):
+    wanted = [one for one in quantities.values() if one.mapped]
+    for done, quantity in enumerate(wanted, start=1):
         key = quantity.key
         try:
-            if np.isfinite(values[key]).any():
-                maps.append(mapper.map_quantity(quantity, positions, values[key], flags[key]))
+            if samples.measured(key):
+                values, flags = samples.values[key], samples.flags[key]
+                maps.append(mapper.map_quantity(quantity, samples.positions, values, flags))
             else:
                 left_out.append(f"{quantity.label}: not measured")
         except InputError as error:
             left_out.append(str(error).rstrip("."))
         if on_done is not None:
-            on_done(done, len(QUANTITIES))
+            on_done(done, len(wanted))
     return maps, left_out

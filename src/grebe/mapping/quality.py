@@ -9,7 +9,6 @@ settling after it was put in, and samples out of the water.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +16,8 @@ import numpy as np
 import shapely
 from scipy.optimize import least_squares
 
-from grebe.core.quantities import QUANTITIES
-from grebe.core.samples import Flag
+from grebe.core.quantities import BUILTIN, Limits, Quantities, Quantity
+from grebe.core.samples import Flag, Samples
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,64 +41,11 @@ EXPLAINED, CLEAR_FACTOR = 0.9, 2.5
 LONGEST_TAU_S = 150.0
 # Settled: what is left of the approach.
 SETTLED_SHARE = 0.05
-# In the air the conductivity falls at once to nearly nothing; an inflow thins it by and by.
-AIR_SHARE, ABRUPT = 0.1, 3.0
+# In the air the conductivity falls at once to nearly nothing, by this factor from one sample to
+# the next; an inflow thins it by and by.
+ABRUPT = 3.0
 # Samples beside one in the air that are suspect as well [s].
 SPLASH_S = 3.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """What is possible and what is usual for one quantity, in its unit.
-
-    `fail_span`, `suspect_span`: gross range. `spike_suspect`, `spike_fail`: a value off both
-    neighbours to the same side. `rate_per_s`: steepest change. `flat_suspect_s`, `flat_fail_s`:
-    how long a value may stay within `flat_tolerance`.
-    """
-
-    fail_span: tuple[float, float]
-    suspect_span: tuple[float, float]
-    spike_suspect: float
-    spike_fail: float
-    rate_per_s: float
-    flat_tolerance: float = 1e-9
-    flat_suspect_s: float = 300.0
-    flat_fail_s: float = 900.0
-
-
-def _limits(
-    key: str, suspect: tuple[float, float], spike: tuple[float, float], rate: float
-) -> Limits:
-    span = next(quantity.span for quantity in QUANTITIES if quantity.key == key)
-    return Limits(
-        fail_span=span,
-        suspect_span=suspect,
-        spike_suspect=spike[0],
-        spike_fail=spike[1],
-        rate_per_s=rate,
-    )
-
-
-# Wide enough for any temperate lake and the river into it: a team narrows them to its water.
-DEFAULT_LIMITS: dict[str, Limits] = {
-    "temperature_degc": _limits("temperature_degc", (-0.5, 35.0), (1.0, 3.0), 0.5),
-    "dissolved_oxygen_mgl": _limits("dissolved_oxygen_mgl", (0.0, 20.0), (1.0, 3.0), 0.5),
-    "ph": _limits("ph", (4.0, 10.5), (0.3, 1.0), 0.3),
-    "conductivity_uscm": _limits("conductivity_uscm", (5.0, 20000.0), (50.0, 200.0), 50.0),
-    "turbidity_ntu": _limits("turbidity_ntu", (0.0, 1000.0), (20.0, 100.0), 20.0),
-}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Record:
-    """What is checked: `times` (n,) [s], `lonlat` (n, 2) [deg], `positions` (n, 2) [m], and a
-    column (n,) a quantity, NaN where it is missing.
-    """
-
-    times: Array
-    lonlat: Array
-    positions: Array
-    values: Mapping[str, Array]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,22 +60,27 @@ class Quality:
 
 
 def check_quality(
-    record: Record, water: shapely.Polygon, limits: Mapping[str, Limits] = DEFAULT_LIMITS
+    samples: Samples, water: shapely.Polygon, quantities: Quantities = BUILTIN
 ) -> Quality:
-    """Flag each value of a record of samples."""
-    shared = {"location": _location(record, water), "time": _time(record.times)}
-    notes = _notes(record.times)
-    record = replace(record, times=_spread(record.times))
-    air = _out_of_water(record)
+    """Flag each value of some samples, whose order is that of time, by the limits of `quantities`.
+
+    The flags that they have are not looked at. Raises `InputError` where a quantity is unknown.
+    """
+    shared = {"location": _location(samples, water), "time": _time(samples.times)}
+    notes = _notes(samples.times)
+    samples = replace(samples, times=_spread(samples.times))
+    air = _out_of_water(samples, quantities)
     flags: dict[str, Flags] = {}
     counts: dict[str, dict[str, tuple[int, int]]] = {}
-    for key, column in record.values.items():
+    for key, column in samples.values.items():
+        quantity = quantities.known(key)
         present = np.isfinite(column)
         flags[key] = np.where(present, Flag.GOOD, Flag.MISSING).astype(np.int64)
         if not present.any():
             continue
-        tests = {name: one[present] for name, one in {**shared, "out of water": air}.items()}
-        tests |= _tests(column[present], record.times[present], limits[key])
+        common = shared | {"out of water": air} if quantity.on_sonde else shared
+        tests = {name: one[present] for name, one in common.items()}
+        tests |= _tests(column[present], samples.times[present], quantity)
         worst = np.max([np.where(_bad(one), one, Flag.GOOD) for one in tests.values()], axis=0)
         flags[key][present] = worst
         counts[key] = {
@@ -157,9 +108,9 @@ def _bad(flags: Flags) -> NDArray[np.bool_]:
     return (flags == Flag.SUSPECT) | (flags == Flag.FAIL)
 
 
-def _tests(values: Array, times: Array, limits: Limits) -> dict[str, Flags]:
-    """The tests of one quantity on its values that are there."""
-    qartod = _qartod()
+def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
+    """The tests of one quantity on its values that are there; what has no limit is not tested."""
+    qartod, limits = _qartod(), quantity.limits
     stamps = (1e9 * times).astype(np.int64).astype("datetime64[ns]")
     results: dict[str, Any] = {
         "gross range": qartod.gross_range_test(
@@ -177,20 +128,21 @@ def _tests(values: Array, times: Array, limits: Limits) -> dict[str, Flags]:
         results["rate of change"] = qartod.rate_of_change_test(
             values, stamps, threshold=limits.rate_per_s
         )
-        # It counts in whole seconds, and a sonde may be faster: tell it of longer ones.
-        slowed = (SLOWED * 1e9 * (times - times[0])).astype(np.int64).astype("datetime64[ns]")
-        results["flat line"] = qartod.flat_line_test(
-            values,
-            slowed,
-            suspect_threshold=int(SLOWED * limits.flat_suspect_s),
-            fail_threshold=int(SLOWED * limits.flat_fail_s),
-            tolerance=limits.flat_tolerance,
-        )
+        if math.isfinite(limits.flat_suspect_s + limits.flat_fail_s):
+            # It counts in whole seconds, and a sonde may be faster: tell it of longer ones.
+            slowed = (SLOWED * 1e9 * (times - times[0])).astype(np.int64).astype("datetime64[ns]")
+            results["flat line"] = qartod.flat_line_test(
+                values,
+                slowed,
+                suspect_threshold=int(SLOWED * limits.flat_suspect_s),
+                fail_threshold=int(SLOWED * limits.flat_fail_s),
+                tolerance=limits.flat_tolerance,
+            )
     flags = {
         name: np.ma.filled(np.ma.asarray(one), Flag.NOT_EVALUATED).astype(np.int64)
         for name, one in results.items()
     }
-    return flags | {"settling": _settling(values, times)}
+    return flags | {"settling": _settling(values, times)} if quantity.on_sonde else flags
 
 
 def _qartod() -> Any:
@@ -206,12 +158,9 @@ def _within(limits: Limits) -> tuple[float, float]:
     return max(low, limits.fail_span[0]), min(high, limits.fail_span[1])
 
 
-def _location(record: Record, water: shapely.Polygon) -> Flags:
-    qartod = _qartod()
-    lon, lat = record.lonlat.T
-    on_earth = np.ma.filled(qartod.location_test(lon, lat), Flag.NOT_EVALUATED).astype(np.int64)
-    away = shapely.distance(water, shapely.points(record.positions))
-    return np.where(away > OUTSIDE_M, Flag.FAIL, on_earth)
+def _location(samples: Samples, water: shapely.Polygon) -> Flags:
+    away = shapely.distance(water, shapely.points(samples.positions))
+    return np.where(away <= OUTSIDE_M, Flag.GOOD, Flag.FAIL)
 
 
 def _time(times: Array) -> Flags:
@@ -233,19 +182,27 @@ def _notes(times: Array) -> tuple[str, ...]:
     return (f"{len(gaps)} gaps in time, the longest of {gaps.max():.0f} s",)
 
 
-def _out_of_water(record: Record) -> Flags:
-    """Failed where the conductivity falls to that of air, suspect just before and after."""
-    flags = np.full(len(record.times), Flag.GOOD)
-    column = record.values.get("conductivity_uscm")
-    if column is None or not np.isfinite(column).any():
-        return flags
-    air = _abrupt(column, column < AIR_SHARE * float(np.nanmedian(column)))
+def _out_of_water(samples: Samples, quantities: Quantities) -> Flags:
+    """Failed where a sensor that can tell reads what it does in the air, suspect just before and
+    after.
+    """
+    flags = np.full(len(samples), Flag.GOOD)
+    for key in samples.values:
+        share = quantities.known(key).air_share
+        if share is not None and samples.measured(key):
+            flags = np.maximum(flags, _in_the_air(samples.values[key], samples.times, share))
+    return flags
+
+
+def _in_the_air(column: Array, times: Array, share: float) -> Flags:
+    flags = np.full(len(times), Flag.GOOD)
+    air = _abrupt(column, column < share * float(np.nanmedian(column)))
     if air.any():
-        moments = np.sort(record.times[air])
-        after = np.searchsorted(moments, record.times)
+        moments = np.sort(times[air])
+        after = np.searchsorted(moments, times)
         gap = np.minimum(
-            np.abs(record.times - moments[np.clip(after, 0, len(moments) - 1)]),
-            np.abs(record.times - moments[np.clip(after - 1, 0, len(moments) - 1)]),
+            np.abs(times - moments[np.clip(after, 0, len(moments) - 1)]),
+            np.abs(times - moments[np.clip(after - 1, 0, len(moments) - 1)]),
         )
         flags[gap <= SPLASH_S] = Flag.SUSPECT
         flags[air] = Flag.FAIL

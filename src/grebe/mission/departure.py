@@ -7,6 +7,7 @@ from datetime import datetime, timedelta
 
 from grebe.core.errors import PlanError, SurveyFileError
 from grebe.core.events import State
+from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
@@ -21,7 +22,7 @@ class Departure:
 
     `state` (6,) where the boat is expected, `reached` the number of targets reached before,
     `started` the UTC time of its first estimate, `clears` whether a recorded mission is to be
-    forgotten.
+    forgotten; `quantities` those that the survey file declares.
     """
 
     survey: Survey
@@ -30,6 +31,7 @@ class Departure:
     reached: int
     started: datetime
     clears: bool
+    quantities: Quantities = LIMNOLOGICAL
 
 
 def prepare(
@@ -65,4 +67,5 @@ def prepare(
         reached=reached if resume else 0,
         started=started,
         clears=len(track) > 0 and not resume,
+        quantities=survey_file.quantities,
     )

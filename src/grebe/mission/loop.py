@@ -36,7 +36,7 @@ from grebe.core.events import (
     Step,
     Warned,
 )
-from grebe.core.quantities import QUANTITIES
+from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.samples import Sample, gross_range_flag
 from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
@@ -107,6 +107,7 @@ class Mission:
         recorder: Recorder,
         settings: MissionSettings | None = None,
         *,
+        quantities: Quantities = LIMNOLOGICAL,
         listeners: Sequence[Listener] = (),
         started: datetime = SOME_DAY,
         reached: int = 0,
@@ -117,6 +118,7 @@ class Mission:
         self._controller = controller
         self._link = link
         self._settings = settings or MissionSettings()
+        self._quantities = quantities
         self._started = started
         self._stopwatch = stopwatch
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
@@ -260,7 +262,10 @@ class Mission:
             target_seq=target_seq,
             speed_mps=surge,
             values=reading,
-            flags={q.key: gross_range_flag(reading.get(q.key), q.span) for q in QUANTITIES},
+            flags={
+                key: gross_range_flag(reading.get(key), one.span)
+                for key, one in self._quantities.items()
+            },
         )
         self._tell(SampleTaken, observation, sample=sample)
 

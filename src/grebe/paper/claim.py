@@ -18,7 +18,7 @@ import shapely
 from grebe.control.controller import Controller
 from grebe.core.errors import PlanError
 from grebe.core.plan_settings import PlanSettings
-from grebe.core.quantities import QUANTITIES, Quantity
+from grebe.core.quantities import LIMNOLOGICAL, Quantity
 from grebe.core.samples import Flag
 from grebe.core.survey import Survey
 from grebe.core.vessel import vessel_named
@@ -145,7 +145,7 @@ def measure(
     mapper = Mapper(water, grid)
     for seed in range(1, seeds + 1):
         truth = conditioned_water(water.bounds, hand.positions, hand.good, seed)
-        for quantity in QUANTITIES:
+        for quantity in LIMNOLOGICAL.values():
             if quantity.key not in truth.fields:
                 continue
             for one in sampled:

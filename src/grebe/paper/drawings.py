@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from grebe.core.quantities import QUANTITIES
+from grebe.core.quantities import BUILTIN
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Survey
 from grebe.mapping.maps import QuantityMap
@@ -175,7 +175,7 @@ def claim(scores: Sequence[Score]) -> Figure:
             box.set_alpha(0.6)
         axes.plot([], [], color=colour, lw=6, alpha=0.6, label=way)
     axes.axhline(1.0, color=BLACK, lw=0.9, ls="--", label=ways[0])
-    labels = {quantity.key: quantity.label for quantity in QUANTITIES}
+    labels = {key: one.label for key, one in BUILTIN.items()}
     axes.set_xticks(range(len(keys)), [labels[key] for key in keys])
     axes.set_ylabel("RMSE over that of the track by hand")
     axes.set_ylim(bottom=0)

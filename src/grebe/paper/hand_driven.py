@@ -16,20 +16,20 @@ from scipy.spatial import KDTree
 
 from grebe.core.errors import InputError
 from grebe.core.plan_settings import PlanSettings
-from grebe.core.quantities import QUANTITIES
+from grebe.core.quantities import BUILTIN
 from grebe.core.samples import Flag
 from grebe.core.survey import Survey
 from grebe.core.vessel import vessel_named
 from grebe.io.readers.track import RawTrack, read_track
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, QuantityMap
-from grebe.mapping.quality import Record, check_quality
+from grebe.mapping.quality import check_quality
 from grebe.paper import drawings
 from grebe.paper.checks import Check, Reproduction
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.report.canvas import save
-from grebe.workflow.imported import survey_of_track
+from grebe.workflow.tracks import samples_of_track, survey_of_track
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -74,17 +74,11 @@ class HandDriven:
     @cached_property
     def good(self) -> dict[str, Array]:
         """The values that pass quality control, NaN elsewhere."""
-        assert self.raw.times is not None
-        record = Record(
-            times=self.raw.times,
-            lonlat=self.raw.lonlat,
-            positions=self.positions,
-            values=self.raw.values,
-        )
-        flags = check_quality(record, self.survey.water).flags
+        samples = samples_of_track(self.raw, self.survey)
+        flags = check_quality(samples, self.survey.water, BUILTIN.subset(samples.values)).flags
         return {
             key: np.where(flags[key] == Flag.GOOD, column, np.nan)
-            for key, column in self.raw.values.items()
+            for key, column in samples.values.items()
         }
 
     @property
@@ -119,7 +113,7 @@ def fig4(out: Path, hand: HandDriven) -> Reproduction:
 
 def fig5(out: Path, hand: HandDriven) -> Reproduction:
     """The map of dissolved oxygen by geostatistics from the hand-operated samples."""
-    quantity = next(one for one in QUANTITIES if one.key == OXYGEN)
+    quantity = BUILTIN[OXYGEN]
     if OXYGEN not in hand.raw.values:
         raise InputError(f"{hand.survey.name} has no dissolved oxygen, which Fig. 5 shows.")
     one = _mapped(hand, quantity.key)
@@ -175,7 +169,7 @@ def fig6(out: Path, hand: HandDriven) -> Reproduction:
 
 
 def _mapped(hand: HandDriven, key: str) -> QuantityMap:
-    quantity = next(one for one in QUANTITIES if one.key == key)
+    quantity = BUILTIN[key]
     values = hand.good[key]
     flags = np.where(np.isfinite(values), Flag.GOOD, Flag.MISSING)
     mapper = Mapper(hand.survey.water, make_grid(hand.survey.water))

@@ -7,12 +7,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+import shapely
+
 from grebe.core.events import LogEntry
+from grebe.core.quantities import Quantities
+from grebe.core.samples import Samples
+from grebe.core.sets import footprints_of
 from grebe.core.survey import Survey
-from grebe.io.store import Progress, SampleTable, SurveyFile, TrackTable
+from grebe.io.store import Progress, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
+from grebe.mapping.lag import corrected_values
 from grebe.mapping.maps import Mapper, MapSettings, QuantityMap, map_all
-from grebe.workflow.checked import corrected_values, stored_lags
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +29,8 @@ class ReportData:
     meta: dict[str, str]
     progress: Progress
     track: TrackTable
-    samples: SampleTable
+    quantities: Quantities
+    samples: Samples
     events: Sequence[LogEntry]
     maps: Sequence[QuantityMap]
     left_out: Sequence[str]
@@ -31,15 +38,16 @@ class ReportData:
     @cached_property
     def in_window(self) -> int:
         """Samples inside a target set and its speed window."""
-        inside = 0
-        for position, seq, speed in zip(
-            self.samples.positions, self.samples.target_seq, self.samples.speed_mps, strict=True
-        ):
-            if seq > 0:
-                target = self.survey.targets[seq - 1].set
-                covered = target.footprint_distance(*position) < 1e-3
-                inside += covered and target.allows(speed)
-        return inside
+        taken = np.flatnonzero(self.samples.target_seq > 0)
+        if not len(taken):
+            return 0
+        seq = self.samples.target_seq[taken] - 1
+        sets = self.survey.sets
+        places = shapely.points(self.samples.positions[taken])
+        away = shapely.distance(footprints_of(sets)[seq], places)
+        speeds = self.samples.speed_mps[taken].tolist()
+        allowed = [sets[i].allows(speed) for i, speed in zip(seq.tolist(), speeds, strict=True)]
+        return int(np.sum((away < 1e-3) & allowed))
 
     @property
     def unsampled(self) -> int:
@@ -64,13 +72,14 @@ def gather(
     samples = survey_file.samples()
     survey = survey_file.survey
     mapper = Mapper(survey.water, make_grid(survey.water, resolution_m), settings or MapSettings())
-    values = corrected_values(samples, stored_lags(survey_file))
-    maps, left_out = map_all(mapper, samples.positions, values, samples.flags, on_mapped)
+    corrected = samples.with_values(corrected_values(samples, survey_file.lags()))
+    maps, left_out = map_all(mapper, corrected, survey_file.quantities, on_mapped)
     return ReportData(
         survey=survey,
         meta=survey_file.meta(),
         progress=survey_file.progress(),
         track=survey_file.track(),
+        quantities=survey_file.quantities,
         samples=samples,
         events=survey_file.events(),
         maps=maps,

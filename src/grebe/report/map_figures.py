@@ -1,7 +1,7 @@
 """Pictures of maps: a quantity's mean and standard deviation, what is uncertain, what changed.
 
-Cividis for a mean, magma reversed for a standard deviation: both can be read by the
-colour-blind.
+The colours of its quantity (cividis, mostly) for a mean, magma reversed for a standard
+deviation: both can be read by the colour-blind.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from grebe.core.samples import Flag
+from grebe.core.samples import Samples
 from grebe.core.survey import Survey
-from grebe.io.store import SampleTable
 from grebe.mapping.validation import Z95
 from grebe.report.canvas import (
     BLACK,
@@ -41,28 +40,28 @@ if TYPE_CHECKING:
 
 
 @styled
-def map_figure(survey: Survey, one: QuantityMap, samples: SampleTable) -> Figure:
+def map_figure(survey: Survey, one: QuantityMap, samples: Samples) -> Figure:
     """Mean and standard deviation side by side, the samples on the second."""
     figure = Figure(figsize=(10.9, 4.0 * aspect(survey) + 1.0))
     left, right = figure.subplots(1, 2)
     unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
-    _draw_field(figure, left, one, one.mean, "cividis", f"{one.quantity.label}{unit}")
+    _draw_field(figure, left, one, one.mean, one.quantity.colormap, f"{one.quantity.label}{unit}")
     _draw_field(figure, right, one, one.sd, "magma_r", f"Standard deviation{unit}")
     _draw_samples(right, one.quantity.key, samples)
     for axes in (left, right):
         draw_shore(axes, survey)
         finish_map(axes, survey)
     right.set_ylabel("")
-    days = f", {min(samples.times):%Y-%m-%d}" if samples.times else ""
+    days = f", {samples.moment(int(samples.times.argmin())):%Y-%m-%d}" if len(samples) else ""
     figure.suptitle(f"{survey.name}{days}", x=0.01, ha="left")
     figure.legend(loc="outside lower center", ncols=2, frameon=False, markerscale=3)
     return figure
 
 
-def _draw_samples(axes: Axes, key: str, samples: SampleTable) -> None:
+def _draw_samples(axes: Axes, key: str, samples: Samples) -> None:
     """The samples of a quantity, those that quality control left out by another mark."""
     measured = np.isfinite(samples.values[key])
-    usable = np.isin(samples.flags[key], Flag.USABLE)
+    usable = samples.usable(key)
     for chosen, mark, size, colour, label in (
         (measured & usable, ".", 1.5, SKY, "samples"),
         (measured & ~usable, "x", 2.5, BLACK, "flagged: not used"),
@@ -85,8 +84,8 @@ def quantity_figure(
     grid = figure.add_gridspec(2, 6, height_ratios=(1.35 * aspect(data.survey) + 0.3, 1))
     unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
     left, right = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3:])
-    title = texts("mean_title", label=texts.label(one.quantity.key))
-    _draw_field(figure, left, one, one.mean, "cividis", f"{title}{unit}")
+    title = texts("mean_title", label=one.quantity.label_in(texts.language))
+    _draw_field(figure, left, one, one.mean, one.quantity.colormap, f"{title}{unit}")
     _hatch(left, one, _uncertain(one))
     _draw_field(figure, right, one, one.sd, "magma_r", f"{texts['sd_title']}{unit}")
     points = one.positions
@@ -145,7 +144,7 @@ def _draw_histogram(
             axes.axvline(threshold.value, color=VERMILLION, lw=1.4, ls="--")
     axes.set_xlim(low, high)
     axes.set_title(f"{texts['histogram_title']} [%]")
-    axes.set_xlabel(one.quantity.unit or one.quantity.label)
+    axes.set_xlabel(one.quantity.unit or one.quantity.label_in(texts.language))
 
 
 def _draw_concern(

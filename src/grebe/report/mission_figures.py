@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from grebe.core.samples import Samples
 from grebe.core.survey import Survey
-from grebe.io.store import SampleTable, TrackTable
+from grebe.io.store import TrackTable
 from grebe.report.canvas import (
     BLUE,
     GREEN,
@@ -70,7 +71,7 @@ def plan_figure(survey: Survey) -> Figure:
 
 
 @styled
-def track_figure(survey: Survey, track: TrackTable, samples: SampleTable, texts: Texts) -> Figure:
+def track_figure(survey: Survey, track: TrackTable, samples: Samples, texts: Texts) -> Figure:
     """The boat's track over the cells, and where samples were taken."""
     figure = Figure(figsize=figure_size(survey))
     axes = figure.subplots()

@@ -51,7 +51,7 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         finding=_finding(data, texts),
         alerts=_alerts(concerns, texts),
         facts=_facts(data, texts),
-        rows=[_row(one) for one in data.maps],
+        rows=[_row(one, texts) for one in data.maps],
         concerns=concerns,
         profile=profile,
         track_picture=_embed(
@@ -66,7 +66,7 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         ],
         bathymetry=_bathymetry(data, texts),
         methods=[_method(one, texts) for one in data.maps],
-        quality=_quality(data),
+        quality=_quality(data, texts),
         measured=_measured(data, texts),
         warnings=[event for event in data.events if event.level != "info"][:MOST_EVENTS],
     )
@@ -114,7 +114,7 @@ def _alerts(concerns: list[Concern], t: Texts) -> list[str]:
     return [
         t(
             "concern",
-            label=t.label(each.one.quantity.key),
+            label=each.one.quantity.label_in(t.language),
             share=f"{each.share:.0%}",
             sense=t[each.threshold.sense],
             value=f"{each.threshold.value:g}",
@@ -149,19 +149,19 @@ def _facts(data: ReportData, t: Texts) -> list[tuple[str, str]]:
         ]
     elif len(data.samples):
         steps = np.diff(data.samples.positions, axis=0)
-        last = (data.samples.times[-1] - data.samples.times[0]).total_seconds()
+        last = float(data.samples.times[-1] - data.samples.times[0])
         facts += [
             (t["duration"], f"{last / 60:.1f} min"),
             (t["track"], f"{np.hypot(*steps.T).sum():.0f} m"),
-            (t["began"], f"{data.samples.times[0]:%Y-%m-%d %H:%M} UTC"),
+            (t["began"], f"{data.samples.moment(0):%Y-%m-%d %H:%M} UTC"),
         ]
     return facts
 
 
-def _row(one: QuantityMap) -> dict[str, object]:
+def _row(one: QuantityMap, t: Texts) -> dict[str, object]:
     inside = one.mean[one.grid.inside]
     return {
-        "key": one.quantity.key,
+        "label": one.quantity.label_in(t.language),
         "unit": one.quantity.unit,
         "median": float(np.median(inside)),
         "low": float(np.percentile(inside, 5)),
@@ -227,12 +227,12 @@ def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:
     ]
 
 
-def _quality(data: ReportData) -> list[tuple[str, str, int, int]] | None:
+def _quality(data: ReportData, t: Texts) -> list[tuple[str, str, int, int]] | None:
     """Quantity, test, suspect and failed values of the tests that found something."""
     if data.quality is None:
         return None
     return [
-        (key, test, suspect, failed)
+        (data.quantities.known(key).label_in(t.language), test, suspect, failed)
         for key, tests in data.quality.items()
         for test, (suspect, failed) in tests.items()
         if suspect or failed

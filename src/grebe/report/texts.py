@@ -24,10 +24,6 @@ class Texts:
         """The text of a key with its braces filled in."""
         return str(self.table[key]).format(**values)
 
-    def label(self, quantity: str) -> str:
-        """The name of a quantity, by its key."""
-        return self.table["labels"][quantity]
-
 
 def texts_of(language: str) -> Texts:
     """Read the words of one of `LANGUAGES`."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 
 from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITY_KEYS
+from grebe.core.quantities import BUILTIN, Quantities
 from grebe.mapping.maps import QuantityMap
 
 if TYPE_CHECKING:
@@ -60,8 +60,11 @@ class Profile:
         return [each for each in self.thresholds if each.quantity == one.quantity.key]
 
 
-def read_profile(path: Path | None) -> Profile:
-    """Read a profile; the package's own where none is given. `InputError` says what is wrong."""
+def read_profile(path: Path | None, quantities: Quantities = BUILTIN) -> Profile:
+    """Read a profile of thresholds of some quantities; the package's own where none is given.
+
+    `InputError` says what is wrong.
+    """
     name = str(path or "the profile")
     try:
         text = (
@@ -81,17 +84,17 @@ def read_profile(path: Path | None) -> Profile:
         raise InputError(f"{name}: thresholds are written as [[threshold]] tables.")
     return Profile(
         name=str(table.get("name", name)),
-        thresholds=tuple(_threshold(name, row) for row in cast("list[Any]", rows)),
+        thresholds=tuple(_threshold(name, row, quantities) for row in cast("list[Any]", rows)),
     )
 
 
-def _threshold(name: str, row: Any) -> Threshold:
+def _threshold(name: str, row: Any, quantities: Quantities) -> Threshold:
     if not isinstance(row, dict) or set(cast("dict[str, Any]", row)) != set(FIELDS):
         raise InputError(f"{name}: each [[threshold]] needs {', '.join(FIELDS)}.")
     given = cast("dict[str, Any]", row)
-    if given["quantity"] not in QUANTITY_KEYS:
+    if given["quantity"] not in quantities:
         raise InputError(
-            f"{name}: no quantity {given['quantity']!r}; one of {', '.join(QUANTITY_KEYS)}."
+            f"{name}: no quantity {given['quantity']!r}; one of {quantities.keys_text}."
         )
     if given["sense"] not in ("above", "below"):
         raise InputError(f"{name}: sense is 'above' or 'below', not {given['sense']!r}.")

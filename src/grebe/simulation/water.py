@@ -1,4 +1,4 @@
-"""The true water of a simulation: five fields that are correlated in space.
+"""The true water of a simulation: a field of each quantity, correlated in space.
 
 Free fields have the spread and range that were measured on lakes; conditioned fields go
 through the samples of a real track and have its variogram. Both are drawn once on a grid;
@@ -17,6 +17,8 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.distance import cdist
 
+from grebe.core.quantities import LIMNOLOGICAL, Quantities
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -25,33 +27,6 @@ if TYPE_CHECKING:
 NODES_PER_SIDE = 101
 MOST_CONDITIONS = 400
 FEWEST_CONDITIONS = 10
-
-
-@dataclass(frozen=True, kw_only=True)
-class LakeStatistics:
-    """How a quantity varies within a lake: mean, standard deviation, range of the variogram
-    over the lake's extent, and share of the variance that is correlated.
-    """
-
-    mean: float
-    sd: float
-    range_share: float
-    structured_share: float
-
-
-# Spread, range and share: across-lake surveys of NHLDLakes (lukeloken/NHLDLakes). The means
-# are ordinary values of a temperate lake in summer and carry no claim.
-LAKE_STATISTICS: dict[str, LakeStatistics] = {
-    "temperature_degc": LakeStatistics(mean=21.0, sd=0.28, range_share=0.78, structured_share=0.93),
-    "dissolved_oxygen_mgl": LakeStatistics(
-        mean=8.5, sd=0.24, range_share=0.51, structured_share=0.89
-    ),
-    "ph": LakeStatistics(mean=7.8, sd=0.12, range_share=0.73, structured_share=0.92),
-    "conductivity_uscm": LakeStatistics(
-        mean=420.0, sd=0.89, range_share=0.66, structured_share=0.87
-    ),
-    "turbidity_ntu": LakeStatistics(mean=4.5, sd=0.76, range_share=0.37, structured_share=0.76),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,14 +54,21 @@ class Water:
         return {key: RegularGridInterpolator(grid, field) for key, field in self.fields.items()}
 
 
-def free_water(bounds: tuple[float, float, float, float], seed: int) -> Water:
-    """Draw five independent fields over `bounds` (north0, east0, north1, east1) [m]."""
+def free_water(
+    bounds: tuple[float, float, float, float], seed: int, quantities: Quantities = LIMNOLOGICAL
+) -> Water:
+    """Draw independent fields over `bounds` (north0, east0, north1, east1) [m], one for each
+    quantity of which a simulated lake has something.
+    """
     north, east = _grid(bounds)
     extent = max(north[-1] - north[0], east[-1] - east[0])
     rng = np.random.default_rng(seed)
     fields: dict[str, Array] = {}
     noise: dict[str, float] = {}
-    for key, lake in LAKE_STATISTICS.items():
+    for key, quantity in quantities.items():
+        lake = quantity.lake
+        if lake is None:
+            continue
         variance = lake.structured_share * lake.sd**2
         # 95 % of the correlation of GSTools' Matern-3/2 of length l is gone at 3.87 l.
         model = gs.Matern(dim=2, var=variance, len_scale=lake.range_share * extent / 3.87, nu=1.5)

@@ -62,6 +62,7 @@ def run_survey(
         link,
         SurveyRecorder(survey_file),
         settings,
+        quantities=departure.quantities,
         listeners=listeners,
         started=departure.started,
         reached=departure.reached,

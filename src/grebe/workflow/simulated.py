@@ -10,8 +10,8 @@ import numpy as np
 
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import PlanError, UsageError
-from grebe.core.quantities import QUANTITIES
-from grebe.core.samples import Flag
+from grebe.core.quantities import LIMNOLOGICAL, Quantities
+from grebe.core.samples import Samples
 from grebe.core.survey import Survey
 from grebe.io.readers.track import read_track
 from grebe.io.store import SurveyFile
@@ -22,7 +22,7 @@ from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water, conditioned_water, free_water
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    pass
 
 # Samples further than this from the region say nothing of its water [m].
 NEAR_M = 1000.0
@@ -50,7 +50,7 @@ class SimulatedWorld:
 
     def __call__(self, departure: Departure) -> SimulatedLink:
         """Put the boat where it sets out, and return the link to it."""
-        water = true_water(departure.survey, self.water_from, self.seed)
+        water = true_water(departure.survey, self.water_from, self.seed, departure.quantities)
         boat = mismatched(departure.vessel, self.mismatch, self.seed)
         plant = Plant(boat, departure.state, self.weather)
         fields = self.water_from.name if self.water_from else "free fields"
@@ -58,16 +58,21 @@ class SimulatedWorld:
         return SimulatedLink(plant, Sonde(water, self.seed), self.errors, self.seed, source)
 
 
-def true_water(survey: Survey, water_from: Path | None, seed: int) -> Water:
-    """Draw the true water of a survey's region."""
+def true_water(
+    survey: Survey,
+    water_from: Path | None,
+    seed: int,
+    quantities: Quantities = LIMNOLOGICAL,
+) -> Water:
+    """Draw the true water of a survey's region: those of some quantities that it can have."""
     bounds = survey.water.bounds
     if water_from is None:
-        return free_water(bounds, seed)
-    positions, values = _known_samples(survey, water_from)
+        return free_water(bounds, seed, quantities)
+    known = _known_samples(survey, water_from, quantities)
     north0, east0, north1, east1 = bounds
     near = np.all(
-        (positions >= np.array([north0, east0]) - NEAR_M)
-        & (positions <= np.array([north1, east1]) + NEAR_M),
+        (known.positions >= np.array([north0, east0]) - NEAR_M)
+        & (known.positions <= np.array([north1, east1]) + NEAR_M),
         axis=1,
     )
     if near.sum() < FEWEST_NEAR:
@@ -75,26 +80,25 @@ def true_water(survey: Survey, water_from: Path | None, seed: int) -> Water:
             f"{water_from}: {int(near.sum())} of its samples lie within a kilometre of "
             "the survey's region; the water can only be conditioned on samples of the same lake."
         )
-    return conditioned_water(bounds, positions[near], {k: v[near] for k, v in values.items()}, seed)
+    known = known.rows(near)
+    values = {
+        key: np.where(known.usable(key), known.values[key], np.nan)
+        for key in quantities
+        if key in known.values
+    }
+    return conditioned_water(bounds, known.positions, values, seed)
 
 
-def _known_samples(
-    survey: Survey, source: Path
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+def _known_samples(survey: Survey, source: Path, quantities: Quantities) -> Samples:
+    """The samples of a track or of a survey file in the survey's frame."""
     if source.suffix.lower() == ".csv":
-        track = read_track(source)
-        spans = {quantity.key: quantity.span for quantity in QUANTITIES}
-        possible = {
-            key: np.where((values >= spans[key][0]) & (values <= spans[key][1]), values, np.nan)
-            for key, values in track.values.items()
-        }
-        return survey.frame.to_local(track.lonlat), possible
+        track = read_track(source, quantities=quantities)
+        positions = survey.frame.to_local(track.lonlat)
+        times = np.zeros(len(positions)) if track.times is None else track.times
+        return Samples.of(
+            times=times, positions=positions, values=track.values, quantities=quantities
+        )
     with SurveyFile.open(source) as known:
         samples = known.samples()
         lonlat = known.survey.frame.to_wgs84(samples.positions)
-    present = {
-        key: np.where(np.isin(samples.flags[key], Flag.USABLE), values, np.nan)
-        for key, values in samples.values.items()
-        if np.isfinite(values).any()
-    }
-    return survey.frame.to_local(lonlat), present
+    return samples.moved(survey.frame.to_local(lonlat))

@@ -1,7 +1,8 @@
 """Write maps as CF NetCDF: all quantities with their standard deviations in one file.
 
-Standard names of lake water do not exist in the CF table; the `sea_water_*` names are the
-nearest and are used with a comment that says so.
+Standard names of lake water do not exist in the CF table; the `sea_water_*` names are used, with
+a comment that says so, where they name the same quantity. A unit that UDUNITS does not know (NTU,
+RFU) stands in `reported_unit`.
 """
 
 from __future__ import annotations
@@ -93,11 +94,10 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
     mean = _field(dataset, quantity.key, one.mean)
     mean.setncatts(
         {
-            "standard_name": quantity.standard_name,
+            **_named(quantity.standard_name),
             "long_name": f"{quantity.label} of the surface water, interpolated ({one.method.key})",
             "units": quantity.cf_unit,
             "ancillary_variables": f"{quantity.key}_sd",
-            "comment": "Lake water; the sea_water_* names are the nearest in the CF table.",
             "variogram_model": model.kind,
             "variogram_nugget": model.nugget,
             **{
@@ -114,16 +114,23 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
             "sample_count": np.int32(one.samples),
         }
     )
-    if quantity.key == "turbidity_ntu":
-        mean.reported_unit = "NTU"
+    if quantity.standard_name:
+        mean.comment = "Lake water; the sea_water_* names are the nearest in the CF table."
+    if quantity.unit and quantity.cf_unit == "1":
+        mean.reported_unit = quantity.unit
     sd = _field(dataset, f"{quantity.key}_sd", one.sd)
     sd.setncatts(
         {
-            "standard_name": f"{quantity.standard_name} standard_error",
+            **_named(quantity.standard_name, " standard_error"),
             "long_name": f"standard deviation of the signal of {quantity.label.lower()}",
             "units": quantity.cf_unit,
         }
     )
+
+
+def _named(standard_name: str, modifier: str = "") -> dict[str, str]:
+    """The attribute of a standard name, where there is one."""
+    return {"standard_name": standard_name + modifier} if standard_name else {}
 
 
 def _write_draws(dataset: netCDF4.Dataset, one: QuantityMap, draws: np.ndarray) -> None:

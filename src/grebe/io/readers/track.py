@@ -9,8 +9,8 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.errors import TrackError
-from grebe.core.quantities import QUANTITY_KEYS
+from grebe.core.quantities import BUILTIN, Quantities
 from grebe.io.readers.text import read_text
 
 if TYPE_CHECKING:
@@ -33,36 +33,17 @@ LATEST_S = 1e11
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 # Columns that speak about another one.
 _NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|units)$")
-# What a column may be called, first match wins; matched on lower-case letters and digits.
+# What the columns of time and place may be called, first match wins; those of the quantities are
+# named in the registry. Matched on lower-case letters, digits and the signs of units alone.
 _PATTERNS: dict[str, tuple[str, ...]] = {
     "time": (r"gpstimestamp", r"timestamp", r"time.*", r"datetime.*", r"unix.*"),
     "lat": (r"lat(itude)?(deg|dd)?", r".*latitude.*"),
     "lon": (r"lon(gitude)?(deg|dd)?", r"lng", r".*longitude.*"),
-    "temperature_degc": (r"temp(erature)?(degc|°c|c)?", r"watertemp.*"),
-    "dissolved_oxygen_mgl": (r"odomgl", r"do(mgl)?", r"dissolvedoxygen(mgl)?", r"o2mgl"),
-    "ph": (r"ph",),
-    "conductivity_uscm": (
-        r"spcond[uµμ]scm",
-        r"specificconductance.*",
-        r"cond(uctivity)?[uµμ]scm",
-        r"conductivity",
-    ),
-    "turbidity_ntu": (r"turb(idity)?(ntu|fnu)?",),
 }
 
-
-@dataclass(frozen=True, kw_only=True)
-class TrackColumns:
-    """Names of columns that the caller knows; None means: find it by its name."""
-
-    time: str | None = None
-    lat: str | None = None
-    lon: str | None = None
-    temperature_degc: str | None = None
-    dissolved_oxygen_mgl: str | None = None
-    ph: str | None = None
-    conductivity_uscm: str | None = None
-    turbidity_ntu: str | None = None
+# Columns that the caller knows, by `time`, `lat`, `lon` or the key of a quantity; the others are
+# found by their names.
+TrackColumns = Mapping[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,41 +61,48 @@ class RawTrack:
     columns: dict[str, str]
     notes: tuple[str, ...]
 
-    @property
-    def missing(self) -> list[str]:
-        """Keys of the quantities that the file does not have."""
-        return [key for key in QUANTITY_KEYS if key not in self.values]
-
 
 def read_track(
-    path: Path, columns: TrackColumns | None = None, header_from: Path | None = None
+    path: Path,
+    columns: TrackColumns | None = None,
+    header_from: Path | None = None,
+    quantities: Quantities = BUILTIN,
 ) -> RawTrack:
     """Read and clean a track; `TrackError` or `InputError` says what is wrong with it.
 
     `header_from` names a file whose first row holds the columns' names where this one has
-    none.
+    none; `quantities` are those that are looked for.
     """
-    columns = columns or TrackColumns()
+    given = dict(columns or {})
     header, rows = _read_csv(path, header_from)
-    found = _find_columns(path, header, columns)
-    table = {key: _column(rows, header.index(name)) for key, name in found.items() if key != "time"}
-    times = _times(rows, header.index(found["time"])) if "time" in found else None
-    if times is None and columns.time is not None:
-        example = (*rows[0], *header)[header.index(columns.time)]
+    found = _find_columns(path, header, given, quantities)
+    cells = _columns(rows, {key: header.index(name) for key, name in found.items()})
+    times = _times(cells["time"]) if "time" in found else None
+    if times is None and "time" in given:
+        example = cells["time"][0]
         raise TrackError(
-            f"{path}: column {columns.time!r} holds {example!r} and the like, which are no times; "
+            f"{path}: column {given['time']!r} holds {example!r} and the like, which are no times; "
             "give unix seconds or ISO 8601."
         )
-    lonlat = np.column_stack([table["lon"], table["lat"]])
+    lonlat = np.column_stack([_numbers(cells["lon"]), _numbers(cells["lat"])])
     keep, notes = _find_glitches(lonlat, times)
     _refuse_if_hopeless(path, lonlat, keep)
     return RawTrack(
         lonlat=lonlat[keep],
         times=None if times is None else times[keep],
-        values={key: table[key][keep] for key in QUANTITY_KEYS if key in table},
+        values={
+            key: _present(_numbers(cells[key])[keep], one.missing)
+            for key, one in quantities.items()
+            if key in found
+        },
         columns=found,
         notes=tuple(notes),
     )
+
+
+def _present(values: NDArray[np.float64], missing: tuple[float, ...]) -> NDArray[np.float64]:
+    """Values with NaN for the numbers that stand for none."""
+    return np.where(np.isin(values, missing), np.nan, values) if missing else values
 
 
 def _read_csv(path: Path, header_from: Path | None) -> tuple[list[str], list[list[str]]]:
@@ -127,7 +115,8 @@ def _read_csv(path: Path, header_from: Path | None) -> tuple[list[str], list[lis
     if sum(map(_is_number, header)) > len(header) / 2:
         raise TrackError(
             f"{path}: the first row holds numbers, not the names of columns; add a header row, "
-            "or take it from a file with the same columns with --header-from FILE."
+            "or take it from a file with the same columns.",
+            settings=("header_from",),
         )
     if len(rows) < 2:
         raise TrackError(f"{path}: a header and no rows.")
@@ -156,51 +145,80 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _find_columns(path: Path, header: list[str], given: TrackColumns) -> dict[str, str]:
+def _find_columns(
+    path: Path, header: list[str], given: dict[str, str], quantities: Quantities
+) -> dict[str, str]:
+    """The name of the column of each key that the table has."""
+    patterns = {**_PATTERNS, **{key: one.columns for key, one in quantities.items()}}
+    for key, name in given.items():
+        if key not in patterns:
+            raise TrackError(
+                f"{path}: a column is given for {key!r}, which is neither time, lat, lon nor a "
+                f"quantity ({quantities.keys_text})."
+            )
+        if name not in header:
+            raise TrackError(f"{path}: there is no column {name!r}; it has {', '.join(header)}.")
+    plain = _plain_names(header)
     found: dict[str, str] = {}
-    plain: dict[str, str] = {}
-    for name in header:
-        if not _NOT_A_VALUE.search(name.lower()):
-            plain.setdefault(re.sub(r"[^a-z0-9°µμ]", "", name.lower()), name)
-    for field in fields(given):
-        name = getattr(given, field.name)
+    for key, expressions in patterns.items():
+        name = given.get(key) or _first_match(expressions, plain)
         if name is not None:
-            if name not in header:
-                raise TrackError(
-                    f"{path}: there is no column {name!r}; it has {', '.join(header)}."
-                )
-            found[field.name] = name
-            continue
-        for pattern in _PATTERNS[field.name]:
-            match = next((plain[key] for key in plain if re.fullmatch(pattern, key)), None)
-            if match is not None:
-                found[field.name] = match
-                break
-    for key, option in (("lat", "--lat-column"), ("lon", "--lon-column")):
+            found[key] = name
+    for key, what in (("lat", "latitude"), ("lon", "longitude")):
         if key not in found:
             raise TrackError(
-                f"{path}: no column looks like a {'lat' if key == 'lat' else 'long'}itude; "
-                f"name it with {option} (columns: {', '.join(header)})."
+                f"{path}: no column looks like a {what}; say which one it is, as "
+                f"{key}=NAME (columns: {', '.join(header)}).",
+                settings=("columns",),
             )
     return found
 
 
-def _column(rows: Sequence[Sequence[str]], index: int) -> NDArray[np.float64]:
-    values = np.full(len(rows), np.nan)
-    for i, row in enumerate(rows):
-        number = _number(row[index]) if index < len(row) else None
-        if number is not None:
-            values[i] = number
+def _plain_names(header: list[str]) -> dict[str, str]:
+    """Columns by their plain name, alone and with that of the column before: `before/this`."""
+    plain: dict[str, str] = {}
+    before = ""
+    for name in header:
+        this = re.sub(r"[^a-z0-9°µμ]", "", name.lower())
+        if not _NOT_A_VALUE.search(name.lower()):
+            plain.setdefault(this, name)
+            plain.setdefault(f"{before}/{this}", name)
+        before = this
+    return plain
+
+
+def _first_match(expressions: Sequence[str], plain: dict[str, str]) -> str | None:
+    for expression in expressions:
+        for name, column in plain.items():
+            if ("/" in name) == ("/" in expression) and re.fullmatch(expression, name):
+                return column
+    return None
+
+
+def _columns(rows: Sequence[Sequence[str]], places: dict[str, int]) -> dict[str, list[str]]:
+    """The cells of some columns by key; empty where a row is too short."""
+    least = max(places.values()) + 1
+    if all(len(row) >= least for row in rows):
+        return {key: [row[i] for row in rows] for key, i in places.items()}
+    return {key: [row[i] if i < len(row) else "" for row in rows] for key, i in places.items()}
+
+
+def _numbers(cells: list[str]) -> NDArray[np.float64]:
+    """Numbers (n,), NaN for anything else; all at once where all are plain."""
+    try:
+        values = np.array([float(cell or "nan") for cell in cells])
+    except ValueError:
+        numbers = map(_number, cells)
+        values = np.array([np.nan if one is None else one for one in numbers])
     values[~np.isfinite(values)] = np.nan
     return values
 
 
-def _times(rows: Sequence[Sequence[str]], index: int) -> NDArray[np.float64] | None:
+def _times(cells: list[str]) -> NDArray[np.float64] | None:
     """Unix seconds from numbers or ISO 8601; None where less than half can be read."""
-    values = _column(rows, index)
+    values = _numbers(cells)
     if np.isnan(values).all():
-        for i, row in enumerate(rows):
-            values[i] = _iso_seconds(row[index]) if index < len(row) else np.nan
+        values = np.array([_iso_seconds(cell) for cell in cells])
     # Milliseconds since 1970 are beyond any survey's seconds.
     values = np.where(values > LATEST_S, values / 1000.0, values)
     return values if np.isfinite(values).mean() >= 0.5 else None
@@ -255,15 +273,31 @@ def _find_jumps(
     spread = np.hypot(*(places - middle).T)
     good = int(np.flatnonzero(spread <= 10 * np.median(spread) + reach)[0])
     jumps = [int(i) for i in index[:good]]
-    for k in range(good + 1, len(index)):
-        gap = float(np.hypot(*(places[k] - places[good])))
-        waited = np.nan if times is None else times[index[k]] - times[index[good]]
-        allowed = reach if not np.isfinite(waited) else JUMP_SPEED_MPS * max(waited, 1.0) + 5.0
-        if gap > allowed:
+    # Where a step can be made from the row before, that row is the last good one: only the others
+    # are looked at one by one.
+    waited = np.full(len(steps), np.nan) if times is None else np.diff(times[index])
+    doubtful = np.flatnonzero(steps > _allowed(waited, reach)) + 1
+    k = good + 1
+    while True:
+        ahead = doubtful[np.searchsorted(doubtful, k) :]
+        if not len(ahead):
+            return jumps
+        k = int(ahead[0])
+        good = k - 1
+        while k < len(index):
+            gap = np.hypot(*(places[k] - places[good]))
+            since = np.nan if times is None else times[index[k]] - times[index[good]]
+            if gap <= _allowed(since, reach):
+                break
             jumps.append(int(index[k]))
-        else:
-            good = k
-    return jumps
+            k += 1
+        k += 1
+
+
+def _allowed(waited: NDArray[np.float64] | float, reach: float) -> NDArray[np.float64]:
+    """How far a boat can have come in a time [s], NaN for unknown."""
+    far = JUMP_SPEED_MPS * np.fmax(waited, 1.0) + 5.0
+    return np.where(np.isfinite(waited), far, reach)
 
 
 def _refuse_if_hopeless(path: Path, lonlat: NDArray[np.float64], keep: NDArray[np.bool_]) -> None:
@@ -273,7 +307,7 @@ def _refuse_if_hopeless(path: Path, lonlat: NDArray[np.float64], keep: NDArray[n
         if share > 0.5:
             raise TrackError(
                 f"{path}: latitudes reach {np.nanmax(np.abs(lat)):g}, beyond 90; either latitude "
-                "and longitude are swapped (--lat-column, --lon-column) or they are projected."
+                "and longitude are swapped (give the columns lat and lon) or they are projected."
             )
     if keep.sum() < 3:
         raise TrackError(f"{path}: {int(keep.sum())} usable positions; a track needs three.")

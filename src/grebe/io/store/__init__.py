@@ -1,5 +1,5 @@
 """The survey file: one GeoPackage that opens in QGIS while the mission runs."""
 
-from grebe.io.store.survey_file import SCHEMA_VERSION, Progress, SampleTable, SurveyFile, TrackTable
+from grebe.io.store.survey_file import SCHEMA_VERSION, Progress, SurveyFile, TrackTable
 
-__all__ = ["SCHEMA_VERSION", "Progress", "SampleTable", "SurveyFile", "TrackTable"]
+__all__ = ["SCHEMA_VERSION", "Progress", "SurveyFile", "TrackTable"]

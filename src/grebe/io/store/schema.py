@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,13 +17,14 @@ import numpy as np
 import shapely
 
 from grebe.core.dynamics import STATE_NAMES
-from grebe.core.errors import SurveyFileError
+from grebe.core.errors import InputError, SurveyFileError
 from grebe.core.frames import LocalFrame
-from grebe.core.quantities import QUANTITY_KEYS
+from grebe.core.quantities import Quantities, Quantity, quantities_of
 from grebe.core.sets import TargetSet, footprints_of, rings_of
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.io.store import geopackage
+from grebe.io.store.migrations import QUANTITY_COLUMNS, write_quantities
 from grebe.io.store.plan_tables import (
     CELL_COLUMNS,
     outcome_text,
@@ -57,22 +59,23 @@ _LAYERS: dict[str, tuple[str | None, str]] = {
         "split_stage INTEGER, solve_ms DOUBLE, status TEXT, current_north_mps DOUBLE, "
         "current_east_mps DOUBLE",
     ),
-    "samples": (
-        "POINT",
-        "time DATETIME NOT NULL, target_seq INTEGER, speed_mps DOUBLE, "
-        + ", ".join(f"{key} DOUBLE, {key}_qc INTEGER" for key in QUANTITY_KEYS),
-    ),
+    # Two columns a quantity follow: those that the file declares.
+    "samples": ("POINT", "time DATETIME NOT NULL, target_seq INTEGER, speed_mps DOUBLE"),
+    "quantities": (None, QUANTITY_COLUMNS),
     "events": (None, "time DATETIME NOT NULL, level TEXT, code TEXT, message TEXT"),
     "meta": (None, "key TEXT NOT NULL UNIQUE, value TEXT"),
 }
 
 
-def create(connection: sqlite3.Connection, survey: Survey, meta: dict[str, str]) -> None:
+def create(
+    connection: sqlite3.Connection, survey: Survey, meta: dict[str, str], quantities: Quantities
+) -> None:
     """Write the layers and the plan into an empty database."""
     geopackage.create_core(connection, VERSION)
     water = survey.frame.geometry_to_wgs84(survey.water)
     for table, (geometry, columns) in _LAYERS.items():
         geopackage.create_layer(connection, table, columns, geometry=geometry, bounds=water.bounds)
+    declare(connection, quantities.values())
     _write_region(connection, survey)
     _write_targets(connection, survey)
     write_cells(connection, survey.frame, survey.targets)
@@ -88,6 +91,27 @@ def create(connection: sqlite3.Connection, survey: Survey, meta: dict[str, str])
         **meta,
     }
     connection.executemany("INSERT INTO meta (key, value) VALUES (?, ?)", entries.items())
+
+
+def declare(connection: sqlite3.Connection, quantities: Iterable[Quantity]) -> None:
+    """Declare quantities and add their columns to the samples; those declared are defined anew."""
+    columns = {row[1] for row in connection.execute("PRAGMA table_info(samples)")}
+    declared = list(quantities)
+    for one in declared:
+        if one.key not in columns:
+            connection.execute(f'ALTER TABLE samples ADD COLUMN "{one.key}" DOUBLE')
+            connection.execute(f'ALTER TABLE samples ADD COLUMN "{one.key}_qc" INTEGER')
+    write_quantities(connection, declared)
+
+
+def read_quantities(connection: sqlite3.Connection) -> Quantities:
+    """Read the quantities that a file declares, in their order."""
+    rows = connection.execute("SELECT key, definition FROM quantities ORDER BY fid").fetchall()
+    try:
+        tables = {key: json.loads(definition) for key, definition in rows}
+        return quantities_of(tables, {}, "its quantities")
+    except InputError as error:
+        raise ValueError(str(error)) from None
 
 
 def _write_region(connection: sqlite3.Connection, survey: Survey) -> None:

@@ -6,12 +6,12 @@ that the loop has seen is on the disk. Other programs may read the file meanwhil
 
 from __future__ import annotations
 
-import fcntl
+import json
 import os
 import sqlite3
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -22,16 +22,21 @@ import shapely
 
 from grebe.core.errors import SurveyFileError
 from grebe.core.events import LogEntry, Step
-from grebe.core.quantities import QUANTITY_KEYS
-from grebe.core.samples import Flag, Sample
+from grebe.core.quantities import LIMNOLOGICAL, Quantities
+from grebe.core.samples import Flag, Sample, Samples
 from grebe.core.survey import Survey
-from grebe.io.store import geopackage, schema
-from grebe.io.store.timestamps import parse_time, time_text
+from grebe.io.store import claims, geopackage, schema
+from grebe.io.store.migrations import migrate
+from grebe.io.store.timestamps import parse_time, parse_times, time_text, time_texts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from grebe.mapping.lag import Lag
+
 SCHEMA_VERSION = schema.VERSION
+# Rows that are turned into columns, and columns into rows, at a time: memory stays in bounds.
+ROWS_AT_ONCE = 50_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,21 +50,6 @@ class Progress:
     def reached(self) -> int:
         """Number of reached targets."""
         return sum(moment is not None for moment in self.reached_at)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SampleTable:
-    """All samples as columns: `positions` (n, 2) north, east [m]; NaN stands for missing."""
-
-    times: tuple[datetime, ...]
-    positions: NDArray[np.float64]
-    target_seq: NDArray[np.int64]
-    speed_mps: NDArray[np.float64]
-    values: dict[str, NDArray[np.float64]]
-    flags: dict[str, NDArray[np.int64]]
-
-    def __len__(self) -> int:
-        return len(self.positions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,16 +78,32 @@ class SurveyFile:
         self._connection = connection
         self._lock: TextIO | None = None
         self.survey = schema.read_survey(connection)
+        self._quantities = schema.read_quantities(connection)
 
     @classmethod
-    def create(cls, path: Path, survey: Survey, *, meta: dict[str, str], force: bool) -> Self:
+    def create(
+        cls,
+        path: Path,
+        survey: Survey,
+        *,
+        meta: dict[str, str],
+        force: bool,
+        quantities: Quantities = LIMNOLOGICAL,
+    ) -> Self:
         """Write a new survey file and open it; see `write`."""
-        cls.write(path, survey, meta=meta, force=force)
+        cls.write(path, survey, meta=meta, force=force, quantities=quantities)
         return cls.open(path)
 
     @staticmethod
-    def write(path: Path, survey: Survey, *, meta: dict[str, str], force: bool) -> None:
-        """Write a new survey file.
+    def write(
+        path: Path,
+        survey: Survey,
+        *,
+        meta: dict[str, str],
+        force: bool,
+        quantities: Quantities = LIMNOLOGICAL,
+    ) -> None:
+        """Write a new survey file, which declares some quantities.
 
         An existing file is left alone unless `force`; then it is replaced only once the new
         one is complete. Raises `SurveyFileError`.
@@ -111,7 +117,7 @@ class SurveyFile:
         try:
             part.unlink(missing_ok=True)
             with closing(sqlite3.connect(part)) as connection, connection:
-                schema.create(connection, survey, meta)
+                schema.create(connection, survey, meta, quantities)
             for suffix in ("-wal", "-shm"):
                 path.with_name(path.name + suffix).unlink(missing_ok=True)
             os.replace(part, path)
@@ -122,7 +128,10 @@ class SurveyFile:
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Open an existing survey file; `SurveyFileError` says why it cannot be used."""
+        """Open an existing survey file; `SurveyFileError` says why it cannot be used.
+
+        One that an older version made is brought up to date.
+        """
         if path.is_dir():
             raise SurveyFileError(f"{path} is a folder, not a survey file.")
         if not path.is_file():
@@ -133,6 +142,7 @@ class SurveyFile:
             connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
             try:
                 schema.check(path, connection)
+                migrate(path, connection, schema.VERSION)
                 connection.execute("PRAGMA journal_mode = WAL")
                 connection.execute("PRAGMA synchronous = FULL")
                 return cls(path, connection)
@@ -158,20 +168,12 @@ class SurveyFile:
         self.close()
 
     def claim(self) -> None:
-        """Keep other missions off this file until it is closed; readers are not disturbed.
-
-        A lock on a file of its own beside it, which the system lifts when the process ends.
-        """
+        """Keep other missions off this file until it is closed; readers are not disturbed."""
         if self._lock is not None:
             return
-        lock = self.path.with_name(self.path.name + ".lock")
-        self._lock = lock.open("w")
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._lock.close()
-            self._lock = None
-            raise SurveyFileError(f"{self.path} is being written by another mission.") from None
+        self._lock = claims.take(self.path)
+        if self._lock is None:
+            raise SurveyFileError(f"{self.path} is being written by another mission.")
 
     def close(self) -> None:
         """Fold the write-ahead log into the file and close it."""
@@ -179,11 +181,31 @@ class SurveyFile:
             self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         self._connection.close()
         if self._lock is not None:
-            self.path.with_name(self.path.name + ".lock").unlink(missing_ok=True)
-            self._lock.close()
+            claims.drop(self.path, self._lock)
             self._lock = None
 
+    @property
+    def quantities(self) -> Quantities:
+        """The quantities that the file declares: its samples have a column of each."""
+        return self._quantities
+
     # -- writing ---------------------------------------------------------------------
+
+    def declare(self, quantities: Quantities) -> None:
+        """Declare more quantities; those that are declared are defined anew, in the same unit."""
+        for key, one in quantities.items():
+            before = self._quantities.get(key)
+            if before is not None and before.unit != one.unit:
+                raise SurveyFileError(
+                    f"{self.path} holds {key} in {before.unit or '1'}, and it is now defined in "
+                    f"{one.unit or '1'}; give the new one another key."
+                )
+        try:
+            with self._transaction():
+                schema.declare(self._connection, quantities.values())
+        except sqlite3.Error as error:
+            raise _unwritten(self.path, error) from None
+        self._quantities = self._quantities.extended(quantities)
 
     def append_track(self, point: Step) -> None:
         """Append one point of the track."""
@@ -206,7 +228,12 @@ class SurveyFile:
         )
 
     def append_samples(self, samples: Sequence[Sample]) -> None:
-        """Append samples and count them in their targets, in one transaction."""
+        """Append samples and count them in their targets, in one transaction.
+
+        Raises `SurveyFileError` for a quantity that the file does not declare; see `declare`.
+        """
+        for sample in samples:
+            self._refuse_undeclared({*sample.values, *sample.flags})
         with self._transaction():
             for sample in samples:
                 self._insert("samples", self._sample_row(sample))
@@ -215,6 +242,23 @@ class SurveyFile:
                         "UPDATE targets SET sample_count = sample_count + 1 WHERE seq = ?",
                         (sample.target_seq,),
                     )
+
+    def extend_samples(self, samples: Samples) -> None:
+        """Append columns of samples, as `append_samples` does a few, in one transaction."""
+        self._refuse_undeclared(set(samples.values))
+        keys = list(self._quantities)
+        columns = ["geom", "time", "target_seq", "speed_mps", *self._value_columns()]
+        marks = ", ".join("?" * len(columns))
+        sql = f"INSERT INTO samples ({', '.join(columns)}) VALUES ({marks})"
+        with self._transaction():
+            for first in range(0, len(samples), ROWS_AT_ONCE):
+                some = samples.rows(slice(first, first + ROWS_AT_ONCE))
+                self._execute_many(sql, self._sample_rows(some, keys))
+            counts = np.bincount(samples.target_seq)
+            self._execute_many(
+                "UPDATE targets SET sample_count = sample_count + ? WHERE seq = ?",
+                ((int(counts[seq]), int(seq)) for seq in np.flatnonzero(counts) if seq > 0),
+            )
 
     def append_event(self, event: LogEntry) -> None:
         """Append an event."""
@@ -238,12 +282,28 @@ class SurveyFile:
     def set_flags(self, flags: Mapping[str, NDArray[np.int64]]) -> None:
         """Store the flags (n,) of each quantity, in the order of `samples`, all or none."""
         keys = list(flags)
+        self._refuse_undeclared(set(keys))
+        if not keys:
+            return
         fids = [row[0] for row in self._query("SELECT fid FROM samples ORDER BY fid")]
-        setters = ", ".join(f"{key}_qc = ?" for key in keys)
-        columns = [flags[key].tolist() for key in keys]
+        if any(len(column) != len(fids) for column in flags.values()):
+            raise ValueError(f"flags are given for other than the {len(fids)} samples there are")
+        setters = ", ".join(f'"{key}_qc" = ?' for key in keys)
         with self._transaction():
-            for row in zip(*columns, fids, strict=True):
-                self._execute(f"UPDATE samples SET {setters} WHERE fid = ?", row)
+            for first in range(0, len(fids), ROWS_AT_ONCE):
+                part = slice(first, first + ROWS_AT_ONCE)
+                columns = [flags[key][part].tolist() for key in keys]
+                self._execute_many(
+                    f"UPDATE samples SET {setters} WHERE fid = ?",
+                    zip(*columns, fids[part], strict=True),
+                )
+
+    def note_lags(self, lags: Mapping[str, Lag]) -> None:
+        """Note the lag of some sensors beside those noted before; a lag of 0 removes a note."""
+        self._refuse_undeclared(set(lags))
+        known = self.lags() | dict(lags)
+        kept = {key: asdict(one) for key, one in known.items() if one.delay_s or one.tau_s}
+        self.set_meta("lags", json.dumps(kept))
 
     def set_meta(self, key: str, value: str) -> None:
         """Set one entry of the meta table."""
@@ -291,25 +351,30 @@ class SurveyFile:
             target_seq=np.array([row[2] or 0 for row in rows], dtype=np.int64),
         )
 
-    def samples(self) -> SampleTable:
+    def samples(self) -> Samples:
         """Return all samples in the order in which they were written."""
-        values = ", ".join(f"{key}, {key}_qc" for key in QUANTITY_KEYS)
-        rows = self._query(
-            f"SELECT geom, time, target_seq, speed_mps, {values} FROM samples ORDER BY fid"
+        columns = ", ".join(["geom", "time", "target_seq", "speed_mps", *self._value_columns()])
+        blocks = [
+            self._sample_block(rows)
+            for rows in self._blocks(f"SELECT {columns} FROM samples ORDER BY fid")
+        ] or [self._sample_block([])]
+        times, positions, numbers = (np.concatenate(one) for one in zip(*blocks, strict=True))
+        flags = np.nan_to_num(numbers[:, 3::2], nan=Flag.MISSING).astype(np.int64)
+        return Samples(
+            times=times,
+            positions=positions,
+            target_seq=np.nan_to_num(numbers[:, 0]).astype(np.int64),
+            speed_mps=numbers[:, 1],
+            values={key: numbers[:, 2 + 2 * i] for i, key in enumerate(self._quantities)},
+            flags={key: flags[:, i] for i, key in enumerate(self._quantities)},
         )
-        lonlat = shapely.get_coordinates([geopackage.from_blob(row[0]) for row in rows])
-        numbers = np.array([row[4:] for row in rows], dtype=float).reshape(
-            len(rows), 2 * len(QUANTITY_KEYS)
-        )
-        flags = np.nan_to_num(numbers[:, 1::2], nan=Flag.MISSING).astype(np.int64)
-        return SampleTable(
-            times=tuple(parse_time(row[1]) for row in rows),
-            positions=self.survey.frame.to_local(lonlat.reshape(-1, 2)),
-            target_seq=np.array([row[2] or 0 for row in rows], dtype=np.int64),
-            speed_mps=np.array([row[3] for row in rows], dtype=float),
-            values={key: numbers[:, 2 * i] for i, key in enumerate(QUANTITY_KEYS)},
-            flags={key: flags[:, i] for i, key in enumerate(QUANTITY_KEYS)},
-        )
+
+    def lags(self) -> dict[str, Lag]:
+        """Return the lags that are noted, by quantity."""
+        from grebe.mapping.lag import Lag
+
+        noted = json.loads(self.meta().get("lags", "{}"))
+        return {key: Lag(**one) for key, one in noted.items()}
 
     def events(self) -> list[LogEntry]:
         """Return all events."""
@@ -326,6 +391,17 @@ class SurveyFile:
 
     # -- plumbing --------------------------------------------------------------------
 
+    def _refuse_undeclared(self, keys: set[str]) -> None:
+        unknown = sorted(keys - set(self._quantities))
+        if unknown:
+            raise SurveyFileError(
+                f"{self.path} does not declare {', '.join(unknown)}; it declares "
+                f"{self._quantities.keys_text}. Declare a new quantity first."
+            )
+
+    def _value_columns(self) -> list[str]:
+        return [name for key in self._quantities for name in (f'"{key}"', f'"{key}_qc"')]
+
     def _sample_row(self, sample: Sample) -> dict[str, Any]:
         row: dict[str, Any] = {
             "geom": self._point_blob(sample.north_m, sample.east_m),
@@ -333,10 +409,38 @@ class SurveyFile:
             "target_seq": sample.target_seq,
             "speed_mps": sample.speed_mps,
         }
-        for key in QUANTITY_KEYS:
-            row[key] = sample.values.get(key)
-            row[f"{key}_qc"] = sample.flags.get(key, Flag.MISSING)
+        for key in self._quantities:
+            row[f'"{key}"'] = sample.values.get(key)
+            row[f'"{key}_qc"'] = sample.flags.get(key, Flag.MISSING)
         return row
+
+    def _sample_rows(self, samples: Samples, keys: Sequence[str]) -> Iterator[tuple[Any, ...]]:
+        """Columns as rows of the table; NaN becomes NULL by SQLite's own rule."""
+        n = len(samples)
+        lonlat = self.survey.frame.to_wgs84(samples.positions)
+        columns: list[list[Any]] = [
+            geopackage.to_blobs(np.asarray(shapely.points(lonlat), dtype=object)),
+            time_texts(samples.times),
+            [seq or None for seq in samples.target_seq.tolist()],
+            samples.speed_mps.tolist(),
+        ]
+        for key in keys:
+            known = key in samples.values
+            columns.append(samples.values[key].tolist() if known else [None] * n)
+            columns.append(samples.flags[key].tolist() if known else [Flag.MISSING] * n)
+        return zip(*columns, strict=True)
+
+    def _sample_block(
+        self, rows: list[Any]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Times (n,), positions (n, 2) and the other columns (n, m) of some rows."""
+        lonlat = geopackage.point_coordinates([row[0] for row in rows])
+        numbers = np.array([row[2:] for row in rows], dtype=float)
+        return (
+            parse_times([row[1] for row in rows]),
+            self.survey.frame.to_local(lonlat),
+            numbers.reshape(len(rows), 2 + 2 * len(self._quantities)),
+        )
 
     def _point_blob(self, north_m: float, east_m: float) -> bytes:
         lon, lat = self.survey.frame.to_wgs84((north_m, east_m)).tolist()
@@ -354,6 +458,21 @@ class SurveyFile:
             self._connection.execute(sql, values)
         except sqlite3.Error as error:
             raise _unwritten(self.path, error) from None
+
+    def _execute_many(self, sql: str, rows: Iterator[tuple[Any, ...]]) -> None:
+        try:
+            self._connection.executemany(sql, rows)
+        except sqlite3.Error as error:
+            raise _unwritten(self.path, error) from None
+
+    def _blocks(self, sql: str) -> Iterator[list[Any]]:
+        """The rows of a query, so many at a time."""
+        try:
+            cursor = self._connection.execute(sql)
+            while rows := cursor.fetchmany(ROWS_AT_ONCE):
+                yield rows
+        except sqlite3.Error as error:
+            raise schema.damaged(self.path, str(error)) from None
 
     def _query(self, sql: str) -> list[Any]:
         try:

@@ -1,4 +1,4 @@
-"""Make what the commands write to: folders, and survey files with what their meta must say."""
+"""Make what is written to: folders, and survey files with what their meta must say."""
 
 from __future__ import annotations
 
@@ -9,14 +9,25 @@ from importlib.metadata import version
 from pathlib import Path
 
 from grebe.core.errors import InputError
+from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.io.store.plan_tables import settings_text
 from grebe.io.store.timestamps import time_text
 
 
-def write_survey_file(path: Path, survey: Survey, *, force: bool, note: str = "") -> None:
-    """Write a survey to a new file, with its identity, origin and configuration."""
+def write_survey(
+    path: Path,
+    survey: Survey,
+    *,
+    quantities: Quantities = LIMNOLOGICAL,
+    force: bool = False,
+    note: str = "",
+) -> None:
+    """Write a survey to a new file, with its identity, origin and configuration.
+
+    The file declares `quantities`. One that is there already is replaced only by `force`.
+    """
     configuration = settings_text(survey.settings)
     meta = {
         "survey_id": str(uuid.uuid4()),
@@ -26,7 +37,7 @@ def write_survey_file(path: Path, survey: Survey, *, force: bool, note: str = ""
         "configuration_hash": hashlib.sha256(configuration.encode()).hexdigest(),
         "note": note,
     }
-    SurveyFile.write(path, survey, meta=meta, force=force)
+    SurveyFile.write(path, survey, meta=meta, force=force, quantities=quantities)
 
 
 def make_folder(path: Path) -> None:

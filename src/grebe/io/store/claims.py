@@ -1,0 +1,54 @@
+"""Claims: who writes a survey file keeps other writers off it; readers are not disturbed.
+
+A lock on a file of its own beside it, which the system lifts when the process ends.
+"""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+from grebe.core.errors import SurveyFileError
+
+
+def take(path: Path) -> TextIO | None:
+    """Claim a survey file; None where another process has it."""
+    lock = _lock_path(path).open("w")
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        lock.close()
+        return None
+    return lock
+
+
+def drop(path: Path, lock: TextIO) -> None:
+    """Give a claim up."""
+    _lock_path(path).unlink(missing_ok=True)
+    lock.close()
+
+
+@contextmanager
+def claimed(path: Path, why: str) -> Generator[None]:
+    """Hold a claim for a while; `SurveyFileError`, beginning with `why`, where it cannot be had."""
+    try:
+        lock = take(path)
+    except OSError:
+        raise SurveyFileError(
+            f"{why}, but it is read-only; make it and its folder writable."
+        ) from None
+    if lock is None:
+        raise SurveyFileError(
+            f"{why}, but another process is writing it; open it again when that has ended."
+        )
+    try:
+        yield
+    finally:
+        drop(path, lock)
+
+
+def _lock_path(path: Path) -> Path:
+    return path.with_name(path.name + ".lock")

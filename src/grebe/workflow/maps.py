@@ -1,0 +1,104 @@
+"""Map a survey, and write everything that maps are given in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from grebe.core.errors import InputError
+from grebe.io.export.contours import write_contours
+from grebe.io.export.geotiff import write_geotiff
+from grebe.io.export.netcdf import write_netcdf
+from grebe.io.store import SurveyFile
+from grebe.mapping.maps import MapSettings, QuantityMap
+from grebe.report import canvas, map_figures
+from grebe.report.bathymetry import bathymetry_of, hypsographic_figure, write_hypsography
+from grebe.report.data import ReportData, gather
+from grebe.report.thresholds import Profile
+from grebe.workflow.files import make_folder
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+NETCDF_NAME = "map.nc"
+
+
+def map_survey(
+    file: Path,
+    settings: MapSettings | None = None,
+    resolution_m: float | None = None,
+    on_mapped: Callable[[int, int], None] | None = None,
+) -> ReportData:
+    """Map every quantity that a survey file has samples of; `maps` holds them by their order.
+
+    `on_mapped` is told how many quantities are done, and of how many.
+    """
+    with SurveyFile.open(file) as survey_file:
+        return gather(survey_file, resolution_m, settings, on_mapped)
+
+
+def write_maps(data: ReportData, out: Path, profile: Profile, draws: int = 0) -> list[Path]:
+    """Write everything that maps are given in; `InputError` when there is nothing to map."""
+    if not data.maps:
+        raise InputError(f"No quantity can be mapped: {'; '.join(data.left_out)}.")
+    make_folder(out)
+    frame = data.survey.frame
+    concerns = {
+        one.quantity.key: {each.name: each.probability(one) for each in profile.of(one)}
+        for one in data.maps
+    }
+    drawn: dict[str, NDArray[np.floating]] = {
+        one.quantity.key: one.draws(draws) for one in data.maps if draws
+    }
+    written = [out / NETCDF_NAME, out / "contours.gpkg"]
+    write_netcdf(written[0], data.maps, frame, _attributes(data), concerns, drawn)
+    write_contours(written[1], data.maps, frame)
+    for one in data.maps:
+        key = one.quantity.key
+        write_geotiff(out / f"{key}.tif", one, frame, concerns[key])
+        canvas.save(map_figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
+        written += [out / f"{key}.tif", out / f"{key}.png"]
+        lake = bathymetry_of(one, data.survey)
+        if lake is not None:
+            write_hypsography(out / "hypsography.csv", lake)
+            canvas.save(hypsographic_figure(lake), out / "hypsography.png")
+            written += [out / "hypsography.csv", out / "hypsography.png"]
+    return written
+
+
+def _attributes(data: ReportData) -> dict[str, str]:
+    return {
+        "title": f"Surface water of {data.survey.name}",
+        "source": f"Grebe {data.meta['software_version']}, {data.meta.get('water', 'measured')}",
+        "history": f"mapped from survey {data.meta.get('survey_id', '')}",
+        "comment": data.meta.get("note", ""),
+    }
+
+
+def map_numbers(one: QuantityMap) -> dict[str, Any]:
+    """What there is to say of a map, for JSON."""
+    model, validation = one.model, one.validation
+    return {
+        "quantity": one.quantity.key,
+        "samples": one.samples,
+        "flagged": one.flagged,
+        "method": one.method.key,
+        "reason": one.reason,
+        "sd_widened_by": one.widening,
+        "variogram": {
+            "kind": model.kind,
+            "nugget": model.nugget,
+            "partial_sill": model.sill,
+            "range_m": model.range_m,
+            "practical_range_m": model.practical_range_m,
+            "reason": model.reason,
+            "standard_errors": {
+                name: value if np.isfinite(value) else None
+                for name, value in model.standard_errors.items()
+            },
+        },
+        "validation": vars(validation) if validation else None,
+    }

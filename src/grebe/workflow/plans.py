@@ -1,0 +1,89 @@
+"""Plan a survey of a region in a file, and write it with its picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import shapely
+
+from grebe.core.errors import InputError
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.quantities import LIMNOLOGICAL
+from grebe.core.survey import Survey
+from grebe.core.vessel import Vessel
+from grebe.io.readers.outline import read_outline
+from grebe.io.readers.quantities import user_quantities
+from grebe.io.readers.track import TrackColumns
+from grebe.planning.planner import Planned, plan
+from grebe.planning.region import Region, clean_region
+from grebe.report import canvas, mission_figures
+from grebe.workflow.files import write_survey
+
+# A start further than this from the water is told to whoever asked for it [m].
+ASHORE_M = 1.0
+
+
+def read_region(
+    path: Path, *, columns: TrackColumns | None = None, header_from: Path | None = None
+) -> tuple[Region, tuple[str, ...]]:
+    """Return the water of a file of outlines, or within the hull of a track, and notes about it."""
+    outline = read_outline(path, columns, header_from)
+    return clean_region(outline.geometry, outline.name), outline.notes
+
+
+def plan_region(
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    *,
+    start_lonlat: tuple[float, float] | None = None,
+    no_go: Sequence[Path] = (),
+) -> Planned:
+    """Plan a survey of a region, out of the zones that some files hold."""
+    return plan(region, vessel, settings, start_lonlat, _zones(no_go, region))
+
+
+def write_plan(
+    planned: Planned, to: Path, *, quantities_file: Path | None = None, force: bool = False
+) -> Path:
+    """Write a plan to a survey file, and its picture beside it; return the picture's path.
+
+    The file declares the five quantities of the paper and those of `quantities_file` (or of a
+    `quantities.toml` beside it).
+    """
+    picture = to.with_suffix(".png")
+    if picture.is_dir():
+        raise InputError(f"{picture}, where the picture of the plan would go, is a folder.")
+    quantities = LIMNOLOGICAL.extended(user_quantities(quantities_file, to))
+    write_survey(to, planned.survey, quantities=quantities, force=force)
+    canvas.save(mission_figures.plan_figure(planned.survey), picture)
+    return picture
+
+
+def plan_warnings(survey: Survey) -> list[str]:
+    """What a field team should know before it goes out."""
+    warnings: list[str] = []
+    start, vessel = survey.start, survey.vessel
+    if start is not None:
+        away = survey.water.distance(shapely.Point(start.north_m, start.east_m))
+        if away > ASHORE_M:
+            warnings.append(f"the start lies {away:.0f} m outside the region; is it on water?")
+    fastest = max(target.set.speed_max_mps for target in survey.targets)
+    if vessel is not None and fastest > vessel.speed_max_mps:
+        warnings.append(
+            f"the window goes up to {fastest:g} m/s, and {vessel.name} makes "
+            f"{vessel.speed_max_mps:.2f} m/s at full thrust"
+        )
+    return warnings
+
+
+def _zones(paths: Sequence[Path], region: Region) -> list[shapely.Polygon]:
+    """The no-go zones of some files, in the region's frame."""
+    zones: list[shapely.Polygon] = []
+    for path in paths:
+        local = region.frame.geometry_to_local(read_outline(path).geometry)
+        if not local.is_valid:
+            raise InputError(f"{path}: holds a polygon that crosses itself; mend it first.")
+        zones += [part for part in shapely.get_parts(local) if isinstance(part, shapely.Polygon)]
+    return zones

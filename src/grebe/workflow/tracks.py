@@ -1,0 +1,110 @@
+"""A hand-driven track as a survey: its hull the region, its rows the samples (section 6.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.errors import TrackError
+from grebe.core.quantities import BUILTIN, Quantities
+from grebe.core.samples import Flag, Samples
+from grebe.core.sets import hull_of
+from grebe.core.survey import Survey
+from grebe.io.readers.quantities import user_quantities
+from grebe.io.readers.track import RawTrack, TrackColumns, read_track
+from grebe.io.store import SurveyFile
+from grebe.mapping.quality import Quality
+from grebe.planning.region import clean_region
+from grebe.workflow.files import write_survey
+from grebe.workflow.quality import check_samples
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportedTrack:
+    """What came of an import: the survey, its quantities, where they were found, their flags."""
+
+    survey: Survey
+    raw: RawTrack
+    quantities: Quantities
+    quality: Quality
+    samples: int
+
+    @property
+    def without_good(self) -> list[str]:
+        """Quantities of which no value is good: missing, text, or flagged."""
+        return [key for key in self.raw.values if not (self.quality.flags[key] == Flag.GOOD).any()]
+
+
+def import_track(
+    track: Path,
+    to: Path,
+    *,
+    columns: TrackColumns | None = None,
+    header_from: Path | None = None,
+    quantities_file: Path | None = None,
+    force: bool = False,
+) -> ImportedTrack:
+    """Turn a track into a survey file with its samples, checked.
+
+    The file declares the quantities that the track has, of those that Grebe knows and those of
+    `quantities_file` (or of a `quantities.toml` beside the survey).
+    """
+    known = BUILTIN.extended(user_quantities(quantities_file, to))
+    raw = read_track(track, columns, header_from, known)
+    survey = survey_of_track(raw, track.stem)
+    samples = samples_of_track(raw, survey, known)
+    held = known.subset(raw.values)
+    write_survey(to, survey, quantities=held, force=force, note=f"Imported from {track.name}.")
+    with SurveyFile.open(to) as file:
+        file.extend_samples(samples)
+        file.set_meta("water", f"measured, {track.name}")
+        quality = check_samples(file)
+    return ImportedTrack(
+        survey=survey, raw=raw, quantities=held, quality=quality, samples=len(samples)
+    )
+
+
+def survey_of_track(track: RawTrack, name: str) -> Survey:
+    """Return the survey without targets whose region is the track's convex hull."""
+    region = clean_region(hull_of(track.lonlat), name)
+    return Survey(name=region.name, frame=region.frame, water=region.water)
+
+
+def samples_of_track(track: RawTrack, survey: Survey, quantities: Quantities = BUILTIN) -> Samples:
+    """Return the rows as samples, flagged by their gross range; speeds follow from the positions.
+
+    Raises `TrackError` when the track has no quantity at all, or no times.
+    """
+    if not track.values:
+        raise TrackError(
+            "The track has no column of a quantity that is known; name one, as KEY=NAME, "
+            f"with a key of {quantities.keys_text}; or define a new quantity.",
+            settings=("columns", "quantities"),
+        )
+    if track.times is None:
+        raise TrackError(
+            "The track has no column of times; name it, as time=NAME.", settings=("columns",)
+        )
+    positions = survey.frame.to_local(track.lonlat)
+    return Samples.of(
+        times=track.times,
+        positions=positions,
+        values=track.values,
+        quantities=quantities,
+        speed_mps=_speeds(positions, track.times),
+    )
+
+
+def _speeds(positions: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Speed over ground between the neighbours of each row [m/s]; NaN where time stands."""
+    before = np.maximum(np.arange(len(times)) - 1, 0)
+    after = np.minimum(np.arange(len(times)) + 1, len(times) - 1)
+    seconds = times[after] - times[before]
+    way = np.hypot(*(positions[after] - positions[before]).T)
+    return np.where(seconds > 0, way / np.where(seconds > 0, seconds, 1.0), np.nan)
