@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from benchmarks.common import print_head, print_row
-from grebe.core.quantities import QUANTITIES
+from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag
 from grebe.mapping.covariance import CovarianceModel
 from grebe.mapping.grid import Grid, make_grid
@@ -171,7 +171,9 @@ def _walled(seed: int, count: int) -> tuple[float, float, float]:
     inside, errors = mesh.grid.inside, []
     for method in ("kriging", "spde"):
         mapper = Mapper(water, mesh.grid, MapSettings(method=method))
-        one = mapper.map_quantity(QUANTITIES[0], mesh.nodes[chosen], values, np.ones(count))
+        one = mapper.map_quantity(
+            LIMNOLOGICAL["temperature_degc"], mesh.nodes[chosen], values, np.ones(count)
+        )
         error = one.mean[inside] - truth
         errors.append(float(np.sqrt(np.mean(error**2))))
     return errors[0], errors[1], float(np.mean(error**2 / one.sd[inside] ** 2))
@@ -208,7 +210,7 @@ def _calibrated(
     truth, seen = np.split(drawn, [len(grid.nodes)])
     values = seen + rng.normal(0, np.sqrt(model.nugget), len(seen))
     one = Mapper(water, grid).map_quantity(
-        QUANTITIES[0], positions, values, np.full(len(values), Flag.GOOD)
+        LIMNOLOGICAL["temperature_degc"], positions, values, np.full(len(values), Flag.GOOD)
     )
     error, sd = one.mean[grid.inside] - truth, one.sd[grid.inside]
     return (

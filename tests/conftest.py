@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from grebe.control.rules.lookahead import Lookahead
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
+from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS
@@ -33,6 +34,7 @@ DATA = Path(
 )
 TRACKS = DATA / "tracks"
 CHINA = TRACKS / "China-catabot-20200915.csv"
+TEMPERATURE, OXYGEN = LIMNOLOGICAL["temperature_degc"], LIMNOLOGICAL["dissolved_oxygen_mgl"]
 FRAME = LocalFrame(origin_lon_deg=3.171153, origin_lat_deg=50.636268)
 NOON = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
 

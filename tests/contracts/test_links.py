@@ -11,7 +11,7 @@ from conftest import square_survey
 
 from grebe.control.controller import Controller
 from grebe.core.errors import LinkError
-from grebe.core.quantities import QUANTITY_KEYS
+from grebe.core.quantities import LIMNOLOGICAL
 from grebe.links.base import BoatStatus, Observation
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
@@ -130,7 +130,7 @@ def test_thrusts_hold_until_the_next_command_and_stop_takes_them_away(link):
 def test_readings_are_of_known_quantities(link):
     link.observe()
     reading = link.measure()
-    assert set(reading) <= set(QUANTITY_KEYS)
+    assert set(reading) <= set(LIMNOLOGICAL)
     assert all(map(math.isfinite, reading.values()))
 
 

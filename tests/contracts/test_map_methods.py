@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from conftest import TEMPERATURE
 
 from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITIES
 from grebe.core.samples import Flag
 from grebe.mapping.grid import make_grid
 from grebe.mapping.likelihood import fit_reml
@@ -116,7 +116,7 @@ def test_it_maps_a_quantity_and_is_validated_and_named(method):
     given = readings(0.1)
     mapper = Mapper(WATER, DOMAIN.grid, MapSettings(method=method))
     flags = np.full(len(given), Flag.GOOD)
-    one = mapper.map_quantity(QUANTITIES[0], given.positions, given.values, flags)
+    one = mapper.map_quantity(TEMPERATURE, given.positions, given.values, flags)
     assert one.method is method
     assert one.reason == "as asked"
     assert one.model == one.field.model
@@ -132,7 +132,7 @@ def test_of_several_methods_the_one_that_predicts_better_is_taken_whatever_the_o
     chosen = []
     for several in ((ALL[3], ALL[0]), (ALL[0], ALL[3])):
         mapper = Mapper(WATER, DOMAIN.grid, MapSettings(method=several))
-        one = mapper.map_quantity(QUANTITIES[0], given.positions, given.values, flags)
+        one = mapper.map_quantity(TEMPERATURE, given.positions, given.values, flags)
         chosen.append(one.method)
         assert "two ways" in one.model.reason
     assert chosen == [ALL[0], ALL[0]]
@@ -144,7 +144,7 @@ def test_the_choice_is_a_function_of_one_s_own():
     settings = MapSettings(choice=lambda readings, domain: ((mine,), "I like it"))
     mapper = Mapper(WATER, DOMAIN.grid, settings)
     flags = np.full(len(given), Flag.GOOD)
-    one = mapper.map_quantity(QUANTITIES[0], given.positions, given.values, flags)
+    one = mapper.map_quantity(TEMPERATURE, given.positions, given.values, flags)
     assert (one.method, one.reason) == (mine, "I like it")
 
 

@@ -13,13 +13,13 @@ import rasterio
 import shapely
 from click.testing import CliRunner
 from compliance_checker.runner import CheckSuite, ComplianceChecker
-from conftest import FRAME
+from conftest import FRAME, OXYGEN, TEMPERATURE
 from rasterio.warp import transform
 from rio_cogeo.cogeo import cog_validate
 
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITIES
+from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag
 from grebe.io.export.contours import contour_lines, write_contours
 from grebe.io.export.geotiff import write_geotiff
@@ -45,7 +45,7 @@ def made(shift=0.0, seed=0, settings=None):
     values = 4.9 + shift + np.sin(positions[:, 0] / 30) + rng.normal(0, 0.05, 150)
     mapper = Mapper(WATER, make_grid(WATER, 2.5), settings or MapSettings(method=KRIGING))
     flags = np.full(150, Flag.GOOD)
-    return mapper.map_quantity(QUANTITIES[1], positions, values, flags)
+    return mapper.map_quantity(OXYGEN, positions, values, flags)
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def test_a_drift_carries_the_map_beyond_the_samples():
         mapper = Mapper(
             water, make_grid(water, 5.0), MapSettings(method=with_settings(KRIGING, drift=drift))
         )
-        one = mapper.map_quantity(QUANTITIES[0], positions, values, flags)
+        one = mapper.map_quantity(TEMPERATURE, positions, values, flags)
         results.append(np.nanmax(one.mean))
     assert results[1] == pytest.approx(9.75, abs=0.5)
     assert results[0] < 9.0
@@ -173,7 +173,7 @@ def test_a_bathymetry_carries_the_map(tmp_path):
         make_grid(water, 5.0),
         MapSettings(choice=ByShore(straight=with_settings(KRIGING, drift=at))),
     )
-    one = mapper.map_quantity(QUANTITIES[0], positions, values, np.full(100, Flag.GOOD))
+    one = mapper.map_quantity(TEMPERATURE, positions, values, np.full(100, Flag.GOOD))
     assert np.nanmax(one.mean) == pytest.approx(4.4, abs=0.3)
 
 
@@ -193,13 +193,13 @@ def test_a_difference_knows_what_is_clear(oxygen):
     assert difference(oxygen, made(seed=9)).clear[inside].mean() < 0.15
     with pytest.raises(ValueError, match="one quantity"):
         difference(oxygen, Mapper(WATER, make_grid(WATER, 5.0)).map_quantity(
-            QUANTITIES[1], oxygen.positions, oxygen.values, np.full(150, 1)))  # fmt: skip
+            OXYGEN, oxygen.positions, oxygen.values, np.full(150, 1)))  # fmt: skip
 
 
 def test_the_languages_say_the_same_things():
     english, french = (texts_of(one).table for one in LANGUAGES)
     assert set(english) == set(french)
-    assert set(english["labels"]) == set(french["labels"]) == {q.key for q in QUANTITIES}
+    assert set(english["labels"]) == set(french["labels"]) == set(LIMNOLOGICAL)
     assert set(english["tests"]) == set(french["tests"])
 
 
@@ -252,9 +252,9 @@ def run(*arguments):
 @pytest.mark.slow
 def test_the_demo_s_maps_and_the_reports_of_it(demo):
     names = {path.name for path in (demo / "maps").iterdir()}
-    assert {"map.nc", "contours.gpkg", *(f"{q.key}.tif" for q in QUANTITIES)} <= names
+    assert {"map.nc", "contours.gpkg", *(f"{key}.tif" for key in LIMNOLOGICAL)} <= names
     page = (demo / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2 + len(QUANTITIES)
+    assert page.count("data:image/png;base64,") == 2 + len(LIMNOLOGICAL)
     assert "http://" not in page
     profile = demo / "strict.toml"
     profile.write_text(
@@ -281,7 +281,7 @@ def test_a_report_is_printed(demo):
 def test_a_difference_of_a_survey_with_itself_is_nothing(demo):
     file, out = demo / "survey.gpkg", demo / "diff"
     rows = json.loads(run("diff", file, file, "--out", out, "--resolution", 4, "--json"))
-    assert len(rows) == len(QUANTITIES)
+    assert len(rows) == len(LIMNOLOGICAL)
     for key, row in rows.items():
         assert row["mean_difference"] == 0.0
         assert row["changed_share"] == 0.0

@@ -14,7 +14,7 @@ from conftest import NOON, square_survey
 
 from grebe.core.errors import SurveyFileError
 from grebe.core.events import LogEntry, Step
-from grebe.core.quantities import QUANTITIES
+from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag, Sample
 from grebe.io.store import SurveyFile, geopackage
 
@@ -31,7 +31,7 @@ def survey_file(path):
 
 
 def sample(i=0, seq=1):
-    values = {q.key: 10.0 + i for q in QUANTITIES[:4]}
+    values = dict.fromkeys(list(LIMNOLOGICAL)[:4], 10.0 + i)
     return Sample(
         time=NOON + timedelta(seconds=i),
         north_m=1.0 + i,

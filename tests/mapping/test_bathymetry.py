@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from conftest import TEMPERATURE
 
 from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITIES
 from grebe.core.samples import Flag
 from grebe.mapping.bathymetry import WATER_DEPTH, bathymetry
 from grebe.mapping.grid import make_grid
@@ -24,7 +24,11 @@ NODES = make_grid(LAKE, 1.0).nodes
 REACH = np.minimum(np.hypot(*NODES.T) / RADIUS, 1.0)
 CONE, PARABOLOID = DEEP * (1 - REACH), DEEP * (1 - REACH**2)
 DEPTH = replace(
-    QUANTITIES[0], key=WATER_DEPTH, label="Depth of the water", unit="m", resolution=0.0
+    TEMPERATURE,
+    key=WATER_DEPTH,
+    labels={"en": "Depth of the water"},
+    unit="m",
+    resolution=0.0,
 )
 
 

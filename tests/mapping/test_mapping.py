@@ -5,13 +5,13 @@ import netCDF4
 import numpy as np
 import pytest
 import shapely
-from conftest import FRAME
+from conftest import FRAME, TEMPERATURE
 from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.core.errors import InputError
-from grebe.core.quantities import QUANTITIES, QUANTITY_KEYS
-from grebe.core.samples import Flag
+from grebe.core.quantities import LIMNOLOGICAL
+from grebe.core.samples import Flag, Samples
 from grebe.io.export.netcdf import write_netcdf
 from grebe.mapping.covariance import KINDS, CovarianceModel
 from grebe.mapping.grid import make_grid
@@ -21,7 +21,7 @@ from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.validation import validate
 from grebe.mapping.variogram import empirical_variogram, fit_model, fit_variogram
-from grebe.simulation.water import LAKE_STATISTICS, conditioned_water, free_water
+from grebe.simulation.water import conditioned_water, free_water
 
 kinds = st.sampled_from(KINDS)
 
@@ -170,9 +170,7 @@ WATER = shapely.Polygon([(0, 0), (100, 0), (100, 60), (0, 100)])
 
 
 def mapped(positions, values, flags):
-    return Mapper(WATER, make_grid(WATER, 5.0)).map_quantity(
-        QUANTITIES[0], positions, values, flags
-    )
+    return Mapper(WATER, make_grid(WATER, 5.0)).map_quantity(TEMPERATURE, positions, values, flags)
 
 
 def test_a_grid_lies_in_the_water():
@@ -222,10 +220,12 @@ def test_equal_values_and_a_single_line_still_map(positions):
 
 def test_netcdf_holds_what_was_mapped(tmp_path):
     positions = scatter(60)
-    values = {key: smooth(positions) for key in QUANTITY_KEYS}
+    values = {key: smooth(positions) for key in LIMNOLOGICAL}
     values["turbidity_ntu"] = np.full(60, np.nan)
-    flags = {key: np.full(60, Flag.GOOD) for key in QUANTITY_KEYS}
-    maps, left_out = map_all(Mapper(WATER, make_grid(WATER, 5.0)), positions, values, flags)
+    samples = Samples.of(
+        times=np.arange(60.0), positions=positions, values=values, quantities=LIMNOLOGICAL
+    )
+    maps, left_out = map_all(Mapper(WATER, make_grid(WATER, 5.0)), samples, LIMNOLOGICAL)
     assert left_out == ["Turbidity: not measured"]
     path = tmp_path / "map.nc"
     write_netcdf(path, maps, FRAME, {"title": "test"})
@@ -242,12 +242,13 @@ def test_netcdf_holds_what_was_mapped(tmp_path):
 
 
 def test_free_water_varies_as_lakes_do():
-    spreads = {key: [] for key in QUANTITY_KEYS}
+    spreads = {key: [] for key in LIMNOLOGICAL}
     for seed in range(3):
         water = free_water((0, 0, 300, 300), seed)
-        for key in QUANTITY_KEYS:
+        for key in LIMNOLOGICAL:
             spreads[key].append(water.fields[key].std())
-    for key, lake in LAKE_STATISTICS.items():
+    for key, quantity in LIMNOLOGICAL.items():
+        lake = quantity.lake
         assert 0.2 * lake.sd < np.mean(spreads[key]) < 1.5 * lake.sd
 
 
@@ -322,4 +323,4 @@ def test_a_grid_of_one_row_is_no_map():
 
 def test_what_does_not_vary_is_not_known_better_than_the_sensor_resolves():
     one = mapped(scatter(30), np.full(30, 7.0), np.full(30, Flag.GOOD))
-    assert np.nanmin(one.sd) == pytest.approx(QUANTITIES[0].resolution / np.sqrt(12))
+    assert np.nanmin(one.sd) == pytest.approx(TEMPERATURE.resolution / np.sqrt(12))

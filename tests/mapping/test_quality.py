@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 import shapely
 from click.testing import CliRunner
-from conftest import DATA, FRAME
+from conftest import DATA
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError, UsageError
-from grebe.core.samples import Flag
+from grebe.core.quantities import BUILTIN
+from grebe.core.samples import Flag, Samples
 from grebe.io.readers.limits import read_limits
 from grebe.io.store import SurveyFile
 from grebe.mapping.lag import Lag, Pass, estimate_lag, unlagged
-from grebe.mapping.quality import Record, check_quality
+from grebe.mapping.quality import check_quality
 
 WATER = shapely.box(-10, -10, 2000, 50)
 TRACKS = DATA / "tracks"
@@ -32,11 +33,11 @@ def record(n=900, **values):
         "ph": 7.8 + rng.normal(0, 0.01, n),
         "conductivity_uscm": 400 + rng.normal(0, 0.5, n),
     }
-    return Record(
+    return Samples.of(
         times=1.6e9 + np.arange(float(n)),
-        lonlat=FRAME.to_wgs84(positions),
         positions=positions,
         values=calm | values,
+        quantities=BUILTIN,
     )
 
 
@@ -147,15 +148,15 @@ def test_missing_values_are_missing_and_gaps_are_told():
 def test_limits_are_read_and_bad_ones_named(tmp_path):
     path = tmp_path / "limits.toml"
     path.write_text("[ph]\nsuspect_span = [7.0, 7.5]\nspike_fail = 0.5\n")
-    limits = read_limits(path)
-    assert limits["ph"].suspect_span == (7.0, 7.5)
+    limits = read_limits(path, BUILTIN)
+    assert limits["ph"].limits.suspect_span == (7.0, 7.5)
     assert (flags_of(record(), "ph") == Flag.GOOD).all()
     quality = check_quality(record(), WATER, limits)
     assert (quality.flags["ph"] == Flag.SUSPECT).all()
     for text in ("[salt]\na = 1", "[ph]\nwrong = 1", "[ph]\nspike_fail = 'x'", "[ph"):
         path.write_text(text)
         with pytest.raises(InputError, match=r"limits\.toml"):
-            read_limits(path)
+            read_limits(path, BUILTIN)
 
 
 def lagged(times, truth, delay, tau, fine=0.05):
@@ -237,6 +238,10 @@ def run(*arguments):
     return done.stdout
 
 
+# Beside these the tracks have oxygen saturation, chlorophyll, depths and more.
+FOUR = {"temperature_degc", "dissolved_oxygen_mgl", "ph", "conductivity_uscm"}
+
+
 @REAL
 @pytest.mark.slow
 def test_every_real_track_is_imported_checked_mapped_and_validated(tmp_path):
@@ -251,7 +256,7 @@ def test_every_real_track_is_imported_checked_mapped_and_validated(tmp_path):
         settling[track.stem] = {key for key, tests in found.items() if sum(tests["settling"]) > 0}
         maps = json.loads(run("map", path, "--out", tmp_path / track.stem, "--resolution", 4,
                               "--json"))["maps"]  # fmt: skip
-        assert len(maps) == 4
+        assert {one["quantity"] for one in maps} >= FOUR
         for one in maps:
             check = one["validation"]
             assert check["rmse"] < 1.1 * check["nearest_rmse"]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import shapely
+from conftest import TEMPERATURE
 from scipy.sparse import csc_matrix
 from scipy.special import k1
 
-from grebe.core.quantities import QUANTITIES
 from grebe.core.samples import Flag
 from grebe.mapping import spde
 from grebe.mapping.grid import make_grid
@@ -104,7 +104,7 @@ def field(seed, count=250, noise=0.1):
 def mapped(water, grid, positions, values, method):
     flags = np.full(len(values), Flag.GOOD)
     mapper = Mapper(water, grid, MapSettings(method=METHODS.get(method)))
-    return mapper.map_quantity(QUANTITIES[0], positions, values, flags)
+    return mapper.map_quantity(TEMPERATURE, positions, values, flags)
 
 
 @pytest.mark.slow

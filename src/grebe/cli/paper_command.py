@@ -12,6 +12,7 @@ import click
 
 from grebe.cli import options, output
 from grebe.core.errors import IncompleteError, UsageError
+from grebe.workflow.files import make_folder
 
 if TYPE_CHECKING:
     from grebe.paper.checks import Reproduction

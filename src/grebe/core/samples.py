@@ -138,9 +138,8 @@ class Samples:
 
     def with_values(self, values: Mapping[str, NDArray[np.floating]]) -> Samples:
         """The same samples with other values of the same quantities."""
-        return replace(
-            self, values={**self.values, **{k: v.astype(np.float64) for k, v in values.items()}}
-        )
+        more = {key: column.astype(np.float64) for key, column in values.items()}
+        return replace(self, values={**self.values, **more})
 
 
 def gross_range_flag(value: float | None, span: tuple[float, float]) -> int:
