@@ -109,7 +109,7 @@ TINY = [[3.171, 50.636], [3.17105, 50.636], [3.17105, 50.63603], [3.171, 50.6360
         (["plan", "lake.geojson", "-o", "x.gpkg", "--vessel", "spybot"], 3, "'spyboat'"),
         (["plan", "lake.geojson", "-o", "x.gpkg", "--speed", "5:6"], 4, "full thrust"),
         (["plan", "lake.geojson", "-o", "x.gpkg", "--speed", "2:1"], 2, "give 0 <= lower end"),
-        (["plan", "lake.geojson", "-o", "x.gpkg", "--speed", "fast"], 2, "give 0 <= lower end"),
+        (["plan", "lake.geojson", "-o", "x.gpkg", "--speed", "fast"], 2, "LO:HI"),
         (["plan", "lake.geojson", "-o", "x.gpkg", "--start", "nan,50"], 2, "finite"),
         (["plan", "tiny.geojson", "-o", "x.gpkg"], 4, "less than one cell"),
         (["plan", "bowtie.geojson", "-o", "x.gpkg"], 3, "not a simple polygon"),

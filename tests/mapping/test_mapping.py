@@ -222,8 +222,14 @@ def test_netcdf_holds_what_was_mapped(tmp_path):
     positions = scatter(60)
     values = {key: smooth(positions) for key in LIMNOLOGICAL}
     values["turbidity_ntu"] = np.full(60, np.nan)
-    samples = Samples.of(
-        times=np.arange(60.0), positions=positions, values=values, quantities=LIMNOLOGICAL
+    column = np.zeros(60)
+    samples = Samples(
+        times=np.arange(60.0),
+        positions=positions,
+        target_seq=column.astype(int),
+        speed_mps=column,
+        values=values,
+        flags={key: np.full(60, Flag.GOOD) for key in LIMNOLOGICAL},
     )
     maps, left_out = map_all(Mapper(WATER, make_grid(WATER, 5.0)), samples, LIMNOLOGICAL)
     assert left_out == ["Turbidity: not measured"]
