@@ -7,9 +7,12 @@ spike_suspect = 0.2
 
 from __future__ import annotations
 
+import math
 import tomllib
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import TypeGuard
 
 from grebe.core.errors import InputError
 from grebe.io.readers.text import read_text
@@ -34,14 +37,35 @@ def read_limits(path: Path) -> dict[str, Limits]:
             raise InputError(
                 f"{path}: [{key}] holds {unknown[0]!r}; it may hold {', '.join(sorted(known))}."
             )
-        limits[key] = replace(limits[key], **{name: _number(path, v) for name, v in given.items()})
+        limits[key] = _limits(path, key, limits[key], given)
     return limits
 
 
-def _number(path: Path, value: object) -> float | tuple[float, float]:
-    """A number, or a span of two ascending ones."""
-    if isinstance(value, int | float):
+def _limits(path: Path, key: str, before: Limits, given: Mapping[str, object]) -> Limits:
+    """Limits of a quantity with what a table says put in; each must be of its own kind."""
+    values = {
+        name: _number(f"{path}: {name} of {key}", value, span=_is_span(getattr(before, name)))
+        for name, value in given.items()
+    }
+    return replace(before, **values)
+
+
+def _is_span(value: object) -> bool:
+    return isinstance(value, tuple)
+
+
+def _number(what: str, value: object, *, span: bool) -> float | tuple[float, float]:
+    """A finite number, or a span of two ascending ones."""
+    if not span and _is_finite(value):
         return float(value)
-    if isinstance(value, list) and len(value) == 2 and value[0] < value[1]:
-        return float(value[0]), float(value[1])
-    raise InputError(f"{path}: {value!r} is neither a number nor a span [low, high].")
+    if span and isinstance(value, list) and len(value) == 2 and all(map(_is_finite, value)):
+        low, high = float(value[0]), float(value[1])
+        if low < high:
+            return low, high
+        raise InputError(f"{what} goes from {low:g} to {high:g}; give the lower number first.")
+    wanted = "a span of two finite numbers, [low, high]" if span else "a finite number"
+    raise InputError(f"{what} is {value!r}; give {wanted}.")
+
+
+def _is_finite(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
