@@ -113,6 +113,7 @@ DEFAULT_MARGIN_M = 1.0
     help=f"One of {', '.join(sorted(PRESETS))}.",
 )
 @click.option("--start", type=options.LON_LAT, help="Where the boat starts [deg].")
+@click.option("--feature", metavar="NAME|N", help="Which of several lakes in REGION.")
 @options.column_options
 @options.force_option
 @options.json_option
@@ -136,6 +137,7 @@ def command(
     speed: tuple[float, float],
     vessel: str,
     start: tuple[float, float] | None,
+    feature: str | None,
     force: bool,
     as_json: bool,
     header_from: Path | None,
@@ -152,7 +154,7 @@ def command(
     if picture.is_dir():
         raise InputError(f"{picture}, where the picture of the plan would go, is a folder.")
     boat = vessel_named(vessel)
-    outline = read_outline(region, options.track_columns(columns), header_from)
+    outline = read_outline(region, options.track_columns(columns), header_from, feature=feature)
     for text in outline.notes:
         output.note(f"{region}: {text}")
     settings = PlanSettings(
@@ -171,7 +173,7 @@ def command(
         minutes=minutes,
         energy_wh=energy_wh,
     )
-    water = clean_region(outline.geometry, outline.name)
+    water = clean_region(outline.geometry, outline.name, outline.features)
     planned = plan(water, boat, settings, start, _zones(no_go, water))
     survey = planned.survey
     for text in planned.notes:
