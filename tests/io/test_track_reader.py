@@ -103,7 +103,7 @@ def test_a_glitch_in_the_first_row_does_not_condemn_the_rest(tmp_path):
         ([], HEADER, "no rows"),
         (rows(2), HEADER, "needs three"),
         ([r.replace(",50.", ",150.") for r in rows()], HEADER, "swapped"),
-        (rows(), None, "file with the same columns"),
+        (rows(), None, "begins with 1000, .*: values, not the names of columns; add a header row"),
     ],
 )
 def test_hopeless_files_are_refused(tmp_path, lines, header, says):
@@ -115,10 +115,34 @@ def test_an_empty_or_missing_or_binary_file_is_refused(tmp_path):
     empty = tmp_path / "empty.csv"
     empty.write_text("")
     binary = tmp_path / "binary.csv"
-    binary.write_bytes(b"\xff\xfe\x00\x81")
+    binary.write_bytes(b"lat,lon\n\x81\x00\xff")
     for path, says in ((empty, "empty"), (tmp_path / "none.csv", "no such"), (binary, "UTF-8")):
         with pytest.raises(InputError, match=says):
             read_track(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_a_track_reads_the_same_in_every_encoding_that_says_what_it_is(tmp_path, encoding, ending):
+    plain = read_track(write(tmp_path, rows()))
+    path = tmp_path / "other.csv"
+    path.write_bytes(ending.join([HEADER, *rows()]).encode(encoding))
+    assert np.array_equal(read_track(path).lonlat, plain.lonlat)
+
+
+def test_utf_16_without_its_mark_says_what_to_do(tmp_path):
+    path = tmp_path / "other.csv"
+    path.write_bytes("\n".join(["time,lat,lon", *rows()]).encode("utf-16-le"))
+    with pytest.raises(InputError, match=r"character 1 is a zero byte.*; save the file as UTF-8"):
+        read_track(path)
+
+
+def test_a_jump_says_where_it_is_and_what_to_do(tmp_path):
+    lines = rows()
+    lines[14] = "1014,50.5,3.0,20,7.5"
+    (note,) = read_track(write(tmp_path, lines)).notes
+    assert "first row 15 of the values, at 50.5 N 3 E" in note
+    assert "a file for each stretch" in note
 
 
 def test_a_headerless_file_borrows_its_sibling_s_names(tmp_path):

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import importlib
-import signal
 import sys
-from types import FrameType
 
 import click
 
 from grebe.cli import output
 from grebe.cli.flags import sentence
-from grebe.core.errors import GrebeError, StoppedError
+from grebe.cli.interruption import INTERRUPTED, heed_signals
+from grebe.core.errors import GrebeError, InputError
 
 COMMANDS = {
     "demo": "region, plan, simulated mission, maps and report in under a minute",
@@ -69,7 +68,8 @@ def grebe(ctx: click.Context) -> None:
 
 def main() -> None:
     """Run the command line and leave with the design's exit codes."""
-    signal.signal(signal.SIGTERM, _stop)
+    output.make_streams_safe()
+    heed_signals()
     try:
         grebe.main(standalone_mode=False)
     except GrebeError as error:
@@ -79,12 +79,11 @@ def main() -> None:
         error.show()
         sys.exit(2)
     except (KeyboardInterrupt, click.Abort):
-        output.fail("interrupted; what was recorded is kept.")
+        output.fail(INTERRUPTED)
         sys.exit(130)
     except OSError as error:
-        output.fail(f"{error.filename or 'a file'}: {error.strerror}.")
-        sys.exit(3)
-
-
-def _stop(signum: int, frame: FrameType | None) -> None:
-    raise StoppedError("stopped by the operator; what was recorded is kept.")
+        # What cannot open a file names it, and every writer of one does: what is left is stdout.
+        what = error.filename or "standard output cannot be written"
+        output.give_up_stdout()
+        output.fail(f"{what}: {error.strerror}.")
+        sys.exit(InputError.exit_code)

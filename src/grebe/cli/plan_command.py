@@ -108,6 +108,7 @@ DEFAULT_MARGIN_M = 1.0
     help=f"One of {', '.join(sorted(PRESETS))}.",
 )
 @click.option("--start", type=options.LON_LAT, help="Where the boat starts [deg].")
+@click.option("--feature", metavar="NAME|N", help="Which of several lakes in REGION.")
 @options.column_options
 @options.quantities_option
 @options.force_option
@@ -132,6 +133,7 @@ def command(
     speed: tuple[float, float],
     vessel: str,
     start: tuple[float, float] | None,
+    feature: str | None,
     force: bool,
     as_json: bool,
     columns: tuple[str, ...],
@@ -148,7 +150,10 @@ def command(
     options.refuse_same(region, options.checked_output(path))
     boat = vessel_named(vessel)
     water, notes = read_region(
-        region, columns=options.track_columns(columns, named), header_from=header_from
+        region,
+        columns=options.track_columns(columns, named),
+        header_from=header_from,
+        feature=feature,
     )
     for text in notes:
         output.note(f"{region}: {text}")

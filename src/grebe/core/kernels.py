@@ -18,8 +18,11 @@ CONTROLLER = "control/solvers/fast/__pycache__"
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel on first use; later processes load it from the cache."""
-    return numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy")(function)
+    """Compile a kernel on first use; later processes load it from the cache.
+
+    While it runs, other threads do too: the one that ends a command when it is told to.
+    """
+    return numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", nogil=True)(function)
 
 
 def compiled_inline(function: Callable[..., Any]) -> Callable[..., Any]:

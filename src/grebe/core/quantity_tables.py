@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, replace
+from math import isfinite
 from typing import Any, cast
 
 from grebe.core.errors import InputError
@@ -108,6 +109,8 @@ def _numbers(name: str, value: object, record: type) -> dict[str, float]:
 def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{name} is {value!r}, which is no number.")
+    if not isfinite(value):
+        raise InputError(f"{name} is {value}; give a finite number.")
     return float(value)
 
 

@@ -27,6 +27,8 @@ LEAST_HALF_WINDOW_S = 3.0
 # Places of two passes within this distance are the same [m].
 SAME_PLACE_M = 4.0
 FEWEST_PAIRS = 30
+# Two runs of one line share at least this part of the shorter one; less, and they only touch.
+SMALLEST_SHARE = 0.2
 # Between samples farther apart than so many usual steps nothing is known.
 GAP_STEPS = 5.0
 DELAYS_S = np.arange(0.0, 31.0, 1.0)
@@ -166,6 +168,12 @@ def estimate_lag(one: Pass, other: Pass) -> LagEstimate:
         raise ValueError(
             f"the passes share {int(near.sum())} places within {SAME_PLACE_M:g} m, the ends of the "
             f"records apart; a lag needs {FEWEST_PAIRS}"
+        )
+    share = near.sum() / min(len(one.times), len(other.times))
+    if share < SMALLEST_SHARE:
+        raise ValueError(
+            f"they are not two runs of one line: only {share:.0%} of the shorter lies within "
+            f"{SAME_PLACE_M:g} m of the other; give two runs of the same line"
         )
 
     def difference(lag: Lag, sign: float = 1.0) -> float:

@@ -34,8 +34,11 @@ class Region:
         return float(self.water.area)
 
 
-def clean_region(geometry: BaseGeometry, name: str) -> Region:
-    """Turn a WGS 84 outline into a region, or say in a `RegionError` why it is none."""
+def clean_region(geometry: BaseGeometry, name: str, features: Sequence[str] = ()) -> Region:
+    """Turn a WGS 84 outline into a region, or say in a `RegionError` why it is none.
+
+    `features` say what can be chosen from where the outline is of several waters.
+    """
     coordinates = shapely.get_coordinates(geometry)
     if geometry.is_empty or len(coordinates) == 0:
         raise RegionError(f"The region {name!r} is empty: its polygon has no vertices.")
@@ -45,7 +48,13 @@ def clean_region(geometry: BaseGeometry, name: str) -> Region:
     if isinstance(merged, shapely.MultiPolygon):
         raise RegionError(
             f"The region {name!r} consists of {len(merged.geoms)} separate waters; "
-            "a boat cannot cross the land between them: give one at a time."
+            "a boat cannot cross the land between them: "
+            + (
+                f"choose one by its name or number: {'; '.join(features)}."
+                if len(features) > 1
+                else "give one at a time."
+            ),
+            settings=("feature",) if len(features) > 1 else (),
         )
     frame = frame_at(merged)
     water = frame.geometry_to_local(merged)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from grebe.core.errors import InputError
 from grebe.core.survey import Survey
+from grebe.io.whole import written_whole
 from grebe.mapping.bathymetry import WATER_DEPTH, Bathymetry, bathymetry
 from grebe.mapping.maps import QuantityMap
 from grebe.mapping.validation import Z95
@@ -43,6 +43,7 @@ def hypsographic_figure(lake: Bathymetry, texts: Texts | None = None) -> Figure:
         axes.plot(values, curve.depth_m, color=colour, lw=1.6)
         axes.set_title(title)
         axes.set_xlim(left=0)
+        axes.locator_params(axis="x", nbins=5)
     left.invert_yaxis()
     left.set_ylabel(t["depth_axis"])
     return figure
@@ -55,10 +56,7 @@ def write_hypsography(path: Path, lake: Bathymetry) -> None:
         curve.depth_m, curve.area_m2, curve.area_sd_m2, curve.volume_m3, curve.volume_sd_m3,
         strict=True,
     )  # fmt: skip
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            writer.writerows([f"{value:.6g}" for value in row] for row in rows)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}.") from None
+    with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows([f"{value:.6g}" for value in row] for row in rows)

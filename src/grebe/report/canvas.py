@@ -14,8 +14,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from grebe.core.errors import InputError
 from grebe.core.survey import Survey
+from grebe.io.whole import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,8 +134,6 @@ def png_bytes(figure: Figure) -> bytes:
 
 def save(figure: Figure, path: Path) -> Path:
     """Save a figure in the format that the path's ending names."""
-    try:
-        figure.savefig(path, dpi=DPI)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error}.") from None
+    with written_whole(path) as part:
+        figure.savefig(part, dpi=DPI)
     return path

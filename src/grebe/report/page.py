@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import base64
-import os
-from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -13,7 +11,7 @@ import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
-from grebe.core.errors import InputError
+from grebe.io.whole import write_text_whole
 from grebe.mapping.maps import QuantityMap
 from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures
@@ -76,15 +74,7 @@ def write_report(
     path: Path, data: ReportData, profile: Profile | None = None, language: str = "en"
 ) -> None:
     """Render the page and write it to `path`."""
-    page = render(data, profile, language)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(page, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-        raise InputError(f"{path} cannot be written: {error.strerror}.") from None
+    write_text_whole(path, render(data, profile, language))
 
 
 def _finding(data: ReportData, t: Texts) -> str:

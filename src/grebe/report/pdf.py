@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from grebe.core.errors import InputError
+from grebe.io.whole import written_whole
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 LONGEST_S = 120
@@ -34,4 +35,5 @@ def print_pdf(page: Path, path: Path) -> None:
         if done.returncode != 0 or not printed.exists():
             last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
             raise InputError(f"{browser} could not print {page}: {' '.join(last)[:200]}.")
-        shutil.move(printed, path)
+        with written_whole(path) as part:
+            shutil.copyfile(printed, part)

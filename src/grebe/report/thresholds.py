@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -101,7 +102,12 @@ def _threshold(name: str, row: Any, quantities: Quantities) -> Threshold:
     try:
         value = float(given["value"])
     except (TypeError, ValueError):
-        raise InputError(f"{name}: {given['value']!r} is no number.") from None
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            f"{name}: the threshold of {given['quantity']} is {given['value']!r}; "
+            "give a finite number."
+        )
     return Threshold(
         quantity=str(given["quantity"]),
         value=value,

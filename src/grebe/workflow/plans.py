@@ -25,11 +25,18 @@ ASHORE_M = 1.0
 
 
 def read_region(
-    path: Path, *, columns: TrackColumns | None = None, header_from: Path | None = None
+    path: Path,
+    *,
+    feature: str | None = None,
+    columns: TrackColumns | None = None,
+    header_from: Path | None = None,
 ) -> tuple[Region, tuple[str, ...]]:
-    """Return the water of a file of outlines, or within the hull of a track, and notes about it."""
-    outline = read_outline(path, columns, header_from)
-    return clean_region(outline.geometry, outline.name), outline.notes
+    """Return the water of a file of outlines, or within the hull of a track, and notes about it.
+
+    `feature` names one of several lakes in a file, by its name or its number.
+    """
+    outline = read_outline(path, columns, header_from, feature=feature)
+    return clean_region(outline.geometry, outline.name, outline.features), outline.notes
 
 
 def plan_region(

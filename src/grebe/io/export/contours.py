@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,10 +10,10 @@ import numpy as np
 import pyogrio.raw
 import shapely
 from matplotlib.ticker import MaxNLocator
-from pyogrio.errors import DataSourceError
+from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
 
-from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
+from grebe.io.whole import written_whole
 from grebe.mapping.maps import QuantityMap
 
 LEVELS = 10
@@ -37,9 +36,7 @@ def contour_lines(one: QuantityMap) -> list[tuple[float, shapely.LineString]]:
 
 def write_contours(path: Path, maps: Sequence[QuantityMap], frame: LocalFrame) -> None:
     """Write the contours of all maps; the file appears only when complete."""
-    part = path.with_name(f".{path.stem}.part.gpkg")
-    part.unlink(missing_ok=True)
-    try:
+    with written_whole(path, DataSourceError, DataLayerError, FeatureError) as part:
         for one in maps:
             found = contour_lines(one)
             lines = np.array([frame.geometry_to_wgs84(line) for _, line in found], dtype=object)
@@ -54,8 +51,3 @@ def write_contours(path: Path, maps: Sequence[QuantityMap], frame: LocalFrame) -
                 append=part.exists(),
                 driver="GPKG",
             )
-        if part.exists():
-            os.replace(part, path)
-    except (OSError, DataSourceError) as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"{path} cannot be written: {error}.") from None

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
+from grebe.io.whole import written_whole
 from grebe.mapping.maps import QuantityMap
 
 if TYPE_CHECKING:
@@ -58,21 +57,15 @@ def write_bands(
         "transform": Affine(step, 0.0, corner[0], 0.0, -step, corner[1]),
         "nodata": NODATA,
     }
-    part = path.with_name(path.name + ".part")
-    try:
-        with MemoryFile() as memory:
-            with memory.open(**profile) as dataset:
-                for index, (name, field) in enumerate(bands.items(), start=1):
-                    filled = np.where(np.isfinite(field), field, NODATA)[::-1]
-                    dataset.write(filled.astype("float32"), index)
-                    dataset.set_band_description(index, name)
-                    is_probability = name.startswith("P(")
-                    dataset.set_band_unit(index, "1" if is_probability else unit or "1")
-                dataset.update_tags(quantity=one.quantity.key, interpolation=one.method.key)
-            with memory.open() as dataset, MemoryFile(ext=".tif") as optimized:
-                copy(dataset, optimized.name, driver="COG", compress="DEFLATE")
-                part.write_bytes(optimized.read())
-        os.replace(part, path)
-    except (OSError, RasterioError) as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"{path} cannot be written: {error}.") from None
+    with written_whole(path, RasterioError) as part, MemoryFile() as memory:
+        with memory.open(**profile) as dataset:
+            for index, (name, field) in enumerate(bands.items(), start=1):
+                filled = np.where(np.isfinite(field), field, NODATA)[::-1]
+                dataset.write(filled.astype("float32"), index)
+                dataset.set_band_description(index, name)
+                is_probability = name.startswith("P(")
+                dataset.set_band_unit(index, "1" if is_probability else unit or "1")
+            dataset.update_tags(quantity=one.quantity.key, interpolation=one.method.key)
+        with memory.open() as dataset, MemoryFile(ext=".tif") as optimized:
+            copy(dataset, optimized.name, driver="COG", compress="DEFLATE")
+            part.write_bytes(optimized.read())

@@ -7,15 +7,14 @@ RFU) stands in `reported_unit`.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import netCDF4
 import numpy as np
 
-from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
+from grebe.io.whole import written_whole
 from grebe.mapping.grid import Grid
 from grebe.mapping.maps import QuantityMap
 
@@ -35,25 +34,21 @@ def write_netcdf(
     `probabilities` of concern by quantity and name (rows, columns); `draws` by quantity
     (count, rows, columns): equally likely fields given the samples.
     """
-    part = path.with_name(path.name + ".part")
-    try:
-        with netCDF4.Dataset(part, "w", format="NETCDF4") as dataset:
-            dataset.setncatts({"Conventions": "CF-1.8", **attributes})
-            _write_grid(dataset, maps[0].grid, frame)
-            for one in maps:
-                key = one.quantity.key
-                _write_map(dataset, one)
-                for index, (name, field) in enumerate((probabilities or {}).get(key, {}).items()):
-                    variable = _field(dataset, f"{key}_concern_{index + 1}", field)
-                    variable.setncatts(
-                        {"long_name": f"probability of concern: {name}", "units": "1"}
-                    )
-                if draws and key in draws:
-                    _write_draws(dataset, one, draws[key])
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise InputError(f"{path} cannot be written: {error}.") from None
+    # The library says "HDF error" by a RuntimeError when a disk is full.
+    with (
+        written_whole(path, RuntimeError) as part,
+        netCDF4.Dataset(part, "w", format="NETCDF4") as dataset,
+    ):
+        dataset.setncatts({"Conventions": "CF-1.8", **attributes})
+        _write_grid(dataset, maps[0].grid, frame)
+        for one in maps:
+            key = one.quantity.key
+            _write_map(dataset, one)
+            for index, (name, field) in enumerate((probabilities or {}).get(key, {}).items()):
+                variable = _field(dataset, f"{key}_concern_{index + 1}", field)
+                variable.setncatts({"long_name": f"probability of concern: {name}", "units": "1"})
+            if draws and key in draws:
+                _write_draws(dataset, one, draws[key])
 
 
 def _write_grid(dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame) -> None:

@@ -18,6 +18,7 @@ import shapely
 
 from grebe.core.errors import UsageError
 from grebe.core.survey import Survey
+from grebe.io.whole import write_text_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,7 +45,7 @@ def export_text(survey: Survey, suffix: str) -> str:
 
 def write_export(survey: Survey, path: Path) -> None:
     """Write the plan to a file in the format that its suffix names."""
-    path.write_text(export_text(survey, path.suffix.lower()), encoding="utf-8")
+    write_text_whole(path, export_text(survey, path.suffix.lower()))
 
 
 def _lonlat(survey: Survey) -> NDArray[np.float64]:

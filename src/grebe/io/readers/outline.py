@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from grebe.core.errors import InputError, RegionError
 from grebe.core.sets import hull_of
+from grebe.io.readers.features import chosen, feature_name, feature_text
 from grebe.io.readers.hostile import check_size, check_xml, unpacked
 from grebe.io.readers.text import read_text
 from grebe.io.readers.track import TrackColumns, read_track
@@ -37,10 +38,15 @@ class Outline:
     geometry: BaseGeometry
     name: str
     notes: tuple[str, ...] = ()
+    features: tuple[str, ...] = ()
 
 
 def read_outline(
-    path: Path, columns: TrackColumns | None = None, header_from: Path | None = None
+    path: Path,
+    columns: TrackColumns | None = None,
+    header_from: Path | None = None,
+    *,
+    feature: str | None = None,
 ) -> Outline:
     """Read a region from GeoJSON, KML, KMZ, GPX, a Shapefile (zipped too) or a GeoPackage, or,
     for a .csv, from the hull of a track (section 6.2). Hostile files are refused unread.
@@ -53,19 +59,19 @@ def read_outline(
         raise InputError(f"{path}: there is no such file.")
     check_size(path)
     if suffix in (".geojson", ".json"):
-        return _read_geojson(path)
+        return _read_geojson(path, feature)
     if suffix in VECTOR_SUFFIXES:
         with unpacked(path) as inner:
             if inner.suffix.lower() in (".kml", ".gpx"):
                 check_xml(inner)
-            return _read_vector(path, inner)
+            return _read_vector(path, inner, feature)
     raise InputError(
         f"{path}: cannot read a region from a {path.suffix or 'nameless'} file; give GeoJSON, "
         "KML, KMZ, GPX, a Shapefile, a GeoPackage, or a track (.csv)."
     )
 
 
-def _read_geojson(path: Path) -> Outline:
+def _read_geojson(path: Path, wanted: str | None) -> Outline:
     text = read_text(path)
     _check_depth(path, text)
     try:
@@ -76,8 +82,8 @@ def _read_geojson(path: Path) -> Outline:
         raise InputError(f"{path}: not GeoJSON: the file holds no object.")
     _refuse_other_crs(path, document)
     features = _features(document)
-    geometries = [_geometry(path, feature) for feature in features]
-    return _outline(path, geometries, _name(document, features))
+    found = [(_geometry(path, one), feature_name(one.get("properties"))) for one in features]
+    return _outline(path, found, _name(document, features), wanted)
 
 
 def _check_depth(path: Path, text: str) -> None:
@@ -91,15 +97,20 @@ def _check_depth(path: Path, text: str) -> None:
             depth -= 1
 
 
-def _outline(path: Path, geometries: list[Any], name: str) -> Outline:
-    """Keep the polygons, and lines that close; say what was left out."""
-    polygons = [polygon for g in geometries if (polygon := _polygonal(g)) is not None]
+def _outline(path: Path, found: list[tuple[Any, str]], name: str, wanted: str | None) -> Outline:
+    """Keep the polygons, and lines that close, or the one wanted; say what was left out."""
+    areas = [(area, own) for g, own in found if (area := _polygonal(g)) is not None]
+    listed = tuple(feature_text(i, *one) for i, one in enumerate(areas, start=1))
+    if wanted is not None and areas:
+        area, own = areas[chosen(path, [own for _, own in areas], wanted, listed)]
+        return Outline(geometry=area, name=own or f"{name or path.stem} {wanted}")
+    geometries, polygons = found, [area for area, _ in areas]
     if not polygons:
         raise RegionError(f"{path}: holds no polygon; a region is a Polygon or MultiPolygon.")
     left_out = len(geometries) - len(polygons)
     notes = (f"{left_out} features that are not polygons were left out",) if left_out else ()
     geometry = polygons[0] if len(polygons) == 1 else shapely.GeometryCollection(polygons)
-    return Outline(geometry=geometry, name=name or path.stem, notes=notes)
+    return Outline(geometry=geometry, name=name or path.stem, notes=notes, features=listed)
 
 
 def _polygonal(geometry: Any) -> BaseGeometry | None:
@@ -116,29 +127,32 @@ def _polygonal(geometry: Any) -> BaseGeometry | None:
     return rings[0] if len(rings) == 1 else shapely.MultiPolygon(rings)
 
 
-def _read_vector(path: Path, inner: Path) -> Outline:
+def _read_vector(path: Path, inner: Path, wanted: str | None) -> Outline:
     """Read every layer that holds areas, in whatever CRS it declares (GDAL, by pyogrio)."""
     import pyogrio
     from pyogrio.errors import DataLayerError, DataSourceError
 
     try:
         layers = [str(name) for name in pyogrio.list_layers(inner)[:, 0]]
-        geometries = [g for layer in layers for g in _layer(path, inner, layer)]
+        found = [one for layer in layers for one in _layer(path, inner, layer)]
     except (DataSourceError, DataLayerError, ValueError, ShapelyError) as error:
         text = " ".join(str(error).split())[:160]
         raise InputError(f"{path}: cannot be read as {path.suffix[1:].upper()} ({text}).") from None
-    return _outline(path, geometries, path.stem)
+    return _outline(path, found, path.stem, wanted)
 
 
-def _layer(path: Path, inner: Path, layer: str) -> list[BaseGeometry]:
+def _layer(path: Path, inner: Path, layer: str) -> list[tuple[BaseGeometry, str]]:
     from pyogrio.raw import read
     from pyproj import Transformer
     from pyproj.exceptions import CRSError
 
-    meta, _, blobs, _ = read(inner, layer=layer, columns=[], force_2d=True)
+    meta, _, blobs, values = read(inner, layer=layer, force_2d=True)
     if blobs is None or len(blobs) == 0:
         return []
-    geometries = [g for g in shapely.from_wkb(blobs, on_invalid="ignore") if g is not None]
+    keys = [str(key) for key in meta["fields"]]
+    names = [feature_name(dict(zip(keys, row, strict=True))) for row in zip(*values, strict=True)]
+    names = names or [""] * len(blobs)
+    geometries = shapely.from_wkb(blobs, on_invalid="ignore")
     crs = meta.get("crs")
     if not crs:
         raise InputError(
@@ -152,7 +166,11 @@ def _layer(path: Path, inner: Path, layer: str) -> list[BaseGeometry]:
     def to_degrees(points: Any) -> Any:
         return np.column_stack(transformer.transform(points[:, 0], points[:, 1]))
 
-    return [shapely.transform(geometry, to_degrees) for geometry in geometries]
+    return [
+        (shapely.transform(geometry, to_degrees), name)
+        for geometry, name in zip(geometries, names, strict=True)
+        if geometry is not None
+    ]
 
 
 def _features(document: dict[str, Any]) -> list[dict[str, Any]]:

@@ -114,8 +114,8 @@ def _read_csv(path: Path, header_from: Path | None) -> tuple[list[str], list[lis
         return [cell.strip() for cell in _rows(header_from)[0]], rows
     if sum(map(_is_number, header)) > len(header) / 2:
         raise TrackError(
-            f"{path}: the first row holds numbers, not the names of columns; add a header row, "
-            "or take it from a file with the same columns.",
+            f"{path}: the first row begins with {', '.join(header[:3])}: values, not the names of "
+            "columns; add a header row, or name a file of the same columns that has one.",
             settings=("header_from",),
         )
     if len(rows) < 2:
@@ -244,14 +244,26 @@ def _find_glitches(
     keep[jumps] = False
     untimed = np.zeros(len(keep), dtype=bool) if times is None else keep & ~np.isfinite(times)
     keep &= ~untimed
+    where = _jump_text(jumps, lonlat)
     counts = {
         "have no position": int((~finite).sum()),
         "are at 0, 0": int(zero.sum()),
         "are off the Earth": int(off_earth.sum()),
-        "jump away from their neighbours": len(jumps),
+        f"jump away from their neighbours{where}": len(jumps),
         "have no time": int(untimed.sum()),
     }
     return keep, [f"{count} rows {what}: left out" for what, count in counts.items() if count]
+
+
+def _jump_text(jumps: Sequence[int], lonlat: NDArray[np.float64]) -> str:
+    """Where the first jump is and what to do, by the number of its row of values."""
+    if not jumps:
+        return ""
+    lon, lat = lonlat[jumps[0]].tolist()
+    return (
+        f" (first row {jumps[0] + 1} of the values, at {lat:g} N {lon:g} E; if the boat was there, "
+        "give a file for each stretch)"
+    )
 
 
 def _find_jumps(

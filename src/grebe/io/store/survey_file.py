@@ -7,7 +7,6 @@ that the loop has seen is on the disk. Other programs may read the file meanwhil
 from __future__ import annotations
 
 import json
-import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, suppress
@@ -28,6 +27,7 @@ from grebe.core.survey import Survey
 from grebe.io.store import claims, geopackage, schema
 from grebe.io.store.migrations import migrate
 from grebe.io.store.timestamps import parse_time, parse_times, time_text, time_texts
+from grebe.io.whole import written_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -113,18 +113,11 @@ class SurveyFile:
                 f"{path} exists already; give another name, or replace it by force.",
                 settings=("force",),
             )
-        part = path.with_name(path.name + ".part")
-        try:
-            part.unlink(missing_ok=True)
+        with written_whole(path, sqlite3.Error, error=SurveyFileError) as part:
             with closing(sqlite3.connect(part)) as connection, connection:
                 schema.create(connection, survey, meta, quantities)
             for suffix in ("-wal", "-shm"):
                 path.with_name(path.name + suffix).unlink(missing_ok=True)
-            os.replace(part, path)
-        except (OSError, sqlite3.Error) as error:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
-            raise SurveyFileError(f"{path} cannot be written: {error}.") from None
 
     @classmethod
     def open(cls, path: Path) -> Self:

@@ -1,0 +1,53 @@
+"""Ctrl-C and SIGTERM end every command within a second, whatever it is doing.
+
+Python hears a signal between two of its own instructions, and a compiled kernel may run for
+minutes. So a second thread hears of the signal too. It leaves the command the time to end in good
+order, and then ends the process. No record is hurt by that: a survey file's journal is made for
+sudden death, and of files that are being written only the unfinished parts are removed.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+import time
+from types import FrameType
+
+from grebe.cli import output
+from grebe.core.errors import StoppedError
+from grebe.io.whole import forget_parts
+
+# What a command has to end in good order [s].
+GRACE_S = 0.8
+INTERRUPTED = "interrupted; what was recorded is kept."
+STOPPED = "stopped by the operator; what was recorded is kept."
+ENDS = {signal.SIGINT: (INTERRUPTED, 130), signal.SIGTERM: (STOPPED, StoppedError.exit_code)}
+
+
+def heed_signals() -> None:
+    """Let SIGINT raise `KeyboardInterrupt` and SIGTERM `StoppedError`, and see that they end it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _stop)
+    heard, told = socket.socketpair()
+    told.setblocking(False)
+    signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
+    watcher = threading.Thread(target=_watch, args=(heard, told), daemon=True)
+    watcher.start()
+
+
+def _stop(signum: int, frame: FrameType | None) -> None:
+    raise StoppedError(STOPPED)
+
+
+def _watch(heard: socket.socket, told: socket.socket) -> None:
+    """Wait for a signal that ends the process; `told` is held, or it would be closed."""
+    number = 0
+    while told.fileno() >= 0 and number not in ENDS:
+        number = heard.recv(1)[0]
+    sentence, code = ENDS[signal.Signals(number)]
+    time.sleep(GRACE_S)
+    forget_parts()
+    output.fail(sentence)
+    os._exit(code)

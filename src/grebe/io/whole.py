@@ -1,0 +1,68 @@
+"""Write a file whole or not at all: beside its place first, on the disk, then renamed.
+
+A full disk, a crash or an interruption thus leaves the older file as it was.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from grebe.core.errors import InputError
+
+_under_way: set[Path] = set()
+
+
+@contextmanager
+def written_whole(
+    path: Path, *failures: type[Exception], error: type[InputError] = InputError
+) -> Generator[Path]:
+    """Give the temporary path to write to; what stands there at the end takes `path`'s place.
+
+    The temporary path lies beside `path` and ends as it does, for writers that go by the ending.
+    Where writing fails by an `OSError`, or one of the writer's own `failures`, an `error`
+    names `path`. Whatever ends the writing, no part of a file is left behind.
+    """
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    _under_way.add(part)
+    try:
+        yield part
+        _onto_disk(part)
+        os.replace(part, path)
+    except (OSError, *failures) as failure:
+        raise error(f"{path} cannot be written: {_reason(failure)}.") from None
+    finally:
+        _forget(part)
+        _under_way.discard(part)
+
+
+def forget_parts() -> None:
+    """Remove what is being written now: for who ends a process that can no longer do so."""
+    for part in tuple(_under_way):
+        _forget(part)
+
+
+def write_text_whole(path: Path, text: str) -> None:
+    """Write a text as UTF-8, whole or not at all; `InputError` names `path`."""
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def _onto_disk(part: Path) -> None:
+    """A rename may reach the disk before what it renames, unless that is told to go first."""
+    with part.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _reason(error: Exception) -> str:
+    strerror = getattr(error, "strerror", None)
+    return strerror or " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+
+
+def _forget(part: Path) -> None:
+    """Remove what a writer left, with the journals that GeoPackages have beside them."""
+    for suffix in ("", "-journal", "-wal", "-shm"):
+        with suppress(OSError):
+            part.with_name(part.name + suffix).unlink(missing_ok=True)
