@@ -11,10 +11,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import shapely
-from conftest import FRAME, square_survey
+from conftest import FRAME, OXYGEN, square_survey
 
 from grebe.core.errors import InputError, SurveyFileError
-from grebe.core.quantities import QUANTITIES
 from grebe.core.samples import Flag
 from grebe.io.export.contours import write_contours
 from grebe.io.export.geotiff import write_geotiff
@@ -24,6 +23,7 @@ from grebe.io.store import SurveyFile
 from grebe.io.whole import forget_parts, write_text_whole, written_whole
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings, QuantityMap
+from grebe.mapping.methods.choice import KRIGING
 from grebe.report.canvas import save
 
 
@@ -44,9 +44,9 @@ def one() -> QuantityMap:
     water = shapely.box(0, 0, 100, 100)
     rng = np.random.default_rng(0)
     positions = rng.uniform(0, 100, (150, 2))
-    mapper = Mapper(water, make_grid(water, 2.5), MapSettings(method="kriging"))
+    mapper = Mapper(water, make_grid(water, 2.5), MapSettings(method=KRIGING))
     values = 5 + np.sin(positions[:, 0] / 30) + rng.normal(0, 0.05, 150)
-    return mapper.map_quantity(QUANTITIES[1], positions, values, np.full(150, Flag.GOOD))
+    return mapper.map_quantity(OXYGEN, positions, values, np.full(150, Flag.GOOD))
 
 
 def figure(path: Path) -> None:

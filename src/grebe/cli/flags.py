@@ -6,6 +6,7 @@ from grebe.core.errors import GrebeError
 
 FLAGS = {
     "cell_m": "--cell",
+    "coast_tolerance_m": "--coast-tolerance",
     "columns": "--column",
     "core": "--core",
     "energy_wh": "--wh",

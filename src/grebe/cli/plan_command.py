@@ -92,6 +92,13 @@ DEFAULT_MARGIN_M = 1.0
     show_default=True,
     help="With --range: the map's standard deviation over the quantity's own.",
 )
+@click.option(
+    "--coast-tolerance",
+    "coast_tolerance_m",
+    type=float,
+    help="Draw a coast of many vertices with fewer, on the water's side and within this [m].  "
+    "[default: a tenth of a cell beyond 10,000 vertices]",
+)
 @click.option("--minutes", type=float, help="Choose the cells' size for this time.")
 @click.option("--wh", "energy_wh", type=float, help="Choose the cells' size for this energy [Wh].")
 @click.option(
@@ -122,6 +129,7 @@ def command(
     pattern: Pattern,
     angle: str,
     shore_margin_m: float | None,
+    coast_tolerance_m: float | None,
     no_go: tuple[Path, ...],
     returns: bool,
     current: tuple[float, float],
@@ -168,6 +176,7 @@ def command(
         speed_min_mps=speed[0],
         speed_max_mps=speed[1],
         shore_margin_m=_margin_m(shore_margin_m, region),
+        coast_tolerance_m=coast_tolerance_m,
         returns=returns,
         weather=options.weather_of(current, wind),
         minutes=minutes,

@@ -31,6 +31,8 @@ class PlanSettings:
     which a target is drawn in: less than 1 keeps the boat from cutting the cells' corners.
     `angle_deg` is the direction of the rows (None: the best one is looked for). `returns`: the
     way back to the start belongs to the survey. `weather` is what the plan reckons with.
+    `coast_tolerance_m`: within how far of the outline a coast of very many vertices may be drawn
+    with fewer, always on the water's side (0: never; None: by the cells' size).
     """
 
     cell_m: float | None = 5.0
@@ -41,6 +43,7 @@ class PlanSettings:
     speed_min_mps: float = 1.0
     speed_max_mps: float = 2.0
     shore_margin_m: float = 0.0
+    coast_tolerance_m: float | None = None
     returns: bool = False
     weather: Weather = CALM
     minutes: float | None = None
@@ -78,6 +81,12 @@ class PlanSettings:
             raise UsageError(
                 f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.",
                 settings=("shore_margin_m",),
+            )
+        tolerance = self.coast_tolerance_m
+        if tolerance is not None and not 0 <= tolerance < math.inf:
+            raise UsageError(
+                f"A coast tolerance of {tolerance} m is not possible; give 0 or more.",
+                settings=("coast_tolerance_m",),
             )
         budgets = [b for b in (self.minutes, self.energy_wh) if b is not None]
         if len(budgets) + (self.cell_m is not None) != 1:

@@ -20,7 +20,7 @@ from grebe.planning.check import PlanCheck, check_plan
 from grebe.planning.corridors import Stop, Waterways, widened
 from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
-from grebe.planning.region import Region, navigable_water
+from grebe.planning.region import Region, coarsened, navigable_water
 from grebe.planning.route import Route, best_route
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
@@ -34,6 +34,8 @@ MANY_CELLS = 2_500
 # How near a plan must come to the budget of time or energy, and in how many trials.
 BUDGET_SHARE, BUDGET_TRIALS = 0.95, 16
 SMALLEST_CELL_M = 0.5
+# A coast of more vertices than this is drawn with fewer, within this share of a cell.
+MANY_VERTICES, COAST_SHARE = 10_000, 0.1
 # A turn on the way that is counted as one [rad].
 TURN_RAD = math.radians(30)
 # Footprint of the start, for the hull with the first target [m].
@@ -89,8 +91,18 @@ def plan(
     """
     check_speed(settings, vessel)
     given = start_lonlat and region.frame.place_near(region.water, start_lonlat, "start")
+    region, told = _with_coast(region, settings)
     water, notes = navigable_water(region, no_go, settings.shore_margin_m, given)
-    return _Planner(region, vessel, settings, tuple(no_go), water, given).planned(notes)
+    return _Planner(region, vessel, settings, tuple(no_go), water, given).planned(told + notes)
+
+
+def _with_coast(region: Region, settings: PlanSettings) -> tuple[Region, tuple[str, ...]]:
+    """The region with a coast that can be worked with, and a note where it was changed."""
+    tolerance_m = settings.coast_tolerance_m
+    if tolerance_m is None:
+        many = shapely.get_num_coordinates(region.water) > MANY_VERTICES
+        tolerance_m = COAST_SHARE * (settings.cell_m or SMALLEST_CELL_M) if many else 0.0
+    return coarsened(region, tolerance_m) if tolerance_m > 0 else (region, ())
 
 
 @dataclass(frozen=True)

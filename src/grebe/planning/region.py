@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -100,6 +100,28 @@ def _check_validity(geometry: BaseGeometry, name: str) -> None:
                 f"The region {name!r} is not a simple polygon ({reason}); "
                 "mend its outline, for example with QGIS's 'Fix geometries'."
             )
+
+
+def coarsened(region: Region, tolerance_m: float) -> tuple[Region, tuple[str, ...]]:
+    """Return the region with a coast of fewer vertices within its water, and a note about it.
+
+    Douglas and Peucker's simplification to half of the tolerance moves the coast by no more than
+    that, to either side; what is then eroded by the other half lies in the water.
+    """
+    water = region.water
+    half = 0.5 * tolerance_m
+    inner = shapely.simplify(water, half).buffer(-half, join_style="mitre")
+    parts = [part for part in _parts(inner) if isinstance(part, shapely.Polygon)]
+    largest = max(parts, key=lambda part: part.area, default=None)
+    if largest is None or largest.is_empty or not shapely.covers(water, largest):
+        return region, ()
+    before, after = shapely.get_num_coordinates(water), shapely.get_num_coordinates(largest)
+    given_up = 1 - largest.area / water.area
+    note = (
+        f"the outline's {before:,} vertices are taken as {after:,}, on the water's side and within "
+        f"{tolerance_m:g} m; {given_up:.2%} of the area is given up"
+    )
+    return replace(region, water=shapely.normalize(largest)), (note,)
 
 
 def navigable_water(

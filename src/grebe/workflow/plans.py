@@ -12,6 +12,7 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
+from grebe.io.readers.land import sea_warning
 from grebe.io.readers.outline import read_outline
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import TrackColumns
@@ -36,7 +37,9 @@ def read_region(
     `feature` names one of several lakes in a file, by its name or its number.
     """
     outline = read_outline(path, columns, header_from, feature=feature)
-    return clean_region(outline.geometry, outline.name, outline.features), outline.notes
+    region = clean_region(outline.geometry, outline.name, outline.features)
+    at_sea = sea_warning(region.frame.origin_lon_deg, region.frame.origin_lat_deg)
+    return region, (*outline.notes, *([at_sea] if at_sea else []))
 
 
 def plan_region(
