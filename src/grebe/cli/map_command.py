@@ -9,6 +9,7 @@ import click
 
 from grebe.cli import options, output
 from grebe.core.errors import InputError
+from grebe.core.quantities import BUILTIN
 from grebe.core.survey import Survey
 from grebe.io.readers.depth import read_depth
 from grebe.io.store import SurveyFile
@@ -83,13 +84,13 @@ def command(
     """Map every quantity of FILE: map.nc (CF NetCDF), contours.gpkg, and a Cloud Optimized
     GeoTIFF and a picture each.
     """
-    thresholds = read_profile(profile)
     make_folder(out)
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} holds maps already; give another folder, or --force.")
     with SurveyFile.open(file) as survey_file:
         functions = _drift(survey_file.survey, drift, inflows, depth)
         mapped = sum(one.mapped for one in survey_file.quantities.values())
+        thresholds = read_profile(profile, BUILTIN.extended(survey_file.quantities))
     settings = _settings(method, variogram, estimator, functions, shore_depth_sd_m)
     with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
         data = map_survey(file, settings, resolution_m, countdown.update)

@@ -8,6 +8,7 @@ import click
 
 from grebe.cli import options, output
 from grebe.core.errors import InputError
+from grebe.core.quantities import BUILTIN
 from grebe.io.store import SurveyFile
 from grebe.report.data import gather
 from grebe.report.page import write_report
@@ -38,7 +39,6 @@ def command(
     as_json: bool,
 ) -> None:
     """Write one self-contained HTML page about FILE."""
-    thresholds = read_profile(profile)
     path = path or file.with_suffix(".html")
     options.refuse_same(file, options.checked_output(path))
     if path.suffix.lower() == ".pdf":
@@ -47,6 +47,7 @@ def command(
         if made.exists() and not force:
             raise InputError(f"{made} exists already; give another name with -o, or --force.")
     with SurveyFile.open(file) as survey_file:
+        thresholds = read_profile(profile, BUILTIN.extended(survey_file.quantities))
         data = gather(survey_file, resolution_m)
     write_report(path, data, thresholds, language)
     printed: dict[str, str] = {}

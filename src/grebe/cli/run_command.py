@@ -16,6 +16,7 @@ from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, LinkError, StoppedError, UsageError
 from grebe.core.events import EndReason
+from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.loop import MissionSettings
@@ -133,6 +134,7 @@ def _weight_options(command: Any) -> Any:
     help="Keep readings within target sets alone, as in the paper.  "
     "[default: every second within the speed window]",
 )
+@options.quantities_option
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
 @options.force_option
 @options.json_option
@@ -142,6 +144,7 @@ def command(
     file: Path,
     url: str,
     in_sets_only: bool,
+    quantities_file: Path | None,
     resume: bool,
     force: bool,
     as_json: bool,
@@ -156,6 +159,10 @@ def command(
     boat_named(url, _settings(run)[2])
     output.note_compilation()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
+        own = user_quantities(quantities_file, file)
+        if own:
+            survey_file.claim()
+            survey_file.declare(own)
         if resume:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
         rule, solver, world = _settings(run)

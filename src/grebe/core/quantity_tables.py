@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import MISSING, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from math import isfinite
 from typing import Any, cast
 
@@ -30,21 +30,14 @@ def quantities_of(
     return Quantities(entries)
 
 
-_NAMES = {one.name for one in fields(Quantity)} - {"key", "labels"} | {"label"}
-_REQUIRED = sorted(
-    {one.name for one in fields(Quantity) if one.default is MISSING} - {"key", "labels", "limits"}
-    | {"label"}
-)
-
-
 def _entry(key: str, table: Mapping[str, Any], before: Quantity | None) -> Quantity:
-    unknown = sorted(set(table) - _NAMES)
+    unknown = sorted(set(table) - set(_READERS))
     if unknown:
-        raise InputError(f"holds {unknown[0]!r}; it may hold {', '.join(sorted(_NAMES))}.")
+        raise InputError(f"holds {unknown[0]!r}; it may hold {', '.join(sorted(_READERS))}.")
     lacking = [name for name in _REQUIRED if name not in table]
     if before is None and lacking:
         raise InputError(f"is new and lacks {', '.join(lacking)}.")
-    given = {name: _read(name, value) for name, value in table.items()}
+    given = {name: _READERS[name](name, value) for name, value in table.items()}
     if "label" in given:
         given["labels"] = given.pop("label")
     span = given.get("span", before.span if before else None)
@@ -57,56 +50,52 @@ def _entry(key: str, table: Mapping[str, Any], before: Quantity | None) -> Quant
     return Quantity(key=key, **given)
 
 
-def _read(name: str, value: Any) -> Any:  # noqa: PLR0911 - one return for each kind of entry
-    """One entry of a table as the record has it."""
-    if name == "label":
-        texts = value if isinstance(value, Mapping) else {"en": value}
-        if not all(isinstance(text, str) and text for text in texts.values()):
-            raise InputError("label is a text, or a table such as { en = '...', fr = '...' }.")
-        return dict(cast("Mapping[str, str]", texts))
-    if name in {"unit", "cf_unit", "standard_name", "colormap"}:
-        return _text(name, value)
-    if name in {"on_sonde", "mapped"}:
-        if not isinstance(value, bool):
-            raise InputError(f"{name} is true or false, not {value!r}.")
-        return value
-    if name == "span":
-        return read_span(name, value)
-    if name in {"columns", "missing"}:
+def _read_label(name: str, value: object) -> dict[str, str]:
+    texts = cast("Mapping[str, Any]", value) if isinstance(value, Mapping) else {"en": value}
+    if not all(isinstance(text, str) and text for text in texts.values()):
+        raise InputError(f"{name} is a text, or a table such as {{ en = '...', fr = '...' }}.")
+    return {language: str(text) for language, text in texts.items()}
+
+
+def _read_truth(name: str, value: object) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f"{name} is true or false, not {value!r}.")
+    return value
+
+
+def _read_list(read: Callable[[str, object], Any]) -> Callable[[str, object], tuple[Any, ...]]:
+    def all_of(name: str, value: object) -> tuple[Any, ...]:
         if not isinstance(value, list | tuple):
             raise InputError(f"{name} is a list, not {value!r}.")
-        read = _text if name == "columns" else _number
         return tuple(read(name, one) for one in cast("list[Any]", value))
-    if name == "limits":
-        return read_limit_table(value)
-    if name == "lake":
-        return None if value is None else LakeStatistics(**_numbers("lake", value, LakeStatistics))
-    return None if value is None else _number(name, value)
+
+    return all_of
 
 
-def read_limit_table(value: object) -> dict[str, float | Span]:
+def _read_lake(name: str, value: object) -> LakeStatistics:
+    known = sorted(one.name for one in fields(LakeStatistics))
+    if not isinstance(value, Mapping) or set(cast("Mapping[str, Any]", value)) != set(known):
+        raise InputError(f"{name} is a table of {', '.join(known)}.")
+    given = cast("Mapping[str, Any]", value)
+    return LakeStatistics(**{key: _read_number(key, one) for key, one in given.items()})
+
+
+def read_limit_table(value: object, name: str = "limits") -> dict[str, float | Span]:
     """The fields of `Limits` that a table gives; `InputError` says what is wrong with it."""
     known = {one.name for one in fields(Limits)}
     if not isinstance(value, Mapping):
-        raise InputError(f"limits is a table, not {value!r}.")
+        raise InputError(f"{name} is a table, not {value!r}.")
     table = cast("Mapping[str, Any]", value)
     unknown = sorted(set(table) - known)
     if unknown:
         raise InputError(f"holds {unknown[0]!r}; it may hold {', '.join(sorted(known))}.")
     return {
-        name: read_span(name, one) if name.endswith("_span") else _number(name, one)
-        for name, one in table.items()
+        limit: (read_span if limit.endswith("_span") else _read_number)(limit, one)
+        for limit, one in table.items()
     }
 
 
-def _numbers(name: str, value: object, record: type) -> dict[str, float]:
-    known = sorted(one.name for one in fields(record))
-    if not isinstance(value, Mapping) or set(cast("Mapping[str, Any]", value)) != set(known):
-        raise InputError(f"{name} is a table of {', '.join(known)}.")
-    return {key: _number(key, one) for key, one in cast("Mapping[str, Any]", value).items()}
-
-
-def _number(name: str, value: object) -> float:
+def _read_number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{name} is {value!r}, which is no number.")
     if not isfinite(value):
@@ -114,7 +103,7 @@ def _number(name: str, value: object) -> float:
     return float(value)
 
 
-def _text(name: str, value: object) -> str:
+def _read_text(name: str, value: object) -> str:
     if not isinstance(value, str):
         raise InputError(f"{name} is {value!r}, which is no text.")
     return value
@@ -125,6 +114,25 @@ def read_span(name: str, value: object) -> Span:
     pair = cast("list[Any]", value) if isinstance(value, list | tuple) else []
     if len(pair) != 2:
         raise InputError(f"{name} is {value!r}; give two numbers, [low, high].")
-    span = _number(name, pair[0]), _number(name, pair[1])
+    span = _read_number(name, pair[0]), _read_number(name, pair[1])
     check_span(name, span)
     return span
+
+
+_READERS: dict[str, Callable[[str, object], Any]] = {
+    "label": _read_label,
+    "unit": _read_text,
+    "cf_unit": _read_text,
+    "standard_name": _read_text,
+    "span": read_span,
+    "resolution": _read_number,
+    "columns": _read_list(_read_text),
+    "missing": _read_list(_read_number),
+    "limits": lambda name, value: read_limit_table(value, name),
+    "lake": _read_lake,
+    "air_share": _read_number,
+    "on_sonde": _read_truth,
+    "mapped": _read_truth,
+    "colormap": _read_text,
+}
+_REQUIRED = ("label", "unit", "cf_unit", "span", "resolution")

@@ -10,7 +10,7 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -22,11 +22,19 @@ import shapely
 from grebe.core.errors import SurveyFileError
 from grebe.core.events import LogEntry, Step
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
-from grebe.core.samples import Flag, Sample, Samples
+from grebe.core.samples import Sample, Samples
 from grebe.core.survey import Survey
 from grebe.io.store import claims, geopackage, schema
 from grebe.io.store.migrations import migrate
-from grebe.io.store.timestamps import parse_time, parse_times, time_text, time_texts
+from grebe.io.store.tables import (
+    Progress,
+    TrackTable,
+    row_of,
+    rows_of,
+    sample_columns,
+    samples_of,
+)
+from grebe.io.store.timestamps import parse_time, time_text
 from grebe.io.whole import written_whole
 
 if TYPE_CHECKING:
@@ -37,37 +45,6 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = schema.VERSION
 # Rows that are turned into columns, and columns into rows, at a time: memory stays in bounds.
 ROWS_AT_ONCE = 50_000
-
-
-@dataclass(frozen=True, kw_only=True)
-class Progress:
-    """How far a survey has come: when each target was reached (None: not yet)."""
-
-    reached_at: tuple[datetime | None, ...]
-    sample_counts: tuple[int, ...]
-
-    @property
-    def reached(self) -> int:
-        """Number of reached targets."""
-        return sum(moment is not None for moment in self.reached_at)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackTable:
-    """The whole track as columns: `seconds` since the first row, `states` (n, 6),
-    `thrusts` (n, 2) [N], `solve_ms` (n,), `status` (n,).
-    """
-
-    times: tuple[datetime, ...]
-    seconds: NDArray[np.float64]
-    states: NDArray[np.float64]
-    thrusts: NDArray[np.float64]
-    solve_ms: NDArray[np.float64]
-    status: tuple[str, ...]
-    target_seq: NDArray[np.int64]
-
-    def __len__(self) -> int:
-        return len(self.states)
 
 
 class SurveyFile:
@@ -229,7 +206,8 @@ class SurveyFile:
             self._refuse_undeclared({*sample.values, *sample.flags})
         with self._transaction():
             for sample in samples:
-                self._insert("samples", self._sample_row(sample))
+                row = row_of(sample, self.survey.frame, self._quantities)
+                self._execute(self._insert_samples(), row)
                 if sample.target_seq is not None:
                     self._execute(
                         "UPDATE targets SET sample_count = sample_count + 1 WHERE seq = ?",
@@ -239,14 +217,11 @@ class SurveyFile:
     def extend_samples(self, samples: Samples) -> None:
         """Append columns of samples, as `append_samples` does a few, in one transaction."""
         self._refuse_undeclared(set(samples.values))
-        keys = list(self._quantities)
-        columns = ["geom", "time", "target_seq", "speed_mps", *self._value_columns()]
-        marks = ", ".join("?" * len(columns))
-        sql = f"INSERT INTO samples ({', '.join(columns)}) VALUES ({marks})"
+        sql = self._insert_samples()
         with self._transaction():
             for first in range(0, len(samples), ROWS_AT_ONCE):
                 some = samples.rows(slice(first, first + ROWS_AT_ONCE))
-                self._execute_many(sql, self._sample_rows(some, keys))
+                self._execute_many(sql, rows_of(some, self.survey.frame, self._quantities))
             counts = np.bincount(samples.target_seq)
             self._execute_many(
                 "UPDATE targets SET sample_count = sample_count + ? WHERE seq = ?",
@@ -346,21 +321,9 @@ class SurveyFile:
 
     def samples(self) -> Samples:
         """Return all samples in the order in which they were written."""
-        columns = ", ".join(["geom", "time", "target_seq", "speed_mps", *self._value_columns()])
-        blocks = [
-            self._sample_block(rows)
-            for rows in self._blocks(f"SELECT {columns} FROM samples ORDER BY fid")
-        ] or [self._sample_block([])]
-        times, positions, numbers = (np.concatenate(one) for one in zip(*blocks, strict=True))
-        flags = np.nan_to_num(numbers[:, 3::2], nan=Flag.MISSING).astype(np.int64)
-        return Samples(
-            times=times,
-            positions=positions,
-            target_seq=np.nan_to_num(numbers[:, 0]).astype(np.int64),
-            speed_mps=numbers[:, 1],
-            values={key: numbers[:, 2 + 2 * i] for i, key in enumerate(self._quantities)},
-            flags={key: flags[:, i] for i, key in enumerate(self._quantities)},
-        )
+        columns = ", ".join(sample_columns(self._quantities))
+        blocks = self._blocks(f"SELECT {columns} FROM samples ORDER BY fid")
+        return samples_of(blocks, self.survey.frame, self._quantities)
 
     def lags(self) -> dict[str, Lag]:
         """Return the lags that are noted, by quantity."""
@@ -392,47 +355,10 @@ class SurveyFile:
                 f"{self._quantities.keys_text}. Declare a new quantity first."
             )
 
-    def _value_columns(self) -> list[str]:
-        return [name for key in self._quantities for name in (f'"{key}"', f'"{key}_qc"')]
-
-    def _sample_row(self, sample: Sample) -> dict[str, Any]:
-        row: dict[str, Any] = {
-            "geom": self._point_blob(sample.north_m, sample.east_m),
-            "time": time_text(sample.time),
-            "target_seq": sample.target_seq,
-            "speed_mps": sample.speed_mps,
-        }
-        for key in self._quantities:
-            row[f'"{key}"'] = sample.values.get(key)
-            row[f'"{key}_qc"'] = sample.flags.get(key, Flag.MISSING)
-        return row
-
-    def _sample_rows(self, samples: Samples, keys: Sequence[str]) -> Iterator[tuple[Any, ...]]:
-        """Columns as rows of the table; NaN becomes NULL by SQLite's own rule."""
-        n = len(samples)
-        lonlat = self.survey.frame.to_wgs84(samples.positions)
-        columns: list[list[Any]] = [
-            geopackage.to_blobs(np.asarray(shapely.points(lonlat), dtype=object)),
-            time_texts(samples.times),
-            [seq or None for seq in samples.target_seq.tolist()],
-            samples.speed_mps.tolist(),
-        ]
-        for key in keys:
-            known = key in samples.values
-            columns.append(samples.values[key].tolist() if known else [None] * n)
-            columns.append(samples.flags[key].tolist() if known else [Flag.MISSING] * n)
-        return zip(*columns, strict=True)
-
-    def _sample_block(
-        self, rows: list[Any]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Times (n,), positions (n, 2) and the other columns (n, m) of some rows."""
-        lonlat = geopackage.point_coordinates([row[0] for row in rows])
-        numbers = np.array([row[2:] for row in rows], dtype=float)
+    def _insert_samples(self) -> str:
+        columns = sample_columns(self._quantities)
         return (
-            parse_times([row[1] for row in rows]),
-            self.survey.frame.to_local(lonlat),
-            numbers.reshape(len(rows), 2 + 2 * len(self._quantities)),
+            f"INSERT INTO samples ({', '.join(columns)}) VALUES ({', '.join('?' * len(columns))})"
         )
 
     def _point_blob(self, north_m: float, east_m: float) -> bytes:
