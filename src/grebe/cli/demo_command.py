@@ -51,7 +51,7 @@ def command(out: Path, as_json: bool) -> None:
     survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=5.0))
     canvas.save(mission_figures.plan_figure(survey), out / "plan.png")
     output.note(f"{NOTE} {len(survey.targets)} target sets of 25 m2; steering through them:")
-    output.note_compilation()
+    output.compile_once()
     write_survey(file, survey, force=True, note=NOTE)
     with (
         SurveyFile.open(file) as survey_file,

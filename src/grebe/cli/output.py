@@ -85,12 +85,15 @@ def fail(text: str) -> None:
     click.echo(f"grebe: {text}", err=True)
 
 
-def note_compilation() -> None:
-    """Say why the first run is slow to start, where it will be."""
+def compile_once() -> None:
+    """Compile the controller where that is still to be done, and say why it takes a while."""
     from grebe.core.kernels import is_compiled
 
     if not is_compiled():
+        from grebe.workflow.warm import compile_controller
+
         note("compiling the controller, once: about half a minute")
+        compile_controller()
 
 
 def result(values: Mapping[str, Any], *, as_json: bool, next_command: str) -> None:

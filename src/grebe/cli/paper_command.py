@@ -55,7 +55,7 @@ def command(
     if track is None and set(wanted) & {*BY_HAND, CLAIM}:
         raise UsageError(f"{', '.join((*BY_HAND, CLAIM))} need a hand-driven track: --track FILE.")
     make_folder(out)
-    output.note_compilation()
+    output.compile_once()
     made = _reproduced([name for name in wanted if name != CLAIM], out, track, quiet=as_json)
     rows = _claimed(out, track, seeds, quiet=as_json) if CLAIM in wanted and track else []
     if as_json:

@@ -157,7 +157,7 @@ def command(
     if resume and force:
         raise UsageError("--resume goes on and --force begins anew; give one of them.")
     boat_named(url, _settings(run)[2])
-    output.note_compilation()
+    output.compile_once()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         own = user_quantities(quantities_file, file)
         if own:

@@ -1,0 +1,41 @@
+"""The first mission after installation is the same as all later ones, to the last digit."""
+
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from conftest import square_survey
+
+import grebe
+from grebe.workflow.files import write_survey
+
+GREBE = "from grebe.cli.main import main; main()"
+TRACK = "SELECT north_m, east_m, heading_rad, thrust_port_n, thrust_starboard_n FROM track"
+
+
+def run(package, *words):
+    environment = os.environ | {"PYTHONPATH": str(package)}
+    subprocess.run(
+        [sys.executable, "-c", GREBE, *map(str, words)], env=environment, check=True,
+        capture_output=True, timeout=400,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_mission_is_the_same_before_and_after_its_kernels_are_cached(tmp_path):
+    source, fresh = Path(grebe.__file__).parent, tmp_path / "fresh" / "grebe"
+    shutil.copytree(source, fresh, ignore=shutil.ignore_patterns("__pycache__"))
+    tracks = []
+    for name in ("first.gpkg", "second.gpkg"):
+        path = tmp_path / name
+        write_survey(path, square_survey(side_m=40.0, cell_m=8.0))
+        run(fresh.parent, "run", path)
+        with closing(sqlite3.connect(path)) as connection:
+            tracks.append(connection.execute(TRACK).fetchall())
+    assert len(tracks[0]) > 50
+    assert tracks[0] == tracks[1]
