@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.made
 
-.PHONY: help demo test check bench clean
+.PHONY: help demo test check bench docs clean
 
 help:  ## what there is to make
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -32,6 +32,10 @@ check: $(STAMP)  ## style, types, import contract
 bench: $(STAMP)  ## benchmarks: ratios against baselines in the same run
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,bench]'
 	$(BIN)/python -m benchmarks
+
+docs: $(STAMP)  ## the documentation as a site, its examples run: build/docs/index.html
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs build/docs
 
 clean:  ## remove what was made
 	rm -rf $(VENV) demo dist build

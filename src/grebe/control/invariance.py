@@ -42,7 +42,7 @@ STEPS_PER_TIME_CONSTANT = 4
 
 @dataclass(frozen=True, kw_only=True)
 class FreeBounds:
-    """The compact X in the states that a target set leaves free: largest |v| and |r|."""
+    """The compact X in the states that a target set leaves free: the largest sway and yaw rate."""
 
     sway_mps: float = 0.0
     yaw_rate_radps: float = 0.0
