@@ -21,6 +21,7 @@ from grebe.mapping.covariance import CovarianceModel
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.kriging import Estimate, krige
 from grebe.mapping.maps import Mapper, MapSettings
+from grebe.mapping.methods.choice import METHODS
 from grebe.mapping.simulation import circulant_fields
 from grebe.mapping.spde import Mesh, ShoreField, ShoreModel, coarse_mesh, fit_spde
 from grebe.mapping.spde import _factor as factorised
@@ -170,7 +171,7 @@ def _walled(seed: int, count: int) -> tuple[float, float, float]:
     values = truth[chosen] + rng.normal(0, 0.1, count)
     inside, errors = mesh.grid.inside, []
     for method in ("kriging", "spde"):
-        mapper = Mapper(water, mesh.grid, MapSettings(method=method))
+        mapper = Mapper(water, mesh.grid, MapSettings(method=METHODS[method]))
         one = mapper.map_quantity(
             LIMNOLOGICAL["temperature_degc"], mesh.nodes[chosen], values, np.ones(count)
         )

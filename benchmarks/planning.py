@@ -13,11 +13,10 @@ import shapely
 from benchmarks.common import print_head, print_row
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.frames import LocalFrame
-from grebe.core.plan_settings import PlanSettings
+from grebe.core.plan_settings import SHAPES, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
 from grebe.planning.corridors import Waterways
-from grebe.planning.lattice import SHAPES
 from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
 from grebe.planning.planner import plan
