@@ -17,7 +17,7 @@ import grebe
 folder = Path(tempfile.mkdtemp())
 region = grebe.clean_region(shapely.box(3.1700, 50.6360, 3.1706, 50.6364), "a pond")
 planned = grebe.plan_region(region, grebe.vessel_named("spyboat"), grebe.PlanSettings(cell_m=7.0))
-grebe.write_plan(planned, folder / "survey.gpkg")
+picture = grebe.write_plan(planned, folder / "survey.gpkg")
 
 # %%
 # The boat is simulated here; `docs/how-to/add-a-link.md` says how to sail one of your own.
@@ -34,7 +34,7 @@ print(
 # One map of each quantity, with its standard deviation.
 
 maps = grebe.map_survey(folder / "survey.gpkg").maps
-figure, axes = plt.subplots(1, 2, figsize=(9, 4))
+figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 for side, field, name in zip(
     axes, (maps[0].mean, maps[0].sd), ("mean", "standard deviation"), strict=True
 ):

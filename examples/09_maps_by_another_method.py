@@ -24,7 +24,7 @@ readings = Readings(positions=places, values=values)
 # %%
 # Kriging looks through the island, the field of the stochastic equation goes around it.
 
-figure, axes = plt.subplots(1, 2, figsize=(9, 4))
+figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 for side, method in zip(axes, (grebe.Kriging(), grebe.Spde()), strict=True):
     field = method.fit(readings, domain)
     mean = field.mean(domain.grid.nodes)

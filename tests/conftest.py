@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, assume, settings
 from hypothesis import strategies as st
 
 from grebe.control.rules.lookahead import Lookahead
@@ -45,7 +45,22 @@ def simulate(file, rule=None, world=None, **how):
     return run_survey(file, world or SimulatedWorld(), helm, NOON, **how)
 
 
-needs_data = pytest.mark.skipif(not CHINA.exists(), reason="the real tracks are not here")
+REAL_DATA = {"real tracks": CHINA, "real outlines": DATA / "regions"}
+MISSING = [f"the {what} are not at {path}" for what, path in REAL_DATA.items() if not path.exists()]
+
+
+def _needs(what: str) -> pytest.MarkDecorator:
+    path = REAL_DATA[what]
+    return pytest.mark.skipif(not path.exists(), reason=f"the {what} are not at {path}")
+
+
+needs_tracks, needs_outlines = _needs("real tracks"), _needs("real outlines")
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say at the end of every run which real data were missing, whatever the verbosity."""
+    for missing in MISSING:
+        terminalreporter.write_line(f"tests skipped: {missing}; set GREBE_TEST_DATA", yellow=True)
 
 
 def region_of(corners: list[tuple[float, float]]) -> Region:
@@ -68,8 +83,6 @@ def convex_polygons(draw: st.DrawFn, scale: float = 50.0) -> shapely.Polygon:
     b = draw(st.floats(0.2 * scale, scale))
     points = [(round(a * np.cos(t), 6), round(b * np.sin(t), 6)) for t in angles]
     polygon = shapely.Polygon(points).convex_hull.simplify(1e-3).convex_hull
-    from hypothesis import assume
-
     assume(isinstance(polygon, shapely.Polygon) and polygon.area > 0.05 * a * b)
     assume(polygon.area / polygon.length > 0.02 * scale)
     return polygon

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import CHINA, needs_data
+from conftest import CHINA, needs_tracks
 
 from grebe.cli.main import COMMANDS
 
@@ -173,7 +173,7 @@ def _wait_for_samples(path: Path):
     raise AssertionError("the mission wrote nothing")
 
 
-@needs_data
+@needs_tracks
 @pytest.mark.slow
 def test_the_real_track_is_imported_mapped_and_flown(tmp_path):
     """The paper's way: map what was measured by hand, then survey its hull on the same water."""

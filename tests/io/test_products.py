@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sqlite3
 import subprocess
 import sys
 
@@ -278,11 +279,22 @@ def test_a_report_is_printed(demo):
 
 
 @pytest.mark.slow
-def test_a_difference_of_a_survey_with_itself_is_nothing(demo):
-    file, out = demo / "survey.gpkg", demo / "diff"
-    rows = json.loads(run("diff", file, file, "--out", out, "--resolution", 4, "--json"))
-    assert len(rows) == len(LIMNOLOGICAL)
+def test_a_change_of_one_quantity_alone_is_found(demo):
+    """The later survey has water that is two degrees warmer, and is otherwise the same."""
+    file, later, out = demo / "survey.gpkg", demo / "warmer.gpkg", demo / "diff"
+    shutil.copy(file, later)
+    with sqlite3.connect(later) as connection:
+        connection.execute("UPDATE samples SET temperature_degc = temperature_degc + 2.0")
+    connection.close()
+    rows = json.loads(run("diff", file, later, "--out", out, "--resolution", 4, "--json"))
+    assert set(rows) == set(LIMNOLOGICAL)
+    back = json.loads(run("diff", later, file, "--out", demo / "back", "--resolution", 4, "--json"))
     for key, row in rows.items():
-        assert row["mean_difference"] == 0.0
-        assert row["changed_share"] == 0.0
-        assert (out / f"{key}_difference.tif").exists()
+        warmer = 2.0 if key == "temperature_degc" else 0.0
+        assert row["mean_difference"] == pytest.approx(warmer, abs=1e-3)
+        assert back[key]["mean_difference"] == pytest.approx(-warmer, abs=1e-3)
+        assert row["changed_share"] == (1.0 if warmer else 0.0)
+        with rasterio.open(out / f"{key}_difference.tif") as tiff:
+            assert np.nanmean(tiff.read(1, masked=True).filled(np.nan)) == pytest.approx(
+                warmer, abs=1e-3
+            )

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import CHINA, TRACKS, needs_data
+from conftest import CHINA, TRACKS, needs_tracks
 
 from grebe.core.errors import InputError, TrackError
 from grebe.io.readers.track import read_track
@@ -161,7 +161,7 @@ def test_samples_carry_speed_from_the_positions(tmp_path):
     assert set(samples.values) == {"temperature_degc", "ph"}
 
 
-@needs_data
+@needs_tracks
 def test_the_real_tracks_are_read():
     assert len(read_track(CHINA).lonlat) == 2655
     for path in sorted(TRACKS.glob("Sunapee*.csv")):

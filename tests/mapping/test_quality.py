@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 from click.testing import CliRunner
-from conftest import DATA
+from conftest import DATA, needs_tracks
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,7 +21,6 @@ from grebe.mapping.quality import check_quality
 
 WATER = shapely.box(-10, -10, 2000, 50)
 TRACKS = DATA / "tracks"
-REAL = pytest.mark.skipif(not TRACKS.exists(), reason="the real tracks are not here")
 
 
 def record(n=900, **values):
@@ -242,7 +241,7 @@ def run(*arguments):
 FOUR = {"temperature_degc", "dissolved_oxygen_mgl", "ph", "conductivity_uscm"}
 
 
-@REAL
+@needs_tracks
 @pytest.mark.slow
 def test_every_real_track_is_imported_checked_mapped_and_validated(tmp_path):
     """The settling of the sonde is found where the record shows it, and only there."""
@@ -273,7 +272,7 @@ def test_every_real_track_is_imported_checked_mapped_and_validated(tmp_path):
     assert all(not one["advised"] for one in lags.values())
 
 
-@REAL
+@needs_tracks
 def test_flags_and_lags_are_stored_and_the_values_stay(tmp_path):
     path = tmp_path / "s.gpkg"
     run("import", TRACKS / "China-catabot-20200915.csv", "-o", path)

@@ -5,15 +5,15 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from conftest import DATA
+from conftest import CHINA as TRACK
+from conftest import needs_tracks
 
 from grebe.cli.main import grebe
 from grebe.core.errors import UsageError
 from grebe.paper import claim
 from grebe.paper.hand_driven import HAND_FIGURES, HandDriven
 
-TRACK = DATA / "tracks" / "China-catabot-20200915.csv"
-pytestmark = pytest.mark.skipif(not TRACK.exists(), reason="the real tracks are not here")
+pytestmark = needs_tracks
 
 
 @pytest.fixture(scope="module")

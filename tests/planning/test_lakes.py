@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from conftest import DATA, region_of
+from conftest import CHINA, DATA, needs_outlines, needs_tracks, region_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,7 +30,6 @@ from grebe.planning.travel import travel_of
 
 BOAT = PRESETS["spyboat"]
 BAY = (-1050.0, -1130.0)  # of Allequash, its western end
-REAL = pytest.mark.skipif(not (DATA / "regions").exists(), reason="the real outlines are not here")
 
 
 @st.composite
@@ -190,7 +189,7 @@ def real(name):
     return clean_region(outline.geometry, outline.name)
 
 
-@REAL
+@needs_outlines
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(("name", "cell"), [("alamillo", 5), ("crystal", 15), ("allequash", 25)])
@@ -202,7 +201,7 @@ def test_real_lakes_are_planned_within_their_water(name, cell, shape):
     assert len({t.set.centre for t in cells}) == len(cells)
 
 
-@REAL
+@needs_outlines
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(("count", "gap"), [(100, 0.02), (1000, 0.03)])
@@ -215,11 +214,11 @@ def test_ways_over_real_lakes_are_nearly_as_short_as_can_be(name, count, gap, sh
     assert planned.check.holds
 
 
-@REAL
+@needs_tracks
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_hull_of_a_real_track_is_planned(shape):
-    outline = read_outline(DATA / "tracks" / "China-catabot-20200915.csv")
+    outline = read_outline(CHINA)
     region = clean_region(outline.geometry, outline.name)
     planned = plan(region, BOAT, PlanSettings(cell_m=10, shape=shape, angle_deg=None))
     assert planned.check.outside_m2 == 0.0
@@ -234,7 +233,7 @@ def bay_of(region):
     return replace(region, water=max(parts, key=shapely.area))
 
 
-@REAL
+@needs_outlines
 @pytest.mark.slow
 @pytest.mark.parametrize("current", [0.0, 0.3])
 @pytest.mark.parametrize(

@@ -4,36 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import ParamSpec, TypeVar, cast
 
 import numba
 
-# Sums may be reordered and multiplications fused; NaN and infinity keep their meaning, the
-# solver's tests for them rely on it.
+_Arguments = ParamSpec("_Arguments")
+_Result = TypeVar("_Result")
+
+# Sums may be reordered and multiplications fused. NaN and infinity keep their meaning: the
+# solver tests for them.
 _FASTMATH = {"contract", "reassoc", "arcp", "nsz"}
-
-
 # Where the compiled controller is kept, below the package.
 CONTROLLER = "control/solvers/fast/__pycache__"
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel on first use; later processes load it from the cache.
+def machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Turn a kernel into machine code at its first call; later processes load it from disk.
 
     While it runs, other threads do too: the one that ends a command when it is told to.
     """
-    return numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", nogil=True)(function)
+    kernel = numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", nogil=True)(function)
+    return cast("Callable[_Arguments, _Result]", kernel)
 
 
-def compiled_inline(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a small kernel into those that call it: a record of arrays costs more to hand over
-    than such a kernel takes.
+def inlined_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Like `machine_code`, copied into each kernel that calls it. For small kernels: handing
+    over a record of arrays takes longer than they do.
     """
-    return numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", forceinline=True)(
+    kernel = numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", forceinline=True)(
         function
     )
+    return cast("Callable[_Arguments, _Result]", kernel)
 
 
 def is_compiled() -> bool:
-    """Whether the solver lies in the cache beside its source, so that it starts at once."""
+    """Whether the solver's machine code is on disk, so that the controller starts at once."""
     return any((Path(__file__).parents[1] / CONTROLLER).glob("sqp.optimise*.nbi"))

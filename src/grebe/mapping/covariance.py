@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,7 +32,7 @@ PRACTICAL_RANGE = {
 }
 
 
-@compiled
+@machine_code
 def correlation(code: int, x: float) -> float:
     """Correlation at a distance of `x` ranges under model `KINDS[code]`."""
     if code == 0:
@@ -48,7 +48,7 @@ def correlation(code: int, x: float) -> float:
     return math.exp(-x * x)
 
 
-@compiled
+@machine_code
 def _correlations(code: int, x: Array) -> Array:
     out = np.empty(x.size)
     flat = x.ravel()

@@ -7,9 +7,6 @@ Rue and Lindstrom 2011; Bakka et al. 2019). On the map's own nodes the equation 
 matrix of a five-point stencil; kappa and the noise are fitted by restricted likelihood.
 """
 
-# The kernel carries no annotations: numba infers its types when it compiles it.
-# pyright: basic
-
 from __future__ import annotations
 
 import math
@@ -24,7 +21,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial import KDTree
 from scipy.special import k1
 
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 from grebe.mapping.grid import Grid, make_grid
 
 if TYPE_CHECKING:
@@ -304,14 +301,19 @@ def inverse_diagonal(factor: SuperLU) -> Array:
     lower = csc_matrix(factor.L)
     lower.sort_indices()
     diagonal = _takahashi(
-        lower.indptr.astype(np.int64), lower.indices.astype(np.int64), lower.data,
+        lower.indptr.astype(np.int64), lower.indices.astype(np.int64), np.asarray(lower.data, float),
         factor.U.diagonal(),
     )  # fmt: skip
     return diagonal[factor.perm_c]
 
 
-@compiled
-def _takahashi(starts, rows, lower, pivots):
+@machine_code
+def _takahashi(
+    starts: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    lower: NDArray[np.float64],
+    pivots: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Entries of the inverse where the factor has entries, from the last column to the first:
     Z = D^-1 L^-1 + (I - L') Z, read column by column.
     """

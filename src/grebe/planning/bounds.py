@@ -1,18 +1,19 @@
 """Lower bounds of the length of any route: how far from the best possible a plan can be."""
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
-
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 from grebe.planning.mesh import Cell
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 # The ascent looks at all pairs of cells: beyond so many that takes seconds.
 MOST_FOR_ASCENT = 2_500
@@ -74,8 +75,10 @@ def _spanning_tree_m(points: np.ndarray) -> float:
     return float(minimum_spanning_tree(graph.tocsr()).sum())
 
 
-@compiled
-def _tree(lengths, price, degree):
+@machine_code
+def _tree(
+    lengths: NDArray[np.float64], price: NDArray[np.float64], degree: NDArray[np.float64]
+) -> float:
     """Length of the minimum spanning tree under prices, by Prim; writes the cells' degrees."""
     n = lengths.shape[0]
     nearest = np.full(n, np.inf)
@@ -102,8 +105,8 @@ def _tree(lengths, price, degree):
     return length
 
 
-@compiled
-def _priced_tree(lengths, pitch, rounds):
+@machine_code
+def _priced_tree(lengths: NDArray[np.float64], pitch: float, rounds: int) -> float:
     """Raise the tree's length by prices on the cells: the Held-Karp bound of an open path.
 
     With a stop that lies beside every cell a path becomes a tour, and a tree with that stop's
@@ -128,8 +131,8 @@ def _priced_tree(lengths, pitch, rounds):
     return best
 
 
-@compiled
-def _two_least(values):
+@machine_code
+def _two_least(values: NDArray[np.float64]) -> tuple[int, int]:
     """Places of the two smallest values."""
     first, second = (0, 1) if values[0] <= values[1] else (1, 0)
     for i in range(2, values.shape[0]):

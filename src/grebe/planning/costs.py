@@ -6,8 +6,8 @@ corners, and gains more by them than it loses (docs/theory.md). `grebe.planning.
 the sum smaller.
 """
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# pyright: reportMissingParameterType=false
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from grebe.core.kernels import compiled, compiled_inline
+from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.planning.network import Network
 from grebe.planning.travel import BEARINGS, Travel
 
@@ -117,13 +117,13 @@ def _nearest(
     return nearest, nearest_s
 
 
-@compiled
+@machine_code
 def order_cost(costs, path):
     """Cost [s] of a path that begins at the start (index n)."""
     return window_cost(costs, path, 0, path.shape[0])
 
 
-@compiled
+@machine_code
 def window_cost(costs, path, low, high):
     """Cost of the legs between two places, with the way home beyond the last."""
     low, last = max(low, 0), path.shape[0] - 1
@@ -135,7 +135,7 @@ def window_cost(costs, path, low, high):
     return total
 
 
-@compiled_inline
+@inlined_machine_code
 def leg(costs, a, b):
     """Seconds from place a to place b; a cell's neighbours stand in order."""
     n = costs.places.shape[0] - 1
@@ -157,7 +157,7 @@ def leg(costs, a, b):
     return seconds if n in (a, b) else DETOUR * seconds + costs.detour_s
 
 
-@compiled_inline
+@inlined_machine_code
 def _slow(costs, dx, dy):
     if not costs.windy:
         return costs.slowness[0]
@@ -170,13 +170,13 @@ def _slow(costs, dx, dy):
     return low + share * (costs.slowness[(whole + 1) % BEARINGS] - low)
 
 
-@compiled_inline
+@inlined_machine_code
 def at(path, k):
     """The cell at a place of the path, or -1 beyond its end."""
     return path[k] if 0 <= k < path.shape[0] else -1
 
 
-@compiled_inline
+@inlined_machine_code
 def join(costs, a, b):
     """Leg between two cells; the way home where the second lies beyond the path's end."""
     if a < 0:

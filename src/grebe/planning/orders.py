@@ -4,9 +4,6 @@ Each is a way to visit every cell once (remark 12); `grebe.planning.route` polis
 takes the fastest.
 """
 
-# The kernel carries no annotations: numba infers its types when it compiles it.
-# pyright: basic
-
 from __future__ import annotations
 
 import itertools
@@ -17,7 +14,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
 
@@ -78,8 +75,16 @@ def greedy(cells: list[Cell], network: Network, start: tuple[float, float]) -> O
     return order
 
 
-@compiled
-def _walk(centres, starts, neighbours, is_open, first, specks, order):
+@machine_code
+def _walk(
+    centres: NDArray[np.float64],
+    starts: NDArray[np.integer],
+    neighbours: NDArray[np.integer],
+    is_open: NDArray[np.bool_],
+    first: int,
+    specks: NDArray[np.bool_],
+    order: NDArray[np.int64],
+) -> None:
     n = centres.shape[0]
     seen = specks.copy()
     mark = np.full(n, -1)

@@ -5,8 +5,8 @@ short neighbouring stretches of the order, repairs what it broke nearby, and is 
 the order got faster (iterated local search; Lourenco, Martin and Stutzle 2003).
 """
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# pyright: reportMissingParameterType=false
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.kernels import compiled, compiled_inline
+from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.planning.costs import Costs, at, join, leg, order_cost, window_cost
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def polished(
     return path[1:].copy(), float(total)
 
 
-@compiled_inline
+@inlined_machine_code
 def _reversal_gain(costs, path, i, j):
     """What turning round path[i..j] saves."""
     p, a, b, q = at(path, i - 1), path[i], path[j], at(path, j + 1)
@@ -49,7 +49,7 @@ def _reversal_gain(costs, path, i, j):
     return gain
 
 
-@compiled
+@machine_code
 def _reverse(path, pos, i, j):
     while i < j:
         path[i], path[j] = path[j], path[i]
@@ -58,7 +58,7 @@ def _reverse(path, pos, i, j):
         j -= 1
 
 
-@compiled
+@machine_code
 def _moved(path, i, length, k, flipped, out):
     """Write to `out` the stretch of the path that changes when path[i..] of `length` moves
     to between places k and k + 1; returns its first place and its size.
@@ -82,7 +82,7 @@ def _moved(path, i, length, k, flipped, out):
     return first, size
 
 
-@compiled_inline
+@inlined_machine_code
 def _move_gain(costs, path, i, length, k, flipped):
     """What moving path[i..i + length - 1] to between k and k + 1 saves."""
     j = i + length - 1
@@ -101,7 +101,7 @@ def _move_gain(costs, path, i, length, k, flipped):
     return old - new
 
 
-@compiled_inline
+@inlined_machine_code
 def _at_stake(costs, path, k):
     """The most that a new link of the cell at place k could replace: its dearer leg. Of two links
     that replace two others one is always cheaper than its own.
@@ -111,7 +111,7 @@ def _at_stake(costs, path, k):
     return max(before, after)
 
 
-@compiled
+@machine_code
 def _apply_move(path, pos, i, length, k, flipped, spare):
     first, size = _moved(path, i, length, k, flipped, spare)
     for s in range(size):
@@ -120,7 +120,7 @@ def _apply_move(path, pos, i, length, k, flipped, spare):
     return first, first + size - 1
 
 
-@compiled_inline
+@inlined_machine_code
 def _try_reversals(costs, path, pos, a, c, reach, best, move):
     """Both ways to make a and c neighbours by turning a stretch round."""
     low, high = min(pos[a], pos[c]), max(pos[a], pos[c])
@@ -135,7 +135,7 @@ def _try_reversals(costs, path, pos, a, c, reach, best, move):
     return best
 
 
-@compiled_inline
+@inlined_machine_code
 def _try_moves(costs, path, pos, a, c, reach, best, move):
     """All ways to bring a short segment that ends at a beside c."""
     last = path.shape[0] - 1
@@ -161,7 +161,7 @@ def _try_moves(costs, path, pos, a, c, reach, best, move):
     return best
 
 
-@compiled
+@machine_code
 def _settle(costs, path, pos, queue, queued, head, count, spare, touched):
     """Apply improving moves around the queued cells until there is none; returns the gain.
 
@@ -206,7 +206,7 @@ def _settle(costs, path, pos, queue, queued, head, count, spare, touched):
     return total
 
 
-@compiled
+@machine_code
 def _dear_place(costs, path, draws):
     """The place with the dearest leg of so many drawn at random: kicks pay there."""
     best, dearest = 0, -1.0
@@ -218,7 +218,7 @@ def _dear_place(costs, path, draws):
     return best
 
 
-@compiled
+@machine_code
 def _kick(path, pos, spare, i, first, second):
     """Exchange path[i..i + first - 1] and the `second` cells behind it."""
     for s in range(second):
@@ -230,7 +230,7 @@ def _kick(path, pos, spare, i, first, second):
         pos[spare[s]] = i + s
 
 
-@compiled
+@machine_code
 def _improve(costs, path, kicks, seed):
     """Improve a path in place; returns its cost."""
     np.random.seed(seed)

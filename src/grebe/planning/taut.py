@@ -6,9 +6,6 @@ polygons problem; Dror et al. 2003), which is a convex problem solved by sweeps:
 to where the way between its two neighbours is shortest.
 """
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
-
 from __future__ import annotations
 
 import math
@@ -18,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,8 +49,14 @@ def taut_way(
     return way
 
 
-@compiled
-def _tighten(way, starts, corners, held, steady):
+@machine_code
+def _tighten(
+    way: NDArray[np.float64],
+    starts: NDArray[np.integer],
+    corners: NDArray[np.float64],
+    held: NDArray[np.bool_],
+    steady: float,
+) -> None:
     """Move each place that is not held to where it lengthens the way least, there and back,
     until nothing moves; the ring of footprint i is corners[starts[i]:starts[i + 1]], closed and
     anticlockwise.
@@ -72,8 +75,8 @@ def _tighten(way, starts, corners, held, steady):
             break
 
 
-@compiled
-def _settle(way, i, ring):
+@machine_code
+def _settle(way: NDArray[np.float64], i: int, ring: NDArray[np.float64]) -> None:
     """Put place i on its ring's inside, or edge, where the way by it is shortest."""
     ax, ay = way[i - 1]
     # The last place has nobody behind it: it comes as near to the one before as it may.
@@ -96,8 +99,10 @@ def _settle(way, i, ring):
             way[i, 0], way[i, 1] = x, y
 
 
-@compiled
-def _crossing(ax, ay, bx, by, ring):
+@machine_code
+def _crossing(
+    ax: float, ay: float, bx: float, by: float, ring: NDArray[np.float64]
+) -> tuple[float, float]:
     """Shares of the leg from a to b at which it enters and leaves a convex ring; enter > leave
     where it misses it (Cyrus and Beck 1978).
     """
@@ -115,8 +120,10 @@ def _crossing(ax, ay, bx, by, ring):
     return enter, leave
 
 
-@compiled
-def _beside(ax, ay, bx, by, p, q):
+@machine_code
+def _beside(
+    ax: float, ay: float, bx: float, by: float, p: NDArray[np.float64], q: NDArray[np.float64]
+) -> tuple[float, float]:
     """The place on the edge from p to q from which the ways to a and to b are shortest together:
     where the way from a to b's mirror image crosses it.
     """

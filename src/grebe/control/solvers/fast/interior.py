@@ -11,15 +11,16 @@ inputs:
 Everything local to a node is eliminated, so that each iteration is one Riccati recursion.
 """
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# Their loops run at least once, so what a loop sets is bound after it.
+# pyright: reportMissingParameterType=false, reportPossiblyUnboundVariable=false
 
 from __future__ import annotations
 
 import numpy as np
 
 from grebe.control.solvers.fast.riccati import NW, NX, NY, factorise, solve
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 
 GROUPS = 3
 MOST_ITERATIONS = 40
@@ -28,7 +29,7 @@ TO_THE_BOUNDARY = 0.995
 FLOOR = 1e-2
 
 
-@compiled
+@machine_code
 def start_rows(count, base, compliance, price, t, lam, s, nu):
     """Place slacks and multipliers inside, as near to complementary as the last solve left them.
 
@@ -69,7 +70,7 @@ def start_rows(count, base, compliance, price, t, lam, s, nu):
                 nu[group, k] = price[group, k] - total
 
 
-@compiled
+@machine_code
 def start_box(low, high, t, lam):
     """Place the box's slacks inside: `low`, `high` (N, 3) relative to the iterate."""
     for k in range(low.shape[0]):
@@ -80,7 +81,7 @@ def start_box(low, high, t, lam):
                 lam[side, k, i] = max(lam[side, k, i], FLOOR)
 
 
-@compiled
+@machine_code
 def minimise(
     hess, grad, a, b, c, rows, count, base, compliance, price, low, high,
     t, lam, s, nu, box_t, box_lam, dx, dw, costate, gain, tolerance,
@@ -174,12 +175,12 @@ def minimise(
     return -1 - MOST_ITERATIONS
 
 
-@compiled
+@machine_code
 def _row_value(row, base, dx):
     return base + row[0] * dx[0] + row[1] * dx[1] + row[2] * dx[3]
 
 
-@compiled
+@machine_code
 def _complementarity(count, t, lam, s, nu, box_t, box_lam):
     total = 0.0
     for group in range(GROUPS):
@@ -195,7 +196,7 @@ def _complementarity(count, t, lam, s, nu, box_t, box_lam):
     return total
 
 
-@compiled
+@machine_code
 def _complementarity_after(
     alpha, count, t, lam, s, nu, d_t, d_lam, d_s, d_nu, box_t, box_lam, box_d_t, box_d_lam
 ):
@@ -219,7 +220,7 @@ def _complementarity_after(
     return total
 
 
-@compiled
+@machine_code
 def _row_residual(rows, count, base, compliance, dx, t, lam, s):
     worst = 0.0
     for group in range(GROUPS):
@@ -232,7 +233,7 @@ def _row_residual(rows, count, base, compliance, dx, t, lam, s):
     return worst
 
 
-@compiled
+@machine_code
 def _condense_rows(
     rows, count, base, compliance, dx, t, lam, s, aim, corrector, d_t, d_lam, weight, shift
 ):
@@ -252,7 +253,7 @@ def _condense_rows(
                 shift[group, k, i] = (target + li * residual) / scale
 
 
-@compiled
+@machine_code
 def _slack_terms(group, k, count, price, s, nu, lam, weight, shift, aim, corrector, d_s, d_nu):
     """Curvature and right-hand side of a node's shared slack after its rows are eliminated."""
     total_weight, total_shift, total_lam = 0.0, 0.0, 0.0
@@ -268,7 +269,7 @@ def _slack_terms(group, k, count, price, s, nu, lam, weight, shift, aim, correct
     return total_weight + nk / sk, total_shift + target / sk - stationarity, target
 
 
-@compiled
+@machine_code
 def _assemble(
     hess, grad, rows, count, price, dx, s, nu, lam, weight, shift, aim, corrector,
     d_s, d_nu, dw, low, high, box_t, box_lam, box_d_t, box_d_lam,
@@ -338,13 +339,13 @@ def _assemble(
                             end_hess[j, i] += block[p, q]
 
 
-@compiled
+@machine_code
 def _box_row(side, value, low, high):
     """Sign of the row and its value: low - w <= 0 (side 0), w - high <= 0 (side 1)."""
     return (-1.0, low - value) if side == 0 else (1.0, value - high)
 
 
-@compiled
+@machine_code
 def _add_box(k, dw, low, high, box_t, box_lam, aim, corrector, box_d_t, box_d_lam, full, full_grad):
     for i in range(NW):
         for side in range(2):
@@ -360,7 +361,7 @@ def _add_box(k, dw, low, high, box_t, box_lam, aim, corrector, box_d_t, box_d_la
             full_grad[k, NX + i] += sign * (li + shift - w * sign * dw[k, i])
 
 
-@compiled
+@machine_code
 def _row_steps(
     rows, count, base, compliance, price, dx, new_dx, t, lam, s, nu, aim, corrector,
     weight, shift, d_t, d_lam, d_s, d_nu,
@@ -398,7 +399,7 @@ def _row_steps(
                 d_t[group, k, i] = -residual - along + ds + soft * dl
 
 
-@compiled
+@machine_code
 def _box_steps(low, high, dw, new_dw, box_t, box_lam, aim, corrector, box_d_t, box_d_lam):
     for k in range(dw.shape[0]):
         for i in range(NW):
@@ -414,14 +415,14 @@ def _box_steps(low, high, dw, new_dw, box_t, box_lam, aim, corrector, box_d_t, b
                 box_d_lam[side, k, i] = (target - li * dt) / ti
 
 
-@compiled
+@machine_code
 def _limit(alpha, value, step):
     if step < 0.0:
         return min(alpha, -value / step)
     return alpha
 
 
-@compiled
+@machine_code
 def _longest_step(count, t, lam, s, nu, d_t, d_lam, d_s, d_nu, box_t, box_lam, box_d_t, box_d_lam):
     alpha = 1.0 / TO_THE_BOUNDARY
     for group in range(GROUPS):
@@ -440,7 +441,7 @@ def _longest_step(count, t, lam, s, nu, d_t, d_lam, d_s, d_nu, box_t, box_lam, b
     return alpha
 
 
-@compiled
+@machine_code
 def _step(alpha, count, t, lam, s, nu, d_t, d_lam, d_s, d_nu):
     for group in range(GROUPS):
         for k in range(count.shape[1]):

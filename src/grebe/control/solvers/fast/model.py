@@ -6,8 +6,8 @@ seven directions p = (psi, u, v, r, F_1, F_2, T) only. Duration is handled by in
 T f over unit time, which makes T a parameter like the thrusts.
 """
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# pyright: reportMissingParameterType=false
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def parameter_vector(vessel: Vessel, weather: NDArray[np.float64]) -> NDArray[np
     return np.concatenate([np.array(boat), weather])
 
 
-@compiled
+@machine_code
 def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     """Right-hand side `f` (6,) and its Jacobian `jac` (6, 6) in (psi, u, v, r, F_1, F_2)."""
     c, s = np.cos(psi), np.sin(psi)
@@ -87,7 +87,7 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     jac[5, 5] = -arm / m33
 
 
-@compiled
+@machine_code
 def curvature(p, psi, u, v, r, mu, hess):
     """Hessian `hess` (4, 4) of mu f in (psi, u, v, r); f is linear in the thrusts."""
     c, s = np.cos(psi), np.sin(psi)
@@ -129,7 +129,7 @@ def curvature(p, psi, u, v, r, mu, hess):
             hess[i, j] = hess[j, i]
 
 
-@compiled
+@machine_code
 def advance(p, z, thrusts, duration, substeps, out):
     """Integrate one stage from `z` (6,) into `out` (6,): RK4 without derivatives."""
     h = duration / substeps
@@ -152,7 +152,7 @@ def advance(p, z, thrusts, duration, substeps, out):
             out[i] += h / 6 * total[i]
 
 
-@compiled
+@machine_code
 def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs):
     """Integrate one stage and its sensitivities.
 
@@ -209,7 +209,7 @@ def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs
                 sens[i, j] += h / 6 * total_sens[i, j]
 
 
-@compiled
+@machine_code
 def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
     """Hessian `hess` (7, 7) of costate * (next state) in p, by the discrete adjoint of RK4.
 

@@ -1,18 +1,28 @@
 """Where the boat can be one step on, for many inputs at once; compiled."""
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
-
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.control.solvers.fast.model import advance
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
-@compiled
-def excesses(p, state, inputs, duration, substeps, rows, out):
+@machine_code
+def excesses(
+    p: NDArray[np.float64],
+    state: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    duration: float,
+    substeps: int,
+    rows: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> np.intp:
     """For each of `inputs` (m, 2): the largest a z - b over `rows` (n, 4) after one step.
 
     Negative: strictly inside. Writes `out` (m,) and returns the index of the least.

@@ -7,19 +7,19 @@ with nine variables a stage: six states and three inputs (F_1, F_2, share of dur
 `factorise` depends on the matrices alone, so that one factorisation serves several vectors.
 """
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# pyright: reportMissingParameterType=false
 
 from __future__ import annotations
 
 import numpy as np
 
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 
 NX, NW, NY = 6, 3, 9
 
 
-@compiled
+@machine_code
 def factorise(hess, terminal, a, b, p, gain, chol):
     """Backward pass of the matrices; false where a reduced Hessian is not positive definite.
 
@@ -94,7 +94,7 @@ def factorise(hess, terminal, a, b, p, gain, chol):
     return True
 
 
-@compiled
+@machine_code
 def solve(grad, terminal, a, b, c, p, gain, chol, dx, dw, costate):
     """Vector pass: minimiser `dx` (N + 1, 6), `dw` (N, 3), and `costate` (N + 1, 6), the
     multiplier of the dynamics into each node.

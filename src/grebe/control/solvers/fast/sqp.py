@@ -7,8 +7,9 @@ mirrored where durations are free.
 Steps are accepted by an exact penalty function that may rise for a few steps.
 """
 
-# Kernels carry no annotations: numba infers their types when it compiles them.
-# pyright: basic
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# Their loops run at least once, so what a loop sets is bound after it.
+# pyright: reportMissingParameterType=false, reportPossiblyUnboundVariable=false
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ import numpy as np
 from grebe.control.solvers.fast.interior import minimise, start_box, start_rows
 from grebe.control.solvers.fast.model import advance, linearise, second_order
 from grebe.control.solvers.fast.riccati import NW, NX, NY
-from grebe.core.kernels import compiled
+from grebe.core.kernels import machine_code
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,7 +52,7 @@ class Terms(NamedTuple):
     p: NDArray[np.float64]
     substeps: int
     rows: NDArray[np.float64]
-    count: NDArray[np.int64]
+    count: NDArray[np.int64]  # pyright: ignore[reportIncompatibleMethodOverride]
     weight: NDArray[np.float64]
     price: NDArray[np.float64]
     effort: NDArray[np.float64]
@@ -71,7 +72,7 @@ class Shooting(NamedTuple):
     jacs: NDArray[np.float64]
 
 
-@compiled
+@machine_code
 def optimise(terms, states, inputs, most_iterations, tolerance):
     """Improve `states` (N + 1, 6) and `inputs` (N, 3) in place.
 
@@ -150,7 +151,7 @@ def optimise(terms, states, inputs, most_iterations, tolerance):
     )
 
 
-@compiled
+@machine_code
 def _unfinished(terms, gain, states, inputs, first, iterations):
     """End an optimisation that has not converged: drive its plan, and judge what comes of it."""
     driven_x, driven_w = states.copy(), inputs.copy()
@@ -163,12 +164,12 @@ def _unfinished(terms, gain, states, inputs, first, iterations):
     return FEASIBLE, iterations, cost
 
 
-@compiled
+@machine_code
 def _duration(terms, inputs, k):
     return terms.timing[0, k] + inputs[k, 2] * terms.timing[1, k]
 
 
-@compiled
+@machine_code
 def _shoot(terms, states, inputs, shooting):
     """Integrate every stage with its derivatives."""
     following = np.empty(NX)
@@ -189,7 +190,7 @@ def _shoot(terms, states, inputs, shooting):
         a[k, 0, 0] = a[k, 1, 1] = 1.0
 
 
-@compiled
+@machine_code
 def _box(terms, inputs, low, high):
     """Bounds of the inputs' change: thrusts between their limits, shares in [0, 1]."""
     for k in range(inputs.shape[0]):
@@ -200,7 +201,7 @@ def _box(terms, inputs, low, high):
         high[k, 2] = 1.0 - inputs[k, 2]
 
 
-@compiled
+@machine_code
 def _search(
     terms, states, inputs, dx, dw, gain, closed, reference, promise, penalty, trial_x, trial_w
 ):
@@ -224,7 +225,7 @@ def _search(
     return 0.0
 
 
-@compiled
+@machine_code
 def _drive(terms, gain, states, inputs):
     """Replace a trial by what the boat does when it follows it with the gains: no gaps."""
     off, following = np.zeros(NX), np.empty(NX)
@@ -245,14 +246,14 @@ def _drive(terms, gain, states, inputs):
         states[k + 1] = following
 
 
-@compiled
+@machine_code
 def _eased(damping, alpha):
     """Damping after an accepted step: none after a full one, some after a short one."""
     damping = 0.0 if damping < FIRST_DAMPING or alpha == 1.0 else 0.3 * damping
     return max(damping, FIRST_DAMPING) if alpha < 0.25 else damping
 
 
-@compiled
+@machine_code
 def _values(terms, states, base):
     """Value of every row at the iterate."""
     rows, count = terms.rows, terms.count
@@ -264,7 +265,7 @@ def _values(terms, states, base):
                 base[group, k, i] = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
 
 
-@compiled
+@machine_code
 def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess, grad):
     """Hessian of the Lagrangian and gradient of the cost without the rows.
 
@@ -300,7 +301,7 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
         grad[k, 8] += (terms.timing[2, k] + 2 * stiffness * stray) * span
 
 
-@compiled
+@machine_code
 def _cost(terms, states, inputs):
     """Cost with its L1 slacks."""
     total = 0.0
@@ -317,7 +318,7 @@ def _cost(terms, states, inputs):
     return total
 
 
-@compiled
+@machine_code
 def _row_cost(terms, group, k, z):
     """What the rows of a group cost at a node: squares in group 0, the worst one elsewhere."""
     squares, worst = 0.0, 0.0
@@ -330,7 +331,7 @@ def _row_cost(terms, group, k, z):
     return terms.weight[k] * squares if group == 0 else terms.price[group, k] * worst
 
 
-@compiled
+@machine_code
 def _gaps(terms, states, inputs):
     """Sum of the gaps in the dynamics."""
     following = np.empty(NX)
@@ -344,7 +345,7 @@ def _gaps(terms, states, inputs):
     return total
 
 
-@compiled
+@machine_code
 def _promise(hess, dx, dw, gap, penalty):
     """A decrease that the step may be asked for: curvature along it, and the gaps it closes."""
     total = 0.0
@@ -360,7 +361,7 @@ def _promise(hess, dx, dw, gap, penalty):
     return total
 
 
-@compiled
+@machine_code
 def _step_size(dx, dw, limits, timing):
     """The largest change: states in SI units, thrusts as a share of their range."""
     worst = 0.0
