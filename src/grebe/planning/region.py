@@ -105,15 +105,17 @@ def _check_validity(geometry: BaseGeometry, name: str) -> None:
 def coarsened(region: Region, tolerance_m: float) -> tuple[Region, tuple[str, ...]]:
     """Return the region with a coast of fewer vertices within its water, and a note about it.
 
-    Douglas and Peucker's simplification to half of the tolerance moves the coast by no more than
-    that, to either side; what is then eroded by the other half lies in the water.
+    Douglas and Peucker's simplification to a third of the tolerance moves the coast by no more
+    than that, to either side, but for the point where a ring is closed: GEOS judges it by the
+    segments that are left. What is eroded by as much lies in the water; where that point does
+    not, twice as much is enough.
     """
     water = region.water
-    half = 0.5 * tolerance_m
-    inner = shapely.simplify(water, half).buffer(-half, join_style="mitre")
-    parts = [part for part in _parts(inner) if isinstance(part, shapely.Polygon)]
-    largest = max(parts, key=lambda part: part.area, default=None)
-    if largest is None or largest.is_empty or not shapely.covers(water, largest):
+    third = tolerance_m / 3
+    simplified = shapely.simplify(water, third)
+    inside = (_largest(simplified.buffer(-share * third, join_style="mitre")) for share in (1, 2))
+    largest = next((part for part in inside if part and shapely.covers(water, part)), None)
+    if largest is None:
         return region, ()
     before, after = shapely.get_num_coordinates(water), shapely.get_num_coordinates(largest)
     given_up = 1 - largest.area / water.area
@@ -122,6 +124,11 @@ def coarsened(region: Region, tolerance_m: float) -> tuple[Region, tuple[str, ..
         f"{tolerance_m:g} m; {given_up:.2%} of the area is given up"
     )
     return replace(region, water=shapely.normalize(largest)), (note,)
+
+
+def _largest(geometry: BaseGeometry) -> shapely.Polygon | None:
+    parts = [part for part in _parts(geometry) if isinstance(part, shapely.Polygon)]
+    return max((part for part in parts if part.area > 0), key=lambda part: part.area, default=None)
 
 
 def navigable_water(
