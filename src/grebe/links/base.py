@@ -6,7 +6,8 @@ The contract, in full:
   clockwise from north; surge, sway and yaw rate are over ground, yaw rate positive to starboard.
 - **Heading.** It may be wrapped to any turn or not at all: the mission unwraps it.
 - **Time.** `time_s` counts from when the link was opened and never runs back. It is the link's
-  own: the seconds of a simulated boat pass as fast as they are computed.
+  own: the seconds of a simulated boat pass as fast as they are computed. `age_s` says how long
+  before `time_s` the boat was in that state; who steers predicts it forward.
 - **Thrusts** are newtons at the propellers, within the vessel's limits, and hold until the next
   command. How newtons become commands of an actuator is the vessel's knowledge
   (`Vessel.throttle_of`), not the mission's.
@@ -29,10 +30,15 @@ from grebe.core.events import State
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """A state estimate z in the survey's frame, and its time [s] since the link was opened."""
+    """A state estimate z in the survey's frame, as it is handed over.
+
+    `time_s` is when it is handed over, since the link was opened; the boat was in that state
+    `age_s` before.
+    """
 
     time_s: float
     state: State
+    age_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any, Protocol
 
@@ -357,4 +357,4 @@ def _unwrapped(observation: Observation, before: Observation | None) -> Observat
         return observation
     surge, sway, yaw_rate = velocities
     state = (north, east, heading - 2 * math.pi * turns, surge, sway, yaw_rate)
-    return Observation(time_s=observation.time_s, state=state)
+    return replace(observation, state=state)
