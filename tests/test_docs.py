@@ -23,7 +23,7 @@ def is_documented(thing):
     its signature's or its parent's.
     """
     written = vars(thing).get("__doc__") if inspect.isclass(thing) else inspect.getdoc(thing)
-    return bool(written) and not written.startswith(f"{thing.__name__}(")
+    return bool(written) and not written.startswith(f"{getattr(thing, '__name__', '')}(")
 
 
 def test_a_docstring_that_python_made_does_not_count():

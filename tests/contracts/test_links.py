@@ -10,9 +10,11 @@ import pytest
 from conftest import square_survey
 
 from grebe.control.controller import Controller
+from grebe.core.dynamics import CALM
 from grebe.core.errors import LinkError
+from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL
-from grebe.links.base import BoatStatus, Observation
+from grebe.links.base import IDLE, BoatStatus, Observation, Order
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
@@ -22,6 +24,13 @@ from grebe.simulation.water import free_water
 
 SURVEY = square_survey()
 BOAT = SURVEY.vessel
+
+
+def order(port_n, starboard_n, state=(0.0,) * 6):
+    """The order that the mission would give from a state."""
+    thrusts = (port_n, starboard_n)
+    surge, yaw_rate = held_motion(BOAT, state, thrusts, CALM)
+    return Order(thrusts=thrusts, surge_mps=surge, yaw_rate_radps=yaw_rate)
 
 
 def simulated(kind=SimulatedLink):
@@ -58,8 +67,8 @@ class OverSocket:
         answer = self._ask(ask="observe")
         return Observation(time_s=answer["time_s"], state=tuple(answer["state"]))
 
-    def command(self, thrusts):
-        self._ask(ask="command", throttles=[BOAT.throttle_of(thrust) for thrust in thrusts])
+    def command(self, order):
+        self._ask(ask="command", throttles=[BOAT.throttle_of(one) for one in order.thrusts])
 
     def measure(self):
         return self._ask(ask="measure")
@@ -68,7 +77,7 @@ class OverSocket:
         return BoatStatus(mode="socket", armed=self._open)
 
     def stop(self):
-        self.command((0.0, 0.0))
+        self.command(IDLE)
 
     def close(self):
         if self._open:
@@ -87,7 +96,7 @@ def _serve(link, there):
             elif question["ask"] == "measure":
                 answer = dict(link.measure())
             else:
-                link.command(tuple(map(BOAT.thrust_of, question["throttles"])))
+                link.command(order(*map(BOAT.thrust_of, question["throttles"])))
             print(json.dumps(answer), file=file, flush=True)
 
 
@@ -109,7 +118,7 @@ def test_time_goes_on_and_states_are_six_numbers(link):
 
 def test_thrust_ahead_moves_the_boat_ahead_and_port_thrust_turns_it_to_starboard(link):
     before = link.observe().state
-    link.command((0.8 * BOAT.thrust_max_n, 0.4 * BOAT.thrust_max_n))
+    link.command(order(0.8 * BOAT.thrust_max_n, 0.4 * BOAT.thrust_max_n, before))
     after = [link.observe() for _ in range(20)][-1].state
     ahead = np.dot(np.subtract(after[:2], before[:2]), (math.cos(before[2]), math.sin(before[2])))
     assert ahead > 0
@@ -119,7 +128,7 @@ def test_thrust_ahead_moves_the_boat_ahead_and_port_thrust_turns_it_to_starboard
 
 def test_thrusts_hold_until_the_next_command_and_stop_takes_them_away(link):
     link.observe()
-    link.command((BOAT.thrust_max_n, BOAT.thrust_max_n))
+    link.command(order(BOAT.thrust_max_n, BOAT.thrust_max_n))
     speeds = [link.observe().state[3] for _ in range(30)]
     assert np.all(np.diff(speeds) > 0)
     link.stop()

@@ -14,7 +14,7 @@ from grebe.control.rules.lookahead import Lookahead
 from grebe.core.errors import UsageError, VesselError
 from grebe.core.vessel import PRESETS, vessel_named
 from grebe.io.store import SurveyFile
-from grebe.links.base import Observation
+from grebe.links.base import IDLE, Observation
 from grebe.links.simulated import EstimateErrors, SimulatedLink
 from grebe.mission.loop import BLIND_S, Mission
 from grebe.mission.recorders import SurveyRecorder
@@ -101,11 +101,11 @@ class Blinking(SimulatedLink):
             return Observation(time_s=observation.time_s, state=(math.nan,) * 6)
         return observation
 
-    def command(self, thrusts):
+    def command(self, order):
         if self.first <= self.seen < self.last and self.stopped_at is None:
-            assert thrusts == (0.0, 0.0)
+            assert order == IDLE
             self.stopped_at = self.seen
-        super().command(thrusts)
+        super().command(order)
 
 
 def test_a_blind_boat_stops_and_goes_on_when_it_sees_again(tmp_path):

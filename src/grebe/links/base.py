@@ -8,9 +8,10 @@ The contract, in full:
 - **Time.** `time_s` counts from when the link was opened and never runs back. It is the link's
   own: the seconds of a simulated boat pass as fast as they are computed. `age_s` says how long
   before `time_s` the boat was in that state; who steers predicts it forward.
-- **Thrusts** are newtons at the propellers, within the vessel's limits, and hold until the next
-  command. How newtons become commands of an actuator is the vessel's knowledge
-  (`Vessel.throttle_of`), not the mission's.
+- **Orders** hold until the next one. An order says the same twice: the thrusts at the propellers,
+  within the vessel's limits, and the motion that they lead to. A link takes what its boat can
+  follow: bare thrusters the thrusts (how newtons become commands of an actuator is the vessel's
+  knowledge, `Vessel.throttle_of`), an autopilot that holds speed and yaw rate the motion.
 - **Trouble.** `LinkError` means that the boat no longer answers and will not; a single estimate
   that is missing or not finite is no error, and the next one is waited for.
 - **The end.** After `close` the boat has no thrust and `observe` raises `LinkError`; closing
@@ -39,6 +40,22 @@ class Observation:
     time_s: float
     state: State
     age_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What the boat is told until the next order.
+
+    `thrusts` (F_1 port, F_2 starboard) [N]; `surge_mps` and `yaw_rate_radps`, over ground, are
+    what a boat is to hold that is steered by its motion instead.
+    """
+
+    thrusts: tuple[float, float]
+    surge_mps: float
+    yaw_rate_radps: float
+
+
+IDLE = Order(thrusts=(0.0, 0.0), surge_mps=0.0, yaw_rate_radps=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +90,8 @@ class BoatLink(Protocol):
         """Wait for the next state estimate and return it; `LinkError` when none comes."""
         ...
 
-    def command(self, thrusts: tuple[float, float]) -> None:
-        """Set the thrusts (F_1 port, F_2 starboard) [N] until the next command."""
+    def command(self, order: Order) -> None:
+        """Follow an order until the next one."""
         ...
 
     def measure(self) -> Mapping[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from grebe.core.errors import LinkError, UsageError
 from grebe.core.events import State
-from grebe.links.base import BoatStatus, Observation
+from grebe.links.base import BoatStatus, Observation, Order
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater
 
@@ -82,9 +82,9 @@ class SimulatedLink:
         north, east, heading, surge, sway, yaw_rate = (self._plant.state + errors).tolist()
         return north, east, heading, surge, sway, yaw_rate
 
-    def command(self, thrusts: tuple[float, float]) -> None:
+    def command(self, order: Order) -> None:
         """Set the thrusts until the next command."""
-        self._plant.command(thrusts)
+        self._plant.command(order.thrusts)
 
     def measure(self) -> Mapping[str, float]:
         """Return what the sonde reads here and now."""

@@ -36,11 +36,12 @@ from grebe.core.events import (
     Step,
     Warned,
 )
+from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.samples import Sample, gross_range_flag
 from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
-from grebe.links.base import BoatLink, Observation
+from grebe.links.base import IDLE, BoatLink, Observation, Order
 from grebe.mission.recorders import Broadcast, Listener, Recorder
 from grebe.mission.sampling import EVERY_SECOND, Sampling
 from grebe.mission.statistics import MissionReport, Statistics
@@ -214,8 +215,8 @@ class Mission:
             text = f"an estimate is not a number and is passed over: {observation.state}"
             self._tell(Warned, observation, code="estimate_invalid", message=text)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
-                self._thrusts = (0.0, 0.0)
-                self._link.command(self._thrusts)
+                self._thrusts = IDLE.thrusts
+                self._link.command(IDLE)
 
     def _advance(self) -> Observation:
         before = self._before
@@ -299,7 +300,9 @@ class Mission:
         self, observation: Observation, thrusts: tuple[float, float], solve_ms: float | None
     ) -> None:
         """Send thrusts, and say from which state they are sent."""
-        self._link.command(thrusts)
+        vessel = self._controller.vessel
+        surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
+        self._link.command(Order(thrusts=thrusts, surge_mps=surge, yaw_rate_radps=yaw_rate))
         self._thrusts = thrusts
         if self._command is None:
             return

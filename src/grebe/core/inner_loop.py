@@ -1,0 +1,100 @@
+"""The boat under an autopilot that holds speed and yaw rate: another plant than the bare hull.
+
+An inner loop that follows a speed u_ref and a yaw rate r_ref with first-order lags,
+
+    u' = (u_ref - u) / T_u,    r' = (r_ref - r) / T_r,
+
+is Eq. (9) with linear drag and equal masses in surge and sway: with m = m11 = m22, x_u = -m / T_u
+and n_r = -m33 / T_r, the steady rates u_ref = tau_u / -x_u and r_ref = tau_r / -n_r stand for the
+thrusts, and no moment couples surge and sway into yaw, for the inner loop takes it up. Sway is
+nobody's to hold: it keeps the hull's own drag. So whatever plans for a `Vessel` plans for this
+boat too, and the limits of its two thrusters become those of speed and turn together: a boat at
+full speed has nothing left to turn with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from grebe.core.dynamics import Weather, rates
+from grebe.core.errors import VesselError
+from grebe.core.vessel import Vessel, steady_rate
+
+# Sway at which a quadratic drag is taken as linear [m/s].
+USUAL_SWAY_MPS = 0.2
+
+
+def surge_time_s(vessel: Vessel) -> float:
+    """Time constant T_u [s] that asks no more of the hull than full thrust ahead from rest."""
+    return vessel.m11_kg * vessel.speed_max_mps / (2 * vessel.thrust_max_n)
+
+
+def yaw_time_s(vessel: Vessel) -> float:
+    """Time constant T_r [s] that asks no more of the hull than one thruster ahead, one astern."""
+    return vessel.m33_kgm2 * yaw_rate_max_radps(vessel) / _most_moment_nm(vessel)
+
+
+def yaw_rate_max_radps(vessel: Vessel) -> float:
+    """Steady yaw rate with one thruster full ahead and the other full astern [rad/s]."""
+    return steady_rate(-vessel.n_r, -vessel.n_rr, _most_moment_nm(vessel))
+
+
+def _most_moment_nm(vessel: Vessel) -> float:
+    return vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n)
+
+
+def under_speed_control(
+    hull: Vessel,
+    *,
+    speed_max_mps: float = math.inf,
+    surge_lag_s: float | None = None,
+    yaw_lag_s: float | None = None,
+) -> Vessel:
+    """Return the boat that a hull is under an autopilot which holds speed and yaw rate.
+
+    `speed_max_mps` is the autopilot's own limit; the lags [s] are the hull's own where they are
+    not known. Raises `VesselError` for a limit or a lag that is not positive.
+    """
+    surge_s = surge_time_s(hull) if surge_lag_s is None else surge_lag_s
+    yaw_s = yaw_time_s(hull) if yaw_lag_s is None else yaw_lag_s
+    for name, value in (("speed_max_mps", speed_max_mps), ("lag", surge_s), ("lag", yaw_s)):
+        if not value > 0:
+            raise VesselError(f"Under speed control a {name} of {value:g} is impossible; give > 0.")
+    ahead = min(hull.speed_max_mps, speed_max_mps)
+    astern = min(steady_rate(-hull.x_u, -hull.x_uu, -2 * hull.thrust_min_n), speed_max_mps)
+    mass, x_u, n_r = hull.m11_kg, -hull.m11_kg / surge_s, -hull.m33_kgm2 / yaw_s
+    thrust_max, thrust_min = -x_u * ahead / 2, x_u * astern / 2
+    return replace(
+        hull,
+        name=f"{hull.name} under speed control",
+        m22_kg=mass,
+        x_u=x_u,
+        x_uu=0.0,
+        y_v=hull.y_v + hull.y_vv * USUAL_SWAY_MPS,
+        y_vv=0.0,
+        n_r=n_r,
+        n_rr=0.0,
+        thrust_max_n=thrust_max,
+        thrust_min_n=thrust_min,
+        arm_m=-n_r * yaw_rate_max_radps(hull) / (thrust_max - thrust_min),
+        thruster_lag_s=0.0,
+        thruster_dead_band_n=0.0,
+        throttle_exponent=1.0,
+        yaw_coupling="fossen",
+    )
+
+
+def held_motion(
+    vessel: Vessel, state: Sequence[float], thrusts: tuple[float, float], weather: Weather
+) -> tuple[float, float]:
+    """Return the surge [m/s] and the yaw rate [rad/s], over ground, that an inner loop must be
+    told so that the boat moves on from `state` as Eq. (9) says it would under `thrusts`.
+
+    A first-order lag T follows w_ref = w + T w' along the motion w that is wanted.
+    """
+    rate = rates(vessel, state, thrusts, weather.as_tuple())
+    surge = state[3] + surge_time_s(vessel) * rate[3]
+    yaw_rate = state[5] + yaw_time_s(vessel) * rate[5]
+    return float(surge), float(yaw_rate)
