@@ -291,5 +291,3 @@ class StandIn:
                 message.get_srcSystem(), message.get_srcComponent(), 0
             )
         )
-
-

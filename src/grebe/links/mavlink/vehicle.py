@@ -1,4 +1,4 @@
-"""What an autopilot has said of itself: its last word on mode, battery, fix, fence, parameters."""
+"""What an autopilot has said of itself: its last word on mode, battery, fix, parameters."""
 
 from __future__ import annotations
 
@@ -33,7 +33,6 @@ class Vehicle:
     fix: int | None = None
     satellites: int = 0
     position_good: bool | None = None
-    breached: bool = False
     heard_s: float = -math.inf
     parameters: dict[str, float] = field(default_factory=dict[str, float])
     texts: list[str] = field(default_factory=list[str])
@@ -97,9 +96,6 @@ class Vehicle:
 
     def _take_estimator_status(self, message: Any) -> None:
         self.position_good = bool(message.flags & mavlink.ESTIMATOR_POS_HORIZ_ABS)
-
-    def _take_fence_status(self, message: Any) -> None:
-        self.breached = bool(message.breach_status)
 
     def _take_param_value(self, message: Any) -> None:
         self.parameters[message.param_id] = float(message.param_value)
