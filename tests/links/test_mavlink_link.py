@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 import shapely
-from links.boats import EXACT, SURVEY, line_to, linked, sail, standin
 from hypothesis import given
 from hypothesis import strategies as st
+from links.boats import EXACT, SURVEY, line_to, linked, sail, standin
 
 from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, StoppedError, UsageError
