@@ -8,7 +8,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from links.boats import EXACT, SURVEY, line_to, linked, sail, standin
+from links.boats import EXACT, SURVEY, Px4StandIn, line_to, linked, sail, standin
 
 from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, StoppedError, UsageError
@@ -175,7 +175,7 @@ def test_an_autopilot_that_stays_in_hold_is_told_so():
 def test_an_autopilot_without_a_position_is_not_waited_for_for_ever():
     boat = standin(ready_s=500.0)
     with pytest.raises(LinkError, match="does not know yet where it is"):
-        open_link(line_to(boat), SURVEY.frame, SURVEY.vessel)
+        open_link(line_to(boat), SURVEY.frame, SURVEY.vessel, MavlinkSettings(settle_s=5.0))
 
 
 def test_an_empty_line_says_what_to_look_at():
@@ -263,3 +263,23 @@ def test_a_clock_that_runs_back_is_a_restart_and_a_late_message_is_none():
 
 def test_an_idle_order_asks_for_nothing():
     assert (*IDLE.thrusts, IDLE.surge_mps, IDLE.yaw_rate_radps) == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_boat_under_px4_is_told_to_follow_only_once_orders_come():
+    boat = Px4StandIn(standin(**EXACT))
+    link = linked(boat)
+    assert boat.autopilot.mode is Mode.GUIDED
+    assert "PX4" in link.source
+    assert link.status().mode == "OFFBOARD"
+    assert link.station.parameter("COM_LOW_BAT_ACT") == 2.0
+    report, _ = sail(link)
+    assert report.complete
+    assert boat.refused == 0, "OFFBOARD was asked for before any order"
+
+
+def test_sticks_need_channels_as_they_are_sent():
+    boat = standin(parameters={"RC3_MAX": 2000.0})
+    link = open_link(line_to(boat), SURVEY.frame, SURVEY.vessel, MavlinkSettings(drive="sticks"))
+    lines = {line.what: line for line in preflight(link, SURVEY)}
+    assert lines["parameter RC3_MAX"].verdict.value == "NOT"
+    assert lines["parameter RC1_MAX"].verdict.value == "ok"

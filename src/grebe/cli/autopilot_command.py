@@ -39,7 +39,12 @@ from grebe.simulation.autopilot import AutopilotSettings
     help="How long its position takes to become good [s].",
 )
 def command(
-    file: Path, address: str, current: str, wind: str, speed_limit: float, ready_s: float
+    file: Path,
+    address: str,
+    current: tuple[float, float],
+    wind: tuple[float, float],
+    speed_limit: float,
+    ready_s: float,
 ) -> None:
     """Stand in for the autopilot of FILE's boat, at its start, and speak MAVLink over UDP.
 

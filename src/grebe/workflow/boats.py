@@ -134,6 +134,7 @@ MAVLINK_SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "system": ("system", int),
     "silence": ("silence_s", float),
     "find": ("find_s", float),
+    "settle": ("settle_s", float),
     "surge-lag": ("surge_lag_s", float),
     "yaw-lag": ("yaw_lag_s", float),
 }

@@ -52,7 +52,8 @@ NOT_A_STATE: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan
 @dataclass(frozen=True, kw_only=True)
 class MavlinkSettings:
     """`drive`: what orders become. `silence_s`: without any message for so long the line counts
-    as lost. `find_s`: how long an autopilot is waited for. `system`: its number, 0 for the first.
+    as lost. `find_s`: how long an autopilot is waited for, and `settle_s` until it knows where it
+    is. `system`: its number, 0 for the first.
     The lags [s] are those of the autopilot's inner loops, None where they are not known.
 
     Raises `UsageError`.
@@ -61,6 +62,7 @@ class MavlinkSettings:
     drive: Drive = "motion"
     silence_s: float = 15.0
     find_s: float = 10.0
+    settle_s: float = 60.0
     system: int = 0
     surge_lag_s: float | None = None
     yaw_lag_s: float | None = None
@@ -68,7 +70,7 @@ class MavlinkSettings:
     def __post_init__(self) -> None:
         if self.drive not in ("motion", "sticks"):
             raise UsageError(f"A boat is driven by motion or by sticks, not by {self.drive!r}.")
-        if not (self.silence_s > 0 and self.find_s > 0):
+        if not min(self.silence_s, self.find_s, self.settle_s) > 0:
             raise UsageError("A MAVLink line's silence and the search for it last longer than 0 s.")
         if not 0 <= self.system <= 255:
             raise UsageError(f"A MAVLink system has a number from 1 to 255, not {self.system}.")
@@ -110,8 +112,9 @@ class MavlinkLink:
     @property
     def speed_limit_mps(self) -> float:
         """The speed to which the autopilot clamps an order; endless where it has none."""
-        name = self._station.vehicle.dialect.speed_limit
-        return self._station.vehicle.parameters.get(name) or math.inf
+        vehicle = self._station.vehicle
+        known = (vehicle.parameters.get(name) for name in vehicle.dialect.speed_limits)
+        return next((value for value in known if value), math.inf)
 
     @property
     def model(self) -> Vessel:
@@ -140,9 +143,9 @@ class MavlinkLink:
                 raise LinkError(f"The autopilot does not send {name} ({refused}).")
         self._station.match_clocks()
         self._find_origin()
-        limit = self._station.vehicle.dialect.speed_limit
-        if limit:
-            self._station.parameter(limit)
+        for name in self._station.vehicle.dialect.speed_limits:
+            if self._station.parameter(name):
+                break
 
     def engage(self, confirm: Callable[[str], bool]) -> None:
         """Arm the boat and take it over, once somebody has confirmed it.
@@ -270,7 +273,7 @@ class MavlinkLink:
                 wanted, 0, 0, 0, 0, 0, 0,
             ),
             learned,
-            self._settings.find_s,
+            self._settings.settle_s,
         )  # fmt: skip
         if found is None:
             raise LinkError(

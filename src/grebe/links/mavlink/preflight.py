@@ -113,8 +113,8 @@ def _battery(link: MavlinkLink) -> Check:
 def _parameter_checks(link: MavlinkLink, survey: Survey | None) -> Iterator[Check]:
     vehicle = link.station.vehicle
     dialect = vehicle.dialect
-    if dialect.speed_limit and link.drives_motion and survey is not None:
-        yield _speed_limit(dialect.speed_limit, link.speed_limit_mps, survey)
+    if dialect.speed_limits and link.drives_motion and survey is not None:
+        yield _speed_limit(dialect.speed_limits[0], link.speed_limit_mps, survey)
     needs = dialect.needs if link.drives_motion else (*dialect.needs, *dialect.sticks_needs)
     for need in needs:
         yield _need(need, link.station.parameter(need.name))
