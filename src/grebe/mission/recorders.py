@@ -7,7 +7,7 @@ watches: one that fails is dropped, and the mission goes on, for no display may 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from grebe.core.events import (
     Estimate,
@@ -32,14 +32,39 @@ class Recorder(Protocol):
         ...
 
 
+@runtime_checkable
+class KeepsTogether(Recorder, Protocol):
+    """A recorder that can keep all that happened at one estimate, or nothing of it."""
+
+    def record_together(self, events: Sequence[MissionEvent]) -> None:
+        """Keep events, all or none."""
+        ...
+
+
 class SurveyRecorder:
-    """Writes a mission into its survey file: each event is on the disk before the next step."""
+    """Writes a mission into its survey file: each event is on the disk before the next estimate.
+
+    What happened at one estimate is one transaction: a sample, what was reached and the track
+    agree wherever the mission is cut off, and the disk is waited for once.
+    """
 
     def __init__(self, survey_file: SurveyFile) -> None:
         self._file = survey_file
 
     def record(self, event: MissionEvent) -> None:
         """See `Recorder`."""
+        self.record_together([event])
+
+    def record_together(self, events: Sequence[MissionEvent]) -> None:
+        """See `KeepsTogether`."""
+        worth = [event for event in events if not isinstance(event, Estimate | Prediction)]
+        if not worth:
+            return
+        with self._file.together():
+            for event in worth:
+                self._write(event)
+
+    def _write(self, event: MissionEvent) -> None:
         match event:
             case Step():
                 self._file.append_track(event)
@@ -47,8 +72,6 @@ class SurveyRecorder:
                 self._file.append_samples([event.sample])
             case Reached():
                 self._file.mark_reached(event.target_seq, event.time)
-            case Estimate() | Prediction():
-                return
             case _:
                 pass
         entry = log_entry(event)
@@ -72,15 +95,34 @@ class MemoryRecorder:
 
 
 class Broadcast:
-    """One recorder and any number of listeners behind the recorder's page."""
+    """One recorder and any number of listeners.
+
+    Events are held while the loop decides what the boat is to do, and released once it is told.
+    """
 
     def __init__(self, recorder: Recorder, listeners: Sequence[Listener] = ()) -> None:
         self._recorder = recorder
         self._listeners = list(listeners)
+        self._held: list[MissionEvent] = []
 
-    def record(self, event: MissionEvent) -> None:
-        """Keep an event, then tell it to all who listen."""
-        self._recorder.record(event)
+    def hold(self, event: MissionEvent) -> None:
+        """Take an event, to be kept and told with the next `release`."""
+        self._held.append(event)
+
+    def release(self) -> None:
+        """Keep what is held, then tell it to all who listen.
+
+        It is held no longer where keeping fails: what is tried again might be kept twice.
+        """
+        events, self._held = self._held, []
+        if isinstance(self._recorder, KeepsTogether):
+            self._recorder.record_together(events)
+        for event in events:
+            if not isinstance(self._recorder, KeepsTogether):
+                self._recorder.record(event)
+            self._announce(event)
+
+    def _announce(self, event: MissionEvent) -> None:
         for listener in tuple(self._listeners):
             try:
                 listener(event)

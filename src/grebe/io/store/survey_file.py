@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import AbstractContextManager, closing, suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -54,6 +54,7 @@ class SurveyFile:
         self.path = path
         self._connection = connection
         self._lock: TextIO | None = None
+        self._together = _Transaction(path, connection)
         self.survey = schema.read_survey(connection)
         self._quantities = schema.read_quantities(connection)
 
@@ -160,6 +161,10 @@ class SurveyFile:
         return self._quantities
 
     # -- writing ---------------------------------------------------------------------
+
+    def together(self) -> AbstractContextManager[None]:
+        """Write what is written within as one: all of it is on the disk at the end, or nothing."""
+        return self._together
 
     def declare(self, quantities: Quantities) -> None:
         """Declare more quantities; those that are declared are defined anew, in the same unit."""
@@ -370,7 +375,7 @@ class SurveyFile:
         self._execute(f"INSERT INTO {table} ({names}) VALUES ({marks})", tuple(row.values()))
 
     def _transaction(self) -> _Transaction:
-        return _Transaction(self.path, self._connection)
+        return self._together
 
     def _execute(self, sql: str, values: tuple[Any, ...] = ()) -> None:
         try:
@@ -401,14 +406,22 @@ class SurveyFile:
 
 
 class _Transaction:
-    """All or nothing, with the disk's complaints turned into ours."""
+    """All or nothing, with the disk's complaints turned into ours; one within another joins it."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path = path
         self._connection = connection
+        self._depth = 0
 
     def __enter__(self) -> None:
+        if self._depth == 0:
+            self._begin()
+        self._depth += 1
+
+    def _begin(self) -> None:
         try:
+            if self._connection.in_transaction:  # left open by an interruption
+                self._connection.execute("ROLLBACK")
             self._connection.execute("BEGIN IMMEDIATE")
         except sqlite3.Error as failure:
             raise _unwritten(self._path, failure) from None
@@ -419,6 +432,9 @@ class _Transaction:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._depth -= 1
+        if self._depth > 0:
+            return
         if error is not None:
             with suppress(sqlite3.Error):
                 self._connection.execute("ROLLBACK")
