@@ -16,6 +16,7 @@ from grebe.core.events import (
     Reached,
     SampleTaken,
     Step,
+    Warned,
     log_entry,
 )
 from grebe.io.store import SurveyFile
@@ -36,8 +37,8 @@ class Recorder(Protocol):
 class KeepsTogether(Recorder, Protocol):
     """A recorder that can keep all that happened at one estimate, or nothing of it."""
 
-    def record_together(self, events: Sequence[MissionEvent]) -> None:
-        """Keep events, all or none."""
+    def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
+        """Keep events, all or none; return what keeping them gave rise to, which is kept too."""
         ...
 
 
@@ -55,14 +56,20 @@ class SurveyRecorder:
         """See `Recorder`."""
         self.record_together([event])
 
-    def record_together(self, events: Sequence[MissionEvent]) -> None:
+    def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
         """See `KeepsTogether`."""
         worth = [event for event in events if not isinstance(event, Estimate | Prediction)]
         if not worth:
-            return
+            return ()
         with self._file.together():
             for event in worth:
                 self._write(event)
+        last = worth[-1]
+        said = self._file.stay_safe(last.time)
+        if not said:
+            return ()
+        code = "file_replaced"
+        return (Warned(time=last.time, elapsed_s=last.elapsed_s, code=code, message=said),)
 
     def _write(self, event: MissionEvent) -> None:
         match event:
@@ -116,10 +123,11 @@ class Broadcast:
         """
         events, self._held = self._held, []
         if isinstance(self._recorder, KeepsTogether):
-            self._recorder.record_together(events)
+            for event in (*events, *self._recorder.record_together(events)):
+                self._announce(event)
+            return
         for event in events:
-            if not isinstance(self._recorder, KeepsTogether):
-                self._recorder.record(event)
+            self._recorder.record(event)
             self._announce(event)
 
     def _announce(self, event: MissionEvent) -> None:

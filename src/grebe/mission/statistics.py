@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -63,7 +64,7 @@ class Statistics:
         self._targets = targets
         self._reached = reached
         self._path_m = self._energy_wh = self._duration_s = 0.0
-        self._step_ms: list[float] = []
+        self._step_ms = array("d")  # some 2 MB in eight hours at 10 Hz
         self._unsolved = self._samples = self._in_sets = 0
         self._before: Estimate | None = None
         self._thrusts = (0.0, 0.0)
@@ -101,7 +102,7 @@ class Statistics:
 
     def report(self) -> MissionReport:
         """Return the sum so far."""
-        step_ms = self._step_ms or [0.0]
+        step_ms = np.array(self._step_ms or [0.0])
         return MissionReport(
             reached=self._reached,
             targets=self._targets,

@@ -8,11 +8,12 @@ from datetime import datetime
 from grebe.control.controller import Controller
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
+from grebe.core.events import Warned
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.loop import Helm, Mission, MissionSettings
-from grebe.mission.recorders import Listener, SurveyRecorder
+from grebe.mission.recorders import Broadcast, Listener, SurveyRecorder
 from grebe.mission.statistics import MissionReport
 
 BoatAt = Callable[[Departure], BoatLink]
@@ -56,11 +57,14 @@ def run_survey(
     if departure.clears:
         survey_file.clear_mission()
     survey_file.set_meta("water", link.source)
+    survey_file.begin_session(now)
+    recorder = SurveyRecorder(survey_file)
+    _say_doubts(departure, Broadcast(recorder, listeners))
     mission = Mission(
         departure.survey,
         helm,
         link,
-        SurveyRecorder(survey_file),
+        recorder,
         settings,
         quantities=departure.quantities,
         listeners=listeners,
@@ -68,3 +72,11 @@ def run_survey(
         reached=departure.reached,
     )
     return mission.run()
+
+
+def _say_doubts(departure: Departure, ears: Broadcast) -> None:
+    for doubt in departure.doubts:
+        ears.hold(
+            Warned(time=departure.started, elapsed_s=0.0, code=doubt.code, message=doubt.message)
+        )
+    ears.release()

@@ -24,10 +24,11 @@ from grebe.core.events import LogEntry, Step
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.samples import Sample, Samples
 from grebe.core.survey import Survey
-from grebe.io.store import claims, geopackage, schema
+from grebe.io.store import claims, geopackage, rescue, schema, sessions
 from grebe.io.store.migrations import migrate
 from grebe.io.store.tables import (
     Progress,
+    TrackEnd,
     TrackTable,
     row_of,
     rows_of,
@@ -55,8 +56,11 @@ class SurveyFile:
         self._connection = connection
         self._lock: TextIO | None = None
         self._together = _Transaction(path, connection)
+        self._in_session = False
+        self._identity: rescue.Identity | None = None
         self.survey = schema.read_survey(connection)
         self._quantities = schema.read_quantities(connection)
+        self.journal_missing = False
 
     @classmethod
     def create(
@@ -109,14 +113,16 @@ class SurveyFile:
             raise SurveyFileError(f"{path}: there is no such survey file.")
         if path.stat().st_size == 0:
             raise SurveyFileError(f"{path} is empty: not a survey file.")
+        journal = sessions.has_journal(path)
         try:
             connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
             try:
                 schema.check(path, connection)
                 migrate(path, connection, schema.VERSION)
-                connection.execute("PRAGMA journal_mode = WAL")
-                connection.execute("PRAGMA synchronous = FULL")
-                return cls(path, connection)
+                _make_durable(connection)
+                opened = cls(path, connection)
+                opened.journal_missing = not journal and sessions.is_left_open(connection)
+                return opened
             except BaseException:
                 connection.close()
                 raise
@@ -126,6 +132,31 @@ class SurveyFile:
             raise SurveyFileError(f"{path} cannot be read: {error.strerror}.") from None
         except (sqlite3.Error, LookupError, TypeError, ValueError, shapely.GEOSException) as error:
             raise schema.damaged(path, str(error)) from None
+
+    def stay_safe(self, now: datetime) -> str:
+        """Look whether the file is still there; where it was taken away, go on in a new one.
+
+        Returns what there is to say, which the new file's log holds too; nothing as a rule.
+        """
+        if self._identity is None or rescue.identity(self.path) == self._identity:
+            return ""
+        lost = self.path
+        self._move(rescue.copy_out(lost, self._connection, now))
+        said = f"{lost} was moved, deleted or replaced; the mission goes on in {self.path}"
+        self.append_event(LogEntry(time=now, level="error", code="file_replaced", message=said))
+        return said
+
+    def _move(self, path: Path) -> None:
+        """Write into another file from here on, which holds all that this one does."""
+        connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
+        _make_durable(connection)
+        self._connection.close()
+        if self._lock is not None:
+            claims.drop(self.path, self._lock)
+        self.path, self._connection = path, connection
+        self._together = _Transaction(path, connection)
+        self._lock = claims.take(path)
+        self._identity = rescue.identity(path)
 
     def __enter__(self) -> Self:
         return self
@@ -146,10 +177,25 @@ class SurveyFile:
         if self._lock is None:
             raise SurveyFileError(f"{self.path} is being written by another mission.")
 
+    def begin_session(self, now: datetime) -> None:
+        """Note in the file that a mission writes it, until it is closed.
+
+        A copy of the file alone, without the journal beside it, is then known for one.
+        """
+        self.claim()
+        self._in_session = True
+        with self._transaction():
+            sessions.enter(self._connection, now)
+        with suppress(sqlite3.Error):
+            sessions.fold(self._connection)
+        self._identity = rescue.identity(self.path)
+
     def close(self) -> None:
         """Fold the write-ahead log into the file and close it."""
         with suppress(sqlite3.Error):
-            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            if self._in_session:
+                sessions.leave(self._connection)
+            sessions.fold(self._connection)
         self._connection.close()
         if self._lock is not None:
             claims.drop(self.path, self._lock)
@@ -324,6 +370,18 @@ class SurveyFile:
             target_seq=np.array([row[2] or 0 for row in rows], dtype=np.int64),
         )
 
+    def track_ends(self) -> tuple[TrackEnd, TrackEnd] | None:
+        """Return the first and the last row of the track; None where there is none."""
+        columns = ", ".join(schema.STATE_COLUMNS)
+        rows = self._query(
+            f"SELECT time, {columns} FROM track WHERE fid IN "
+            "((SELECT min(fid) FROM track), (SELECT max(fid) FROM track)) ORDER BY fid"
+        )
+        if not rows:
+            return None
+        first, last = (TrackEnd(time=parse_time(row[0]), state=row[1:]) for row in (rows[0], rows[-1]))
+        return first, last
+
     def samples(self) -> Samples:
         """Return all samples in the order in which they were written."""
         columns = ", ".join(sample_columns(self._quantities))
@@ -445,6 +503,12 @@ class _Transaction:
             with suppress(sqlite3.Error):
                 self._connection.execute("ROLLBACK")
             raise _unwritten(self._path, failure) from None
+
+
+def _make_durable(connection: sqlite3.Connection) -> None:
+    """What is committed is on the disk, also after a power cut, and readers are not in the way."""
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
 
 
 def _unwritten(path: Path, error: sqlite3.Error) -> SurveyFileError:
