@@ -20,6 +20,7 @@ from grebe.core.events import (
     SampleTaken,
     Started,
     Step,
+    Warned,
 )
 from grebe.core.vessel import Vessel
 
@@ -128,6 +129,24 @@ class Progress:
     targets: int
     boat_time_s: float
     samples: int
+
+
+class Alarm:
+    """Listens to a mission and tells `say` what an operator should know, as often as is of use."""
+
+    def __init__(self, say: Callable[[str], None], every_s: float = 30.0) -> None:
+        self._say = say
+        self._every_s = every_s
+        self._said_at: dict[str, float] = {}
+
+    def __call__(self, event: MissionEvent) -> None:
+        """Take one event into account; one code is said again only after a while."""
+        if not isinstance(event, Warned):
+            return
+        before = self._said_at.get(event.code, -math.inf)
+        if event.elapsed_s - before >= self._every_s:
+            self._said_at[event.code] = event.elapsed_s
+            self._say(f"warning: {event.message}")
 
 
 class ProgressMeter:

@@ -18,7 +18,8 @@ class Preview:
     """`reached` of `targets` are done and `next_target` is ahead (None: nothing is left).
 
     The boat is expected at `lat_deg`, `lon_deg`, `distance_m` in a straight line from that target;
-    the rest takes `remaining_s` by the taut way, in the weather that was planned for. `doubts` is what to look at first.
+    the rest takes `remaining_s` by the taut way in the weather that was planned for. `forgets`
+    says whether a recorded mission would be forgotten; `doubts` is what to look at first.
     """
 
     reached: int

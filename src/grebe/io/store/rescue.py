@@ -43,9 +43,11 @@ def copy_out(path: Path, connection: sqlite3.Connection, now: datetime) -> Path:
     failure = SurveyFileError(f"{path} was taken away, and there is nowhere to rescue it to.")
     for folder in (path.parent, Path.cwd(), Path.home(), Path(tempfile.gettempdir())):
         try:
-            with written_whole(folder / name, sqlite3.Error, error=SurveyFileError) as part:
-                with closing(sqlite3.connect(part)) as copy:
-                    connection.backup(copy)
+            with (
+                written_whole(folder / name, sqlite3.Error, error=SurveyFileError) as part,
+                closing(sqlite3.connect(part)) as copy,
+            ):
+                connection.backup(copy)
         except SurveyFileError as error:
             failure = error
         else:

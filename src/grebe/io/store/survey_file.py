@@ -51,8 +51,11 @@ ROWS_AT_ONCE = 50_000
 class SurveyFile:
     """An open survey file; use it in a `with` statement."""
 
-    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+    def __init__(
+        self, path: Path, connection: sqlite3.Connection, *, journal_missing: bool = False
+    ) -> None:
         self.path = path
+        self.journal_missing = journal_missing
         self._connection = connection
         self._lock: TextIO | None = None
         self._together = _Transaction(path, connection)
@@ -60,7 +63,6 @@ class SurveyFile:
         self._identity: rescue.Identity | None = None
         self.survey = schema.read_survey(connection)
         self._quantities = schema.read_quantities(connection)
-        self.journal_missing = False
 
     @classmethod
     def create(
@@ -120,9 +122,7 @@ class SurveyFile:
                 schema.check(path, connection)
                 migrate(path, connection, schema.VERSION)
                 _make_durable(connection)
-                opened = cls(path, connection)
-                opened.journal_missing = not journal and sessions.is_left_open(connection)
-                return opened
+                return cls(path, connection, journal_missing=_is_bare(connection, journal=journal))
             except BaseException:
                 connection.close()
                 raise
@@ -379,7 +379,9 @@ class SurveyFile:
         )
         if not rows:
             return None
-        first, last = (TrackEnd(time=parse_time(row[0]), state=row[1:]) for row in (rows[0], rows[-1]))
+        first, last = (
+            TrackEnd(time=parse_time(row[0]), state=row[1:]) for row in (rows[0], rows[-1])
+        )
         return first, last
 
     def samples(self) -> Samples:
@@ -509,6 +511,11 @@ def _make_durable(connection: sqlite3.Connection) -> None:
     """What is committed is on the disk, also after a power cut, and readers are not in the way."""
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
+
+
+def _is_bare(connection: sqlite3.Connection, *, journal: bool) -> bool:
+    """Whether a mission did not come to close the file, and its `journal` is not there either."""
+    return not journal and sessions.is_left_open(connection)
 
 
 def _unwritten(path: Path, error: sqlite3.Error) -> SurveyFileError:
