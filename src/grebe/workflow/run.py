@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from datetime import datetime
+from pathlib import Path
 
 from grebe.control.controller import Controller
 from grebe.control.rules.base import Rule
@@ -15,6 +16,7 @@ from grebe.mission.departure import Departure, prepare
 from grebe.mission.loop import Helm, Mission, MissionSettings
 from grebe.mission.recorders import Broadcast, Listener, SurveyRecorder
 from grebe.mission.statistics import MissionReport
+from grebe.mission.watchdog import guarded, journal_beside, taken_notes
 
 BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]
@@ -54,29 +56,35 @@ def run_survey(
     survey_file.claim()
     helm = helm_of(departure)
     link = boat_at(departure)
-    if departure.clears:
-        survey_file.clear_mission()
-    survey_file.set_meta("water", link.source)
-    survey_file.begin_session(now)
     recorder = SurveyRecorder(survey_file)
-    _say_doubts(departure, Broadcast(recorder, listeners))
-    mission = Mission(
-        departure.survey,
-        helm,
-        link,
-        recorder,
-        settings,
-        quantities=departure.quantities,
-        listeners=listeners,
-        started=departure.started,
-        reached=departure.reached,
-    )
-    return mission.run()
-
-
-def _say_doubts(departure: Departure, ears: Broadcast) -> None:
-    for doubt in departure.doubts:
-        ears.hold(
-            Warned(time=departure.started, elapsed_s=0.0, code=doubt.code, message=doubt.message)
+    try:
+        if departure.clears:
+            survey_file.clear_mission()
+        survey_file.set_meta("water", link.source)
+        survey_file.begin_session(now)
+        _say_first(departure, journal_beside(survey_file.path), Broadcast(recorder, listeners))
+    except BaseException:
+        link.close()
+        raise
+    with guarded(link, journal_beside(survey_file.path)) as guards:
+        mission = Mission(
+            departure.survey,
+            helm,
+            link,
+            recorder,
+            settings,
+            quantities=departure.quantities,
+            listeners=[*guards, *listeners],
+            started=departure.started,
+            reached=departure.reached,
         )
+        return mission.run()
+
+
+def _say_first(departure: Departure, journal: Path, ears: Broadcast) -> None:
+    """What is to be known before a mission: doubts, and what a watchdog had to do before."""
+    said = [(doubt.code, doubt.message) for doubt in departure.doubts]
+    said += [("watchdog_acted", note) for note in taken_notes(journal)]
+    for code, message in said:
+        ears.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
     ears.release()
