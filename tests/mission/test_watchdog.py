@@ -35,17 +35,19 @@ def reluctant(file):
 """
 # A mission that gives signs of life until something happens to it.
 MISSION = """
-import sys, time, json
+import json, sys, time
+from datetime import UTC, datetime
 from pathlib import Path
+from grebe.core.events import Step
 from grebe.links.emergency import EmergencyStop
 from grebe.mission.watchdog import Watchdog
 told = json.loads(sys.argv[1])
 dog = Watchdog(EmergencyStop(**told["stop"]), Path(told["journal"]))
-from datetime import datetime, UTC
-from grebe.core.events import Step
+step = Step(time=datetime.now(UTC), elapsed_s=0.0, state=(0.0,) * 6, thrusts=(1.0, 1.0))
+dog(step)
 print(dog.pid, flush=True)
 while True:
-    dog(Step(time=datetime.now(UTC), elapsed_s=0.0, state=(0.0,) * 6, thrusts=(1.0, 1.0)))
+    dog(step)
     time.sleep(0.02)
 """
 
