@@ -21,6 +21,7 @@ from benchmarks.planning import lakes, planning
 from benchmarks.robustness import robustness
 from benchmarks.routes import routes
 from benchmarks.sets import sets
+from benchmarks.soak import latency, soak
 from benchmarks.steps import steps
 
 BENCHMARKS = {
@@ -36,6 +37,8 @@ BENCHMARKS = {
         cores,
         routes,
         mapping,
+        soak,
+        latency,
     )
 }
 
