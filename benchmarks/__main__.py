@@ -23,6 +23,7 @@ from benchmarks.routes import routes
 from benchmarks.sets import sets
 from benchmarks.soak import latency, soak
 from benchmarks.steps import steps
+from benchmarks.survival import survival
 
 BENCHMARKS = {
     f.__name__: f
@@ -39,6 +40,7 @@ BENCHMARKS = {
         mapping,
         soak,
         latency,
+        survival,
     )
 }
 

@@ -19,7 +19,7 @@ from grebe.io.store import SurveyFile
 from grebe.io.store.tables import TrackEnd
 from grebe.io.store.timestamps import parse_time
 
-# A mission that goes on begins this long after the last row of the track, at the earliest.
+# A mission that goes on begins this long after all that is recorded, at the earliest.
 AFTER_S = 0.1
 # A clock that differs by more from what the file says may be wrong. A recorded mission may end
 # some hours ahead of the clock: simulated time passes as fast as it is computed.
@@ -78,7 +78,9 @@ def prepare(
     if ends and resume:
         state = ends[1].state
         # Simulated time runs ahead of the clock: the new part must not begin before the old ends.
-        started = max(now, ends[1].time + timedelta(seconds=AFTER_S))
+        # Its last sample may be younger than the last row of its track.
+        over = survey_file.last_time() or ends[1].time
+        started = max(now, over + timedelta(seconds=AFTER_S))
     return Departure(
         survey=survey,
         vessel=survey.vessel,

@@ -384,6 +384,17 @@ class SurveyFile:
         )
         return first, last
 
+    def last_time(self) -> datetime | None:
+        """Return when the recorded mission was last heard of; None where there is none."""
+        rows = self._query(
+            "SELECT max(reached_at) FROM targets UNION ALL "
+            + " UNION ALL ".join(
+                f"SELECT time FROM {table} WHERE fid = (SELECT max(fid) FROM {table})"
+                for table in ("track", "samples", "events")
+            )
+        )
+        return max((parse_time(text) for (text,) in rows if text), default=None)
+
     def samples(self) -> Samples:
         """Return all samples in the order in which they were written."""
         columns = ", ".join(sample_columns(self._quantities))
