@@ -5,6 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from datetime import timedelta
 
@@ -13,9 +14,12 @@ import pytest
 from conftest import NOON, simulate, square_survey
 from killing import Victim, cut_power, faults, faults_at_the_end, kill
 
+from grebe.core.errors import SurveyFileError
 from grebe.core.events import Step, Warned
 from grebe.core.samples import Sample
 from grebe.io.store import SurveyFile
+from grebe.mission import writer
+from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import prepare
 from grebe.mission.loop import MissionSettings
 from grebe.mission.recorders import SurveyRecorder
@@ -92,7 +96,8 @@ def test_what_happens_at_one_estimate_is_written_whole_or_not_at_all(tmp_path):
         assert file.track().states[:, 0].tolist() == [0.0, 2.0]
 
 
-def test_the_boat_is_told_before_anything_is_written(tmp_path):
+def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "PATIENCE_S", 60.0)
     happened = []
 
     def boat_at(departure):
@@ -109,6 +114,53 @@ def test_the_boat_is_told_before_anything_is_written(tmp_path):
     text = " ".join(happened)
     assert "in out write in" in text
     assert "in write" not in text
+
+
+class Stuck:
+    """A recorder that keeps nothing until it is let, and fails when it is told to."""
+
+    def __init__(self):
+        self.let, self.batches, self.failure = threading.Event(), [], None
+
+    def record(self, event):
+        self.record_together([event])
+
+    def record_together(self, events):
+        assert self.let.wait(10)
+        if self.failure:
+            raise self.failure
+        self.batches.append(list(events))
+        return ()
+
+
+def test_a_disk_that_hangs_is_not_waited_for_and_nothing_is_said_before_it_is_kept():
+    recorder, heard = Stuck(), []
+    ears = Broadcast(recorder, [heard.append])
+    for i in range(5):
+        ears.hold(step(i))
+        ears.release()
+    assert heard == recorder.batches == []
+    recorder.let.set()
+    ears.hold(step(5))
+    ears.release(finally_=True)
+    assert heard == [event for batch in recorder.batches for event in batch]
+    assert [event.elapsed_s for event in heard] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_a_disk_that_fails_ends_a_mission_and_what_it_did_not_keep_is_not_said():
+    recorder, heard = Stuck(), []
+    ears = Broadcast(recorder, [heard.append])
+    recorder.let.set()
+    ears.hold(step(0))
+    ears.release(finally_=True)
+    recorder.failure = SurveyFileError("full")
+    ears.hold(step(1))
+    with pytest.raises(SurveyFileError, match="full"):
+        ears.release(finally_=True)
+    recorder.failure = None
+    ears.hold(step(2))
+    ears.release(finally_=True)
+    assert [event.elapsed_s for event in heard] == [0.0, 2.0]
 
 
 # -- the file is taken away ------------------------------------------------------------------
@@ -219,7 +271,13 @@ def simulate_at(file, now):
 
 def test_a_mission_goes_on_after_the_last_sample_though_the_track_ends_before(tmp_path):
     late = Sample(
-        time=NOON + timedelta(seconds=2.4), north_m=2.0, east_m=0.0, target_seq=None, speed_mps=1.0
+        time=NOON + timedelta(seconds=2.4),
+        north_m=2.0,
+        east_m=0.0,
+        target_seq=None,
+        speed_mps=1.0,
+        values={"ph": 7.0},
+        flags={},
     )
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
         file.append_track(step(2))

@@ -4,7 +4,7 @@ One loop joins whoever steers, a boat and a recorder; Grebe's controller, the pe
 compared with and every front end go through it. Every state estimate is tested for entry
 (Definition 5) and for a sample; every control step asks for thrusts. What is measured is kept
 by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed; it is
-kept once the boat has been told what to do, so that no slow disk delays a command.
+kept once the boat has been told what to do, and a disk that is slow is not waited for.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ from grebe.core.samples import Sample, gross_range_flag
 from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.links.base import IDLE, BoatLink, Observation, Order
-from grebe.mission.recorders import Broadcast, Listener, Recorder
+from grebe.mission.broadcast import Broadcast
+from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.sampling import EVERY_SECOND, Sampling
 from grebe.mission.statistics import MissionReport, Statistics
 
@@ -351,7 +352,7 @@ class Mission:
         last = self._before or Observation(time_s=0.0, state=NOWHERE)
         try:
             self._tell(Ended, last, reason=reason, message=message)
-            self._ears.release()
+            self._ears.release(finally_=True)
         except Exception:
             if not quietly:
                 raise

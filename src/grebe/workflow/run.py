@@ -12,9 +12,10 @@ from grebe.control.solvers.base import SolverBuilder
 from grebe.core.events import Warned
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
+from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.loop import Helm, Mission, MissionSettings
-from grebe.mission.recorders import Broadcast, Listener, SurveyRecorder
+from grebe.mission.recorders import Listener, SurveyRecorder
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
 
@@ -87,4 +88,4 @@ def _say_first(departure: Departure, journal: Path, ears: Broadcast) -> None:
     said += [("watchdog_acted", note) for note in taken_notes(journal)]
     for code, message in said:
         ears.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
-    ears.release()
+    ears.release(finally_=True)

@@ -117,7 +117,7 @@ class SurveyFile:
             raise SurveyFileError(f"{path} is empty: not a survey file.")
         journal = sessions.has_journal(path)
         try:
-            connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
+            connection = _connect(path)
             try:
                 schema.check(path, connection)
                 migrate(path, connection, schema.VERSION)
@@ -148,7 +148,7 @@ class SurveyFile:
 
     def _move(self, path: Path) -> None:
         """Write into another file from here on, which holds all that this one does."""
-        connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
+        connection = _connect(path)
         _make_durable(connection)
         self._connection.close()
         if self._lock is not None:
@@ -516,6 +516,11 @@ class _Transaction:
             with suppress(sqlite3.Error):
                 self._connection.execute("ROLLBACK")
             raise _unwritten(self._path, failure) from None
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    """Open for one thread at a time: a mission writes in another than the one it was opened in."""
+    return sqlite3.connect(path, isolation_level=None, timeout=10.0, check_same_thread=False)
 
 
 def _make_durable(connection: sqlite3.Connection) -> None:
