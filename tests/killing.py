@@ -44,7 +44,9 @@ def record_together(self, events):
             os.write(WITNESS, f"step {{time_text(event.time)}}\\n".encode())
     return more
 
-SurveyRecorder.record_together = record_together
+if keep.__name__ != "witnessed":  # the file is run once to be checked, and once to be used
+    record_together.__name__ = "witnessed"
+    SurveyRecorder.record_together = record_together
 
 class Boat(SimulatedLink):
     def observe(self):
@@ -143,7 +145,9 @@ def faults(victim: Victim) -> list[str]:
     for table, word in (("samples", "sample"), ("track", "step")):
         said, kept = victim.said(word), rows[table]
         wrong[f"{table} lost: {set(said) - set(kept)}"] = not set(said) <= set(kept)
-        wrong[f"{table}: {len(kept)} of {len(said)}"] = len(kept) - len(said) > victim.kills
+        wrong[f"{table}: {len(kept)} of {len(said)}"] = (
+            not 0 <= len(kept) - len(said) <= 5 * victim.kills
+        )
         wrong[f"{table} doubled"] = len(kept) != len(set(kept))
         wrong[f"{table} out of order"] = kept != sorted(kept)
     lost = set(map(int, victim.said("reached"))) - set(arrived)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, suppress
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -92,16 +92,12 @@ class SurveyFile:
         An existing file is left alone unless `force`; then it is replaced only once the new
         one is complete. Raises `SurveyFileError`.
         """
-        if path.exists() and not force:
-            raise SurveyFileError(
-                f"{path} exists already; give another name, or replace it by force.",
-                settings=("force",),
-            )
-        with written_whole(path, sqlite3.Error, error=SurveyFileError) as part:
-            with closing(sqlite3.connect(part)) as connection, connection:
-                schema.create(connection, survey, meta, quantities)
-            for suffix in ("-wal", "-shm"):
-                path.with_name(path.name + suffix).unlink(missing_ok=True)
+        with (
+            new_file(path, force=force) as part,
+            closing(sqlite3.connect(part)) as connection,
+            connection,
+        ):
+            schema.create(connection, survey, meta, quantities)
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -476,6 +472,37 @@ class SurveyFile:
             raise schema.damaged(self.path, str(error)) from None
 
 
+@contextmanager
+def new_file(path: Path, *, force: bool) -> Generator[Path]:
+    """Give the path at which a survey file is made that then takes `path`'s place, whole.
+
+    Raises `SurveyFileError` where that cannot be written, or is there already and not forced.
+    """
+    if path.exists() and not force:
+        raise SurveyFileError(
+            f"{path} exists already; give another name, or replace it by force.",
+            settings=("force",),
+        )
+    with written_whole(path, sqlite3.Error, UnwrittenError, error=SurveyFileError) as part:
+        try:
+            yield part
+        except UnwrittenError:
+            raise
+        except SurveyFileError as error:
+            named = str(error).replace(str(part), str(path))
+            raise SurveyFileError(named, settings=error.settings) from None
+        for suffix in ("-wal", "-shm"):
+            path.with_name(path.name + suffix).unlink(missing_ok=True)
+
+
+class UnwrittenError(SurveyFileError):
+    """The disk would not take it; `strerror` says why, as the system's own errors do."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"{path} cannot be written ({reason}); what was recorded before is kept.")
+        self.strerror = reason
+
+
 class _Transaction:
     """All or nothing, with the disk's complaints turned into ours; one within another joins it."""
 
@@ -534,5 +561,5 @@ def _is_bare(connection: sqlite3.Connection, *, journal: bool) -> bool:
     return not journal and sessions.is_left_open(connection)
 
 
-def _unwritten(path: Path, error: sqlite3.Error) -> SurveyFileError:
-    return SurveyFileError(f"{path} cannot be written ({error}); what was recorded before is kept.")
+def _unwritten(path: Path, error: sqlite3.Error) -> UnwrittenError:
+    return UnwrittenError(path, str(error))
