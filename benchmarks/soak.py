@@ -25,7 +25,7 @@ from grebe.core.errors import LinkError
 from grebe.core.frames import LocalFrame
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.sets import rectangle
-from grebe.core.survey import Survey, Target
+from grebe.core.survey import Pose, Survey, Target
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus, Observation, Order
@@ -120,6 +120,7 @@ def far_survey() -> Survey:
         water=survey.water,
         targets=(Target(seq=1, kind="cell", set=far, cell=far.polygon),),
         vessel=survey.vessel,
+        start=Pose(north_m=0.0, east_m=0.0),
     )
 
 
@@ -248,6 +249,7 @@ def _flight(path: Path, seconds: float, limit_s: float) -> list[float]:
         recorder = SlowDisk(file)
         recorder.seconds = seconds
         link = OnTheClock(Plant(BOAT, START), limit_s)
-        gc.collect()
+        gc.freeze()  # as run_survey does
         Mission(survey, helm, link, recorder).run()
+        gc.unfreeze()
         return link.latency_ms

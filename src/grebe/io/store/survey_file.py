@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = schema.VERSION
 # Rows that are turned into columns, and columns into rows, at a time: memory stays in bounds.
 ROWS_AT_ONCE = 50_000
+JOURNAL_BYTES = 8_000_000
 
 
 class SurveyFile:
@@ -554,6 +555,8 @@ def _make_durable(connection: sqlite3.Connection) -> None:
     """What is committed is on the disk, also after a power cut, and readers are not in the way."""
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
+    # It grows while another program holds on to what it reads, and shrinks to this afterwards.
+    connection.execute(f"PRAGMA journal_size_limit = {JOURNAL_BYTES}")
 
 
 def _is_bare(connection: sqlite3.Connection, *, journal: bool) -> bool:
