@@ -12,6 +12,7 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
+from grebe.cli.interruption import ignore_hangup
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
@@ -20,10 +21,12 @@ from grebe.core.events import EndReason
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
+from grebe.mission.departure import prepare
 from grebe.mission.loop import MissionSettings
 from grebe.mission.sampling import InSets, InWindow
-from grebe.mission.statistics import MissionReport, ProgressMeter
+from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.preview import preview_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -139,6 +142,7 @@ def _weight_options(command: Any) -> Any:
 @options.quantities_option
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
+@click.option("--preview", is_flag=True, help="Say what would be done, and do nothing.")
 @options.force_option
 @options.json_option
 @click.pass_context
@@ -150,17 +154,23 @@ def command(
     yes: bool,
     quantities_file: Path | None,
     resume: bool,
+    preview: bool,
     force: bool,
     as_json: bool,
     **run: Any,
 ) -> None:
     """Steer the boat through every target set of FILE and record what it measures.
 
-    With --resume, what is not said again is as it was in the run that is gone on with.
+    With --resume, what is not said again is as it was in the run that is gone on with. A
+    terminal that closes does not end the mission; Ctrl-C and SIGTERM do.
     """
     if resume and force:
         raise UsageError("--resume goes on and --force begins anew; give one of them.")
     boat_named(url)
+    if preview:
+        _show_preview(file, resume=resume, force=force, as_json=as_json)
+        return
+    ignore_hangup()
     output.compile_once()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         own = user_quantities(quantities_file, file)
@@ -180,10 +190,11 @@ def command(
             MissionSettings(sampling=InSets() if in_sets_only else InWindow()),
             resume=resume,
             force=force,
-            listeners=[ProgressMeter(bar.update)],
+            listeners=[ProgressMeter(bar.update), Alarm(output.note)],
         )
+        file = survey_file.path
         check_samples(survey_file)
-        moved = len(survey_file.track()) > 0 and report.reached > before
+        moved = survey_file.count("track") > 0 and report.reached > before
     output.result(report.numbers(), as_json=as_json, next_command=f"grebe map {file} --out maps")
     if not report.complete:
         _explain(report, file, moved=moved)
@@ -197,6 +208,14 @@ def _confirmation(*, yes: bool) -> Callable[[str], bool]:
         return yes or click.prompt("Type ARM to go on", default="", show_default=False) == "ARM"
 
     return confirm
+
+
+def _show_preview(file: Path, *, resume: bool, force: bool, as_json: bool) -> None:
+    with SurveyFile.open(file) as survey_file:
+        departure = prepare(survey_file, datetime.now(UTC), resume=resume, force=force)
+    again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
+    go = f"grebe run {file}{again}"
+    output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
 
 
 def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:
