@@ -11,7 +11,8 @@ from grebe.control.solvers.base import SolverBuilder
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
 from grebe.mission.departure import Departure, prepare
-from grebe.mission.loop import Helm, Mission, MissionSettings
+from grebe.mission.helm import Helm
+from grebe.mission.loop import Mission, MissionSettings
 from grebe.mission.recorders import Listener, SurveyRecorder
 from grebe.mission.statistics import MissionReport
 
