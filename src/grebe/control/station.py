@@ -18,8 +18,8 @@ from grebe.core.vessel import Vessel, steady_rate
 APPROACH_PER_S, APPROACH_MPS = 0.25, 0.6
 # A share of full thrust is left to steer with.
 STEER_SHARE = 0.9
-# A velocity through the water below this needs no heading [m/s].
-IDLE_MPS = 0.05
+# So near is there [m]; a velocity through the water below this needs no heading [m/s].
+THERE_M, IDLE_MPS = 0.75, 0.15
 # Off by more than this the boat turns where it is [rad].
 TURN_FIRST_RAD = math.radians(60)
 # Surge above which the boat is braked before it turns [m/s].
@@ -64,7 +64,7 @@ def keep(
     north, east, heading, surge, _, yaw_rate = state
     off_north, off_east = place[0] - north, place[1] - east
     away = math.hypot(off_north, off_east)
-    pace = min(APPROACH_PER_S, APPROACH_MPS / max(away, 1e-9))
+    pace = min(APPROACH_PER_S * max(away - THERE_M, 0.0), APPROACH_MPS) / max(away, 1e-9)
     # The velocity through the water that makes the wanted one over ground, with the wind's push
     # taken as the current that would need as much thrust.
     drift_north, drift_east = _with_wind(vessel, weather)
@@ -89,8 +89,12 @@ def reach_mps(vessel: Vessel, weather: Weather) -> float:
     off whatever it does.
     """
     full = STEER_SHARE * 2 * vessel.thrust_max_n
-    drift = math.hypot(*_with_wind(vessel, weather))
-    return steady_rate(-vessel.x_u, -vessel.x_uu, full) - drift
+    return steady_rate(-vessel.x_u, -vessel.x_uu, full) - drift_mps(vessel, weather)
+
+
+def drift_mps(vessel: Vessel, weather: Weather) -> float:
+    """Return the speed through the water [m/s] that holds the boat against current and wind."""
+    return math.hypot(*_with_wind(vessel, weather))
 
 
 def _with_wind(vessel: Vessel, weather: Weather) -> tuple[float, float]:

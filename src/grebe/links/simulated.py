@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -10,10 +11,12 @@ import numpy as np
 from grebe.core.errors import LinkError, UsageError
 from grebe.core.events import State
 from grebe.links.base import BoatStatus, Observation, Order
+from grebe.simulation.faults import NO_FAULTS, Faults
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater
 
 OBSERVATION_PERIOD_S = 0.1
+NO_NUMBERS: State = (math.nan,) * 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +49,7 @@ EXACT = EstimateErrors()
 class SimulatedLink:
     """Observes a plant every `OBSERVATION_PERIOD_S` and reads a sonde.
 
+    The link says and shows what `faults` make of the battery, the depth and the estimates.
     Estimates have independent normal errors, and some are lost: the next one then comes a
     period later, while the thrusts hold.
     """
@@ -57,12 +61,14 @@ class SimulatedLink:
         errors: EstimateErrors = EXACT,
         seed: int = 0,
         source: str = "simulated",
+        faults: Faults = NO_FAULTS,
     ) -> None:
         self.source = source
         self._plant = plant
         self._sonde = sonde
         self._errors = errors
         self._random = np.random.default_rng(seed)
+        self._faults = faults
         self._started = False
         self._closed = False
 
@@ -75,7 +81,8 @@ class SimulatedLink:
             while self._random.uniform() < self._errors.lost_share:
                 self._plant.advance(OBSERVATION_PERIOD_S)
         self._started = True
-        return Observation(time_s=self._plant.time_s, state=self._estimate())
+        state = NO_NUMBERS if self._faults.is_blind(self._plant.time_s) else self._estimate()
+        return Observation(time_s=self._plant.time_s, state=state)
 
     def _estimate(self) -> State:
         errors = self._random.normal(size=6) * self._errors.scale
@@ -88,11 +95,18 @@ class SimulatedLink:
 
     def measure(self) -> Mapping[str, float]:
         """Return what the sonde reads here and now."""
-        return self._sonde.read(self._plant.state[0], self._plant.state[1])
+        north, east = self._plant.state[0], self._plant.state[1]
+        reading, depth = self._sonde.read(north, east), self._faults.depth_at(north, east)
+        return reading if depth is None else {**reading, "water_depth_m": depth}
 
     def status(self) -> BoatStatus:
         """Return what a simulated boat can say: it is armed until it is closed."""
-        return BoatStatus(mode="simulated", armed=not self._closed, fix="simulated")
+        return BoatStatus(
+            mode="simulated",
+            armed=not self._closed,
+            battery_share=self._faults.share_left(self._plant.time_s),
+            fix="simulated",
+        )
 
     def stop(self) -> None:
         """Take all thrust away."""

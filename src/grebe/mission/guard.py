@@ -23,7 +23,7 @@ from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
 from grebe.mission.patience import patience_s
-from grebe.mission.safety.fence import Fence, fence_of, reckoned, stays_inside
+from grebe.mission.safety.fence import STEP_S, Escape, Fence, Schedule, escape, fence_of, reckoned
 from grebe.mission.safety.machine import (
     Asked,
     Memory,
@@ -35,7 +35,7 @@ from grebe.mission.safety.machine import (
 )
 from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
-from grebe.mission.safety.states import Facts, Place, SafetyState
+from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
 from grebe.planning.homeward import Homeward, homeward, transit_survey
 
 Thrusts = tuple[float, float]
@@ -51,7 +51,7 @@ ASTERN_SHARE = 0.8
 
 
 class Tells(Protocol):
-    """Whoever hears of a change: when, the states before and after, the cause's code, a sentence."""
+    """Whoever hears of a change: when, the states, the cause's code, a sentence."""
 
     def __call__(self, time_s: float, *, before: str, after: str, code: str, message: str) -> None:
         """Hear of a change."""
@@ -118,6 +118,7 @@ class Guard:
         self._home_cost: tuple[float, float] | None = None
         self._home_asked_s = -math.inf
         self._way: _WayHome | None = None
+        self._escape: tuple[float, Escape] | None = None
         self._reckoned: tuple[float, State] | None = None
         self._began_s: float | None = None
         self._before_s = 0.0
@@ -125,7 +126,7 @@ class Guard:
         self.depth_m: float | None = None
 
     def ask(self, request: Request, why: str) -> None:
-        """Ask something of the mission; it is answered at the next estimate. Safe from any thread."""
+        """Ask something; it is answered at the next estimate. Safe from any thread."""
         self._asked = Asked(request=request, why=why)
 
     @property
@@ -151,8 +152,11 @@ class Guard:
         thrusts: Thrusts,
         reached: int,
         status: BoatStatus = NOTHING_SAID,
+        ahead: Schedule | None = None,
     ) -> None:
-        """Judge an estimate, to which `thrusts` have led."""
+        """Judge an estimate, to which `thrusts` have led; `ahead` are those that the boat is going
+        to have, the same without them.
+        """
         if self._began_s is None:
             self._begin(observation)
         self._reckoned = None
@@ -163,33 +167,32 @@ class Guard:
         self.depth_m = None
         after = advised(self._memory, facts, self._settings, self._vessel, asked)
         self._become(after, observation)
-        self.permitted(observation, thrusts, weather, reached)
+        self.permitted(observation, ahead or (lambda _: thrusts), weather, reached)
 
     def permitted(
-        self, observation: Observation, thrusts: Thrusts, weather: Weather, reached: int
+        self, observation: Observation, ahead: Schedule, weather: Weather, reached: int
     ) -> bool:
-        """Whether the boat may have these thrusts until the next estimate; where it may not, it
-        has been braked instead and the state is another.
+        """Whether the boat may have the thrusts that are ahead of it, until the next estimate; where
+        it may not, the guard steers from now on.
         """
         drives = self.state not in (SafetyState.HOLDING, SafetyState.STOPPED)
         if self._fence is None or not self._fenced or not drives:
             return True
-        settings = self._settings
-        stays = stays_inside(
+        way_out = escape(
             self._fence,
             self._vessel,
             observation.state,
-            thrusts,
+            ahead,
             weather,
-            reaction_s=settings.reaction_s + observation.age_s,
-            weaker_share=settings.weaker_share,
+            reaction_s=self._settings.reaction_s + observation.age_s,
+            weaker_share=self._settings.weaker_share,
         )
-        if stays:
+        if way_out is not None:
+            self._escape = (observation.time_s, way_out)
             return True
-        facts = self._facts(observation, weather, thrusts, reached, NOTHING_SAID)
+        facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
         refuge = self._fence.refuge(facts.place)
-        after = at_the_fence(self._memory, facts, settings, refuge)
-        self._become(after, observation)
+        self._become(at_the_fence(self._memory, facts, self._settings, refuge), observation)
         return False
 
     def own_thrusts(self, observation: Observation, weather: Weather) -> Thrusts | None:
@@ -198,11 +201,22 @@ class Guard:
         if self.state is SafetyState.STOPPED:
             return 0.0, 0.0
         if self.state is SafetyState.HOLDING:
-            return keep(vessel, observation.state, weather, self._memory.place, share)
+            left = self._left_of_escape(observation.time_s)
+            return left or keep(vessel, observation.state, weather, self._memory.place, share)
         if self.state is SafetyState.FREEING:
             each = ASTERN_SHARE * vessel.thrust_min_n
             return each, each
         return None
+
+    def _left_of_escape(self, time_s: float) -> Thrusts | None:
+        """The thrusts now of the way out that was found last, while it is one of a plan."""
+        if self._memory.cause is not Cause.FENCE or self._escape is None:
+            return None
+        since, way_out = self._escape
+        step = round((time_s - since) / STEP_S)
+        reaction = math.ceil(self._settings.reaction_s / STEP_S)
+        planned = len(way_out.thrusts) > reaction + 1
+        return way_out.thrusts[step] if planned and step < len(way_out.thrusts) else None
 
     @property
     def reckoned(self) -> State | None:
@@ -270,7 +284,7 @@ class Guard:
     def _cost_home(
         self, observation: Observation, weather: Weather, status: BoatStatus
     ) -> tuple[float | None, float]:
-        """Time [s] and energy [Wh] home where somebody must know them: None, 0 where nobody must."""
+        """Time [s] and energy [Wh] home; None, 0 where nobody must know them."""
         memory = self._memory
         asks = self._settings.watches_home or status.battery_share is not None
         asks = asks or self._asked is not None or memory.against_s is not None
@@ -340,13 +354,14 @@ class Guard:
     def _set_out_for_home(self, observation: Observation) -> None:
         ways = self._ways_home()
         try:
-            if ways is None:
-                raise PlanError(self._no_way)
-            survey = transit_survey(self._survey, ways, observation.state, self._homeward_mps)
+            survey = ways and transit_survey(
+                self._survey, ways, observation.state, self._homeward_mps
+            )
         except PlanError as error:
-            self._no_way = str(error)
+            survey, self._no_way = None, str(error)
+        if survey is None:
             self._way = None
-            self._say(without_way_home(self._memory, observation.time_s, str(error)))
+            self._say(without_way_home(self._memory, observation.time_s, self._no_way))
             return
         helm = self._pilot(survey)
         helm.reached = 0

@@ -48,6 +48,7 @@ from grebe.mission.headings import unwrapped
 from grebe.mission.helm import Helm
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Broadcast, Listener, Recorder
+from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.machine import Request
 from grebe.mission.safety.settings import CAREFUL, SafetySettings
 from grebe.mission.safety.states import SafetyState
@@ -190,9 +191,8 @@ class Mission:
     def _watch(self, observation: Observation) -> None:
         """Let the guard judge the estimate; what goes on after a change begins with a new step."""
         before = self._guard.state
-        self._guard.look(
-            observation, self._weather, self._thrusts, self._reached, self._link.status()
-        )
+        status, ahead = self._link.status(), self._ahead(observation)
+        self._guard.look(observation, self._weather, self._thrusts, self._reached, status, ahead)
         if self._guard.state is not before:
             self._next_step_s = observation.time_s
             self._give_patience(observation)
@@ -229,6 +229,13 @@ class Mission:
             self._steer(observation)
         else:
             self._follow_plan(observation)
+
+    def _ahead(self, observation: Observation) -> Schedule | None:
+        """The thrusts that the boat is going to have, as far as they are planned."""
+        if self._command is None:
+            return None
+        since, command = self._command
+        return lambda seconds: command.thrusts_at(observation.time_s - since + seconds)
 
     @property
     def _helm(self) -> Helm:
@@ -349,7 +356,8 @@ class Mission:
         self, observation: Observation, thrusts: tuple[float, float], solve_ms: float | None
     ) -> None:
         """Send thrusts that the boat may have, and say from which state they are sent."""
-        if not self._guard.permitted(observation, thrusts, self._weather, self._reached):
+        ahead = self._ahead(observation) or (lambda _: thrusts)
+        if not self._guard.permitted(observation, ahead, self._weather, self._reached):
             self._next_step_s = observation.time_s
             thrusts = self._guard.own_thrusts(observation, self._weather) or (0.0, 0.0)
         self._send(observation, thrusts)

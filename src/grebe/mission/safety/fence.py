@@ -11,7 +11,7 @@ wind, and nowhere assumed. (Safety by a backup policy: Gurriet et al. 2020, IEEE
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 
 from grebe.control.solvers.fast.model import advance, parameter_vector
-from grebe.control.station import APPROACH_MPS, brake, keep
+from grebe.control.station import APPROACH_MPS, brake, drift_mps, keep
 from grebe.core.dynamics import Weather
 from grebe.core.events import State
 from grebe.core.vessel import Vessel
@@ -30,14 +30,33 @@ STEP_S = 0.1
 LONGEST_S = 12.0
 # Slower than this the boat has stopped [m/s].
 STOPPED_MPS = 0.1
-# On its way to the refuge: the cosine of the angle off it; there, so near [m].
-STRAIGHT, NEAR_M = 0.5, 1.0
+# What a boat needs to turn against a drift [s]; less drift than this needs no turn [m/s].
+TURN_S, NO_DRIFT_MPS = 4.0, 0.05
+# On its way to the refuge: the cosine of the angle off it.
+STRAIGHT = 0.5
 # What the outline, and a position in it, are rounded to [m].
 ROUNDING_M = 0.02
 # How far inside the fence the boat goes back to, the first that it can see [m].
 REFUGES_M = (2.0, 1.0, 0.5, 0.2, 0.0)
 # Drift is given so long to be answered, where no foresight is asked for because the fence is far.
 TURN_ROUND_S = 8.0
+
+
+# A plan is followed for so long more before the boat is braked, where braking at once will not do.
+PLANS_S = (1.0, 2.5, 5.0)
+
+# Thrusts [N] so many seconds from now.
+Schedule = Callable[[float], tuple[float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Escape:
+    """How a boat stops inside its fence: thrusts [N] for so many steps of `STEP_S`, then
+    `station.keep` to a refuge; None where the fence is far.
+    """
+
+    thrusts: tuple[tuple[float, float], ...]
+    refuge: Place | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,60 +116,63 @@ def fence_of(water: shapely.Polygon, no_go: Sequence[shapely.Polygon], place: Pl
     return Fence(water=min(parts, key=lambda part: part.distance(point), default=water))
 
 
-def stays_inside(
+def escape(
     fence: Fence,
     vessel: Vessel,
     state: State,
-    thrusts: tuple[float, float],
+    ahead: Schedule,
     weather: Weather,
     *,
     reaction_s: float,
     weaker_share: float,
-) -> bool:
-    """Whether a boat that has these thrusts for the reaction time and then brakes stays inside."""
+) -> Escape | None:
+    """Return how the boat could stop inside if it went on now; None where it could not.
+
+    `ahead` are the thrusts that it is about to have. It could brake after the reaction time; or, in
+    the middle of a turn along the shore, after it has followed its plan for a little longer.
+    """
     place = (state[0], state[1])
-    if fence.is_far(place, _surely_enough_m(vessel, state, weather, reaction_s, weaker_share)):
-        return True
-    way = foreseen(
-        vessel,
-        state,
-        thrusts,
-        weather,
-        fence.refuge(place),
-        reaction_s=reaction_s,
-        weaker_share=weaker_share,
-    )
-    return fence.holds_way(way[:, :2])
+    reaction = math.ceil((reaction_s + vessel.thruster_lag_s) / STEP_S - 1e-9)
+    if fence.is_far(
+        place, _surely_enough_m(vessel, state, weather, reaction * STEP_S, weaker_share)
+    ):
+        return Escape(thrusts=(), refuge=None)
+    refuge = fence.refuge(place)
+    for steps in (reaction, *(reaction + round(s / STEP_S) for s in PLANS_S)):
+        thrusts = tuple(ahead(STEP_S * min(k, steps)) for k in range(steps))
+        way = foreseen(fence, vessel, state, thrusts, weather, refuge, weaker_share)
+        if fence.holds_way(way[:, :2]):
+            return Escape(thrusts=thrusts, refuge=refuge)
+    return None
 
 
 def foreseen(
+    fence: Fence,
     vessel: Vessel,
     state: State,
-    thrusts: tuple[float, float],
+    thrusts: Sequence[tuple[float, float]],
     weather: Weather,
     refuge: Place,
-    *,
-    reaction_s: float,
     weaker_share: float,
 ) -> np.ndarray:
-    """Return the states (n, 6), `STEP_S` apart, of a boat that keeps its thrusts for the reaction
-    time and then follows `station.keep` to a refuge until it has stopped or is on its way there.
+    """Return the states (n, 6), `STEP_S` apart, of a boat that has some thrusts, one for each step,
+    and then follows `station.keep` to a refuge until it has stopped or is on its way there.
     """
     wind = np.asarray(weather.as_tuple())
     parameters = parameter_vector(vessel, wind)
     substeps = max(2, math.ceil(STEP_S * vessel.fastest_rate_hz))
-    drifts = math.hypot(wind[0], wind[1]) > STOPPED_MPS or bool(np.any(wind[2:]))
+    drift = drift_mps(vessel, weather)
     states = [np.asarray(state, dtype=float)]
-    reaction = math.ceil((reaction_s + vessel.thruster_lag_s) / STEP_S - 1e-9)
-    inputs = np.asarray(thrusts, dtype=float)
-    for k in range(reaction + round(LONGEST_S / STEP_S)):
+    for k in range(len(thrusts) + round(LONGEST_S / STEP_S)):
         here = states[-1]
-        if k >= reaction:
-            if _is_safe(here, refuge, drifts=drifts):
-                break
-            inputs = np.asarray(keep(vessel, here.tolist(), weather, refuge, weaker_share))
+        if k < len(thrusts):
+            inputs = thrusts[k]
+        elif _has_stopped(here, drift, fence) or _arrives(here, refuge):
+            break
+        else:
+            inputs = keep(vessel, here.tolist(), weather, refuge, weaker_share)
         ahead = np.empty(6)
-        advance(parameters, here, inputs, STEP_S, substeps, ahead)
+        advance(parameters, here, np.asarray(inputs, dtype=float), STEP_S, substeps, ahead)
         states.append(ahead)
     return np.array([*states, states[-1]] if len(states) == 1 else states)
 
@@ -194,19 +216,24 @@ def braking_distance_m(
     return farthest
 
 
-def _is_safe(state: np.ndarray, refuge: Place, *, drifts: bool) -> bool:
-    """Whether the boat has stopped for good or is on its way to the refuge."""
-    north, east, heading, surge, sway, yaw_rate = state.tolist()
+def _has_stopped(state: np.ndarray, drift_mps: float, fence: Fence) -> bool:
+    """Whether the boat lies still, with room to drift in until it has turned against the drift."""
+    north, east, _, surge, sway, _ = state.tolist()
+    if abs(surge) > STOPPED_MPS or math.hypot(surge, sway) > STOPPED_MPS + drift_mps:
+        return False
+    return drift_mps < NO_DRIFT_MPS or fence.is_far((north, east), drift_mps * TURN_S)
+
+
+def _arrives(state: np.ndarray, refuge: Place) -> bool:
+    """Whether the boat is on its way to the refuge, or there."""
+    north, east, heading, surge, sway, _ = state.tolist()
     speed = math.hypot(surge, sway)
-    if not drifts:
-        return speed < STOPPED_MPS and abs(yaw_rate) < 1.0
     to_north, to_east = refuge[0] - north, refuge[1] - east
     over_north = surge * math.cos(heading) - sway * math.sin(heading)
     over_east = surge * math.sin(heading) + sway * math.cos(heading)
     away = math.hypot(to_north, to_east)
     nearing = over_north * to_north + over_east * to_east
-    arrives = nearing > STRAIGHT * speed * away and speed < APPROACH_MPS
-    return (arrives and speed > 0.5 * STOPPED_MPS) or (away < NEAR_M and speed < STOPPED_MPS)
+    return nearing > STRAIGHT * speed * away and STOPPED_MPS < 2 * speed < 2 * APPROACH_MPS
 
 
 def _surely_enough_m(
@@ -214,7 +241,7 @@ def _surely_enough_m(
 ) -> float:
     """A distance that no braking needs: beyond it nothing has to be foreseen."""
     speed = math.hypot(state[3], state[4])
-    held = reaction_s + vessel.thruster_lag_s + STEP_S
+    held = reaction_s + STEP_S
     gained = held * 2 * vessel.thrust_max_n / vessel.m11_kg
     fastest = min(speed + gained, speed + vessel.speed_max_mps)
     drag = vessel.surge_drag_n(0.5 * fastest) if fastest > 0 else 0.0
