@@ -373,7 +373,7 @@ class Mission:
             return
         since, command = self._command
         thrusts = command.thrusts_at(observation.time_s - since)
-        if thrusts != self._thrusts:
+        if thrusts != self._thrusts or self._tracker.hurries:
             self._apply(observation, thrusts, None)
 
     def _apply(
@@ -390,7 +390,7 @@ class Mission:
     def _send(self, observation: Observation, thrusts: tuple[float, float]) -> None:
         vessel = self._controller.vessel
         surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
-        told = self._tracker.told(thrusts)
+        told = self._tracker.told(observation.time_s, thrusts)
         self._gate.command(Order(thrusts=told, surge_mps=surge, yaw_rate_radps=yaw_rate))
         self._tracker.sent(observation.time_s, told)
         self._thrusts = thrusts
