@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from datetime import timedelta
 from itertools import pairwise
 
@@ -18,16 +19,21 @@ from conftest import NOON, simulate, square_survey
 from killing import Victim, cut_power, faults, faults_at_the_end, kill
 
 from grebe.cli.main import grebe
-from grebe.core.errors import SurveyFileError
+from grebe.control.controller import Controller
+from grebe.core.errors import LinkError, SurveyFileError
 from grebe.core.events import Step, Warned
 from grebe.core.samples import Sample
 from grebe.io.store import SurveyFile
+from grebe.links.base import BoatStatus
+from grebe.links.simulated import SimulatedLink
 from grebe.mission import writer
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import prepare
-from grebe.mission.loop import MissionSettings
+from grebe.mission.loop import Mission, MissionSettings
 from grebe.mission.recorders import SurveyRecorder
 from grebe.mission.statistics import Alarm
+from grebe.simulation.plant import Plant
+from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.files import write_survey
 from grebe.workflow.preview import preview_of
 from grebe.workflow.run import run_survey, steered_by
@@ -119,6 +125,36 @@ def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
     text = " ".join(happened)
     assert "in out write in" in text
     assert "in write" not in text
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_the_boat_is_given_back_before_the_end_is_written(fails):
+    """And not stopped: who asked for the end may be a pilot, who has the boat already."""
+    happened = []
+
+    class Pilot(SimulatedLink):
+        def status(self):
+            return BoatStatus(mode="manual", armed=True, stop_request="the pilot took over")
+
+        def stop(self):
+            happened.append("stop")
+
+        def close(self):
+            happened.append("close")
+            if fails:
+                raise LinkError("no answer")
+
+    class Noting:
+        def record(self, event):
+            happened.append(type(event).__name__)
+
+    survey = square_survey()
+    link = Pilot(Plant(survey.vessel, survey.start.at_rest()), UniformSonde())
+    mission = Mission(survey, Controller(survey.vessel, survey.sets), link, Noting())
+    with pytest.raises(LinkError) if fails else nullcontext():
+        mission.run()
+    assert "stop" not in happened
+    assert happened.index("close") < happened.index("Ended")
 
 
 class Stuck:

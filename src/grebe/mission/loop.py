@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any, Protocol
@@ -96,6 +95,10 @@ class MissionSettings:
     observes: bool = True
 
 
+class _StopRequestedError(Exception):
+    """Somebody wants the mission to end while no estimate can be used."""
+
+
 class Mission:
     """Runs one survey with one boat; `run` returns when it is over, and says why.
 
@@ -151,6 +154,8 @@ class Mission:
         try:
             if not self._done:
                 self._tell_end(*self._loop())
+        except _StopRequestedError as error:
+            self._tell_end(EndReason.STOPPED, str(error))
         except LinkError as error:
             self._tell_end(EndReason.LINK_LOST, str(error))
         except (StoppedError, KeyboardInterrupt) as error:
@@ -188,8 +193,7 @@ class Mission:
         """Why the mission ends at this estimate; None where it goes on."""
         if self._done:
             return EndReason.COMPLETE, "every target is reached"
-        request = self._stop_request or self._link.status().stop_request
-        if request:
+        if request := self._requested_stop():
             return EndReason.STOPPED, request
         if observation.time_s > self._deadline_s:
             seq = self._targets[self._reached].seq
@@ -201,6 +205,10 @@ class Mission:
             limit = self._settings.limit_s
             return EndReason.OUT_OF_TIME, f"the {limit:g} s that the mission was given are over"
         return None
+
+    def _requested_stop(self) -> str:
+        """Who wants the mission to end, and why; empty where nobody does."""
+        return self._stop_request or self._link.status().stop_request
 
     @property
     def _weather(self) -> Weather:
@@ -218,6 +226,8 @@ class Mission:
                 return _unwrapped(observation, self._before)
             text = f"an estimate is not a number and is passed over: {observation.state}"
             self._tell(Warned, observation, code="estimate_invalid", message=text)
+            if request := self._requested_stop():
+                raise _StopRequestedError(request)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._thrusts = IDLE.thrusts
                 self._link.command(IDLE)
@@ -345,11 +355,18 @@ class Mission:
     def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
         """Say that the mission is over; `quietly` where the recorder itself may be what failed.
 
-        The boat is stopped first: a disk that is full or slow must not keep it going.
+        The boat is given back first: a disk that is full or slow must not keep it going. That is
+        the link's `close` and not its `stop`, for a pilot who took over has the boat already.
         """
-        with suppress(LinkError):
-            self._link.stop()
         last = self._before or Observation(time_s=0.0, state=NOWHERE)
+        try:
+            self._link.close()
+        finally:
+            self._write_end(last, reason, message, quietly=quietly)
+
+    def _write_end(
+        self, last: Observation, reason: EndReason, message: str, *, quietly: bool
+    ) -> None:
         try:
             self._tell(Ended, last, reason=reason, message=message)
             self._ears.release(finally_=True)
