@@ -11,6 +11,7 @@ import math
 from collections import deque
 from collections.abc import Generator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -142,7 +143,7 @@ class Tracker:
         begins = [order.time_s + late_s for order in self._orders]
         edges = sorted({from_s, until_s, *(t for t in begins if from_s < t < until_s)})
         pieces: list[tuple[float, float, Thrusts]] = []
-        for left, right in zip(edges[:-1], edges[1:], strict=True):
+        for left, right in pairwise(edges):
             sent = [o.thrusts for o, t in zip(self._orders, begins, strict=True) if t <= left]
             port, starboard = sent[-1] if sent else (0.0, 0.0)
             pieces.append((left, right, (port * share[0], starboard * share[1])))
