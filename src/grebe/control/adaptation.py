@@ -96,7 +96,7 @@ class Correction:
     def __str__(self) -> str:
         return (
             f"thrusters give {self.port:.2f} and {self.starboard:.2f} of their orders, drag x "
-            f"{self.drag:.2f}, yaw inertia x {self.yaw_inertia:.2f} and drag x {self.yaw_drag:.2f}, "
+            f"{self.drag:.2f}, yaw inertia x {self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
             f"{self.dead_s:.1f} s late with a lag of {self.lag_s:.1f} s, compass off by "
             f"{math.degrees(self.heading_rad):.0f} deg"
         )
@@ -145,14 +145,13 @@ def fitting(
     plain, plain_cost = yield from problem.solve(np.zeros(14), WEATHER)
     if plain_cost < LEAST_GAIN:
         return None
-    starts = [_numbers(followed)]
-    for dead_s in OTHER_STARTS_S if followed == AS_MODELLED else ():
-        starts.append(_numbers(replace(AS_MODELLED, dead_s=dead_s)))
-    for start in starts:
-        start[WEATHER] = plain[WEATHER]
+    others = OTHER_STARTS_S if followed == AS_MODELLED else ()
+    starts = [followed, *(replace(AS_MODELLED, dead_s=dead_s) for dead_s in others)]
     best, cost = plain, plain_cost
     for start in starts:
-        numbers, its_cost = yield from problem.solve(start, ALL)
+        begin = _numbers(start)
+        begin[WEATHER] = plain[WEATHER]
+        numbers, its_cost = yield from problem.solve(begin, ALL)
         if its_cost < cost:
             best, cost = numbers, its_cost
         if problem.is_better(plain_cost, cost):
