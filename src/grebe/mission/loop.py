@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -432,11 +431,18 @@ class Mission:
     def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
         """Say that the mission is over; `quietly` where the recorder itself may be what failed.
 
-        The boat is stopped first: a disk that is full or slow must not keep it going.
+        The boat is given back first: a disk that is full or slow must not keep it going. That is
+        the link's `close` and not its `stop`, for a pilot who took over has the boat already.
         """
-        with suppress(LinkError):
-            self._link.stop()
         last = self._before or Observation(time_s=0.0, state=NOWHERE)
+        try:
+            self._link.close()
+        finally:
+            self._write_end(last, reason, message, quietly=quietly)
+
+    def _write_end(
+        self, last: Observation, reason: EndReason, message: str, *, quietly: bool
+    ) -> None:
         try:
             self._tell(Ended, last, reason=reason, message=message)
             self._ears.release(finally_=True)
