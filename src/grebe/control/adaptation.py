@@ -54,6 +54,8 @@ OTHER_STARTS_S = (0.5, 1.0)
 # The boat's own numbers must explain this much more than weather alone: in halves of chi squared,
 # and as a share of all that is left unexplained.
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
+# What is left of a lag that is made up for, as a share of it: found by flying.
+LAG_LEFT = 0.3
 # A correction is followed where it moved by more than this in any of its numbers.
 WORTH_A_CHANGE = np.array([0.08, 0.08, 0.12, 0.2, 0.12, 0.12, 0.1, 0.15, 0.03])
 
@@ -79,8 +81,10 @@ class Correction:
 
     @property
     def late_s(self) -> float:
-        """How long it takes until an order has its effect [s]."""
-        return self.dead_s + self.lag_s
+        """How long it takes until an order has its effect [s], where thrusters with a lag are told
+        more than they are to give.
+        """
+        return self.dead_s + LAG_LEFT * self.lag_s
 
     def vessel(self, model: Vessel) -> Vessel:
         """Return the boat that a controller should plan for: what both thrusters can give."""

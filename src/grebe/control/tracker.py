@@ -43,7 +43,7 @@ Thrusts = tuple[float, float]
 # Roll-outs of the model that are done for the correction at one estimate: some 3 ms.
 WORK_PER_ESTIMATE = 12
 # A lag below this is none [s]; and the share of a longer one in which thrusters are to follow.
-LEAST_LAG_S, HURRY = 0.15, 0.3
+LEAST_LAG_S, HURRY = 0.15, 0.45
 # An age below this is none: the clock of a line is not that good [s].
 LEAST_AGE_S = 0.02
 # Longer gaps between estimates are not learned from [s].
