@@ -54,7 +54,9 @@ def _weight_options(command: Any) -> Any:
     "url",
     default="sim:",
     show_default=True,
-    help="Which boat: sim: is the simulated one, python:FILE.py one of your own.",
+    help="Which boat: sim: is the simulated one, nmea:udp:HOST:PORT?out=udp:HOST:PORT (or "
+    "nmea:serial:DEVICE@BAUD) one that speaks NMEA, replay:FILE[?speed=10|max] a recorded one, "
+    "python:FILE.py one of your own.",
 )
 @click.option(
     "--rule",

@@ -1,7 +1,7 @@
 """Our hull as the physics under ArduPilot's real firmware: its JSON interface, without a socket.
 
-The firmware (its model being `JSON:HOST`) sends its servo outputs as one binary packet and waits; the
-answer is the boat's motion as one line of JSON, and the next packet comes only then. So time
+The firmware (its model being `JSON:HOST`) sends its servo outputs as one binary packet and waits;
+the answer is the boat's motion as one line of JSON, and the next packet comes only then. So time
 passes in lock-step, at whatever speed the firmware asks for. Packet and answer are those of
 ArduPilot's `libraries/SITL/examples/JSON/readme.md`; the frame is north, east, down, and the boat
 floats level: no roll, pitch or heave.

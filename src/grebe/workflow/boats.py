@@ -1,4 +1,6 @@
-"""Boats by their URL: `sim:` is the simulated one, `python:FILE.py` one of the user's own."""
+"""Boats by their URL: `sim:` is the simulated one, `python:FILE.py` one of the user's own; `nmea:`
+speaks NMEA 0183, and `replay:FILE` is a recorded one.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from grebe.core.errors import LinkError
+from grebe.workflow.nmea import nmea_boat
+from grebe.workflow.replay import replay_boat
 from grebe.workflow.run import BoatAt
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -44,4 +48,9 @@ def _from_file(rest: str, world: SimulatedWorld) -> BoatAt:  # noqa: ARG001
     return found
 
 
-SCHEMES: dict[str, Scheme] = {"sim": _simulated, "python": _from_file}
+SCHEMES: dict[str, Scheme] = {
+    "sim": _simulated,
+    "python": _from_file,
+    "nmea": nmea_boat,
+    "replay": replay_boat,
+}
