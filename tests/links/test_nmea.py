@@ -5,16 +5,18 @@ import math
 import socket
 import threading
 from collections import deque
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from conftest import FRAME, square_survey
+from conftest import FRAME, NOON, square_survey
 from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.control.controller import Controller
-from grebe.core.errors import GrebeError, LinkError
+from grebe.core.errors import GrebeError, LinkError, StoppedError
 from grebe.core.vessel import PRESETS
+from grebe.io.store import SurveyFile
 from grebe.links.base import IDLE, Order
 from grebe.links.mavlink.wires import UdpWire
 from grebe.links.nmea.clock import StreamClock
@@ -34,12 +36,13 @@ from grebe.links.nmea.sentences import (
 )
 from grebe.links.nmea.settings import NmeaSettings, settings_of
 from grebe.links.nmea.thrusts import RECEIVER_S, read_thrust_line
+from grebe.mission.departure import prepare
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
-from grebe.workflow.boats import boat_named
-from grebe.workflow.simulated import SimulatedWorld
+from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.files import write_survey
 
 BOAT = PRESETS["spyboat"]
 FULL = Order(thrusts=(BOAT.thrust_max_n,) * 2, surge_mps=2.0, yaw_rate_radps=0.0)
@@ -350,7 +353,7 @@ def test_a_url_is_read():
 )
 def test_a_url_that_is_none_is_refused_before_the_mission(url):
     with pytest.raises(GrebeError):
-        boat_named(url, SimulatedWorld())
+        boat_named(url)
 
 
 def test_a_serial_line_that_is_not_there_is_named():
@@ -365,34 +368,52 @@ def free_port():
         return one.getsockname()[1]
 
 
-def test_a_whole_mission_over_udp_through_midnight():
-    """The boat keeps step with the mission: its minutes pass as fast as they are computed."""
-    survey = square_survey()
-    here, there = free_port(), free_port()
-    boat = PretendBoat(
-        Plant(survey.vessel, survey.start.at_rest()),
-        survey.frame,
-        UniformSonde(),
-        Voice(from_second_of_day=86_397.0),
-    )
-    done = threading.Event()
+@contextmanager
+def over_udp(survey, voice):
+    """A boat that keeps step with whoever steers it: its minutes pass as fast as they are computed.
+
+    Yields it and its URL.
+    """
+    here, there, done = free_port(), free_port(), threading.Event()
+    plant = Plant(survey.vessel, survey.start.at_rest())
+    boat = PretendBoat(plant, survey.frame, UniformSonde(), voice)
     says = UdpWire("127.0.0.1", here, speaks_first=True)
     hears = UdpWire("127.0.0.1", there)
     thread = threading.Thread(target=serve, args=(boat, says, hears, done.is_set, None))
     thread.start()
     try:
-        settings = settings_of(f"udp:127.0.0.1:{here}?out=udp:127.0.0.1:{there}")
-        link = open_nmea(settings, survey.frame, survey.vessel)
-        recorder = MemoryRecorder()
-        report = Mission(survey, Controller(survey.vessel, survey.sets), link, recorder).run()
-        lines = boat.lines
+        yield boat, f"udp:127.0.0.1:{here}?out=udp:127.0.0.1:{there}"
     finally:
         done.set()
         thread.join()
         says.close()
         hears.close()
+
+
+def test_a_whole_mission_over_udp_through_midnight():
+    survey = square_survey()
+    with over_udp(survey, Voice(from_second_of_day=86_397.0)) as (boat, url):
+        link = open_nmea(settings_of(url), survey.frame, survey.vessel)
+        recorder = MemoryRecorder()
+        report = Mission(survey, Controller(survey.vessel, survey.sets), link, recorder).run()
+        lines = boat.lines
     assert report.complete
     assert 3.0 < report.duration_s < 30.0
     assert report.samples > 0
     assert lines >= 0.8 * 10 * report.duration_s
     assert boat.plant.thrusts == IDLE.thrusts
+
+
+def test_nothing_is_sent_to_a_boat_that_nobody_confirms(tmp_path):
+    path, survey = tmp_path / "s.gpkg", square_survey()
+    write_survey(path, survey)
+    with over_udp(survey, PLAIN) as (boat, url), SurveyFile.open(path) as file:
+        departure, asked = prepare(file, NOON), []
+        harbour = Harbour(confirm=lambda text: bool(asked.append(text)))
+        with pytest.raises(StoppedError):
+            boat_named(f"nmea:{url}", harbour)(departure)
+        assert len(asked) == 1
+        assert boat.plant.state == list(survey.start.at_rest())
+        link = boat_named(f"nmea:{url}", Harbour(confirm=lambda _: True))(departure)
+        assert link.observe().state == pytest.approx(boat.plant.state, abs=0.1)
+        link.close()

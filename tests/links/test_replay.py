@@ -15,7 +15,6 @@ from grebe.links.base import IDLE
 from grebe.links.replay import Recording, ReplayLink, drawn_between
 from grebe.workflow.boats import boat_named
 from grebe.workflow.files import write_survey
-from grebe.workflow.simulated import SimulatedWorld
 
 
 def recording(seconds, readings=()):
@@ -137,7 +136,7 @@ def test_a_url_that_is_none_is_refused(recorded, tmp_path):
         f"replay:{recorded}?pace=2",
     ):
         with pytest.raises(GrebeError):
-            boat_named(url, SimulatedWorld())
+            boat_named(url)
     fresh = tmp_path / "fresh.gpkg"
     write_survey(fresh, square_survey())
     done = run("run", fresh, "--link", f"replay:{fresh}")

@@ -3,7 +3,8 @@
 One loop joins whoever steers, a boat and a recorder; Grebe's controller, the peers it is
 compared with and every front end go through it. Every state estimate is tested for entry
 (Definition 5) and for a sample; every control step asks for thrusts. What is measured is kept
-by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed.
+by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed; it is
+kept once the boat has been told what to do, and a disk that is slow is not waited for.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any, Protocol
@@ -42,7 +44,8 @@ from grebe.core.samples import Sample, gross_range_flag
 from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.links.base import IDLE, BoatLink, Observation, Order
-from grebe.mission.recorders import Broadcast, Listener, Recorder
+from grebe.mission.broadcast import Broadcast
+from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.sampling import EVERY_SECOND, Sampling
 from grebe.mission.statistics import MissionReport, Statistics
 
@@ -91,6 +94,10 @@ class MissionSettings:
     sampling: Sampling = EVERY_SECOND
     limit_s: float = math.inf
     observes: bool = True
+
+
+class _StopRequestedError(Exception):
+    """Somebody wants the mission to end while no estimate can be used."""
 
 
 class Mission:
@@ -148,6 +155,8 @@ class Mission:
         try:
             if not self._done:
                 self._tell_end(*self._loop())
+        except _StopRequestedError as error:
+            self._tell_end(EndReason.STOPPED, str(error))
         except LinkError as error:
             self._tell_end(EndReason.LINK_LOST, str(error))
         except (StoppedError, KeyboardInterrupt) as error:
@@ -178,14 +187,14 @@ class Mission:
                 self._steer(observation)
             else:
                 self._follow_plan(observation)
+            self._ears.release()
             observation = self._advance()
 
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
         """Why the mission ends at this estimate; None where it goes on."""
         if self._done:
             return EndReason.COMPLETE, "every target is reached"
-        request = self._stop_request or self._link.status().stop_request
-        if request:
+        if request := self._requested_stop():
             return EndReason.STOPPED, request
         if observation.time_s > self._deadline_s:
             seq = self._targets[self._reached].seq
@@ -197,6 +206,10 @@ class Mission:
             limit = self._settings.limit_s
             return EndReason.OUT_OF_TIME, f"the {limit:g} s that the mission was given are over"
         return None
+
+    def _requested_stop(self) -> str:
+        """Who wants the mission to end, and why; empty where nobody does."""
+        return self._stop_request or self._link.status().stop_request
 
     @property
     def _weather(self) -> Weather:
@@ -214,9 +227,12 @@ class Mission:
                 return _unwrapped(observation, self._before)
             text = f"an estimate is not a number and is passed over: {observation.state}"
             self._tell(Warned, observation, code="estimate_invalid", message=text)
+            if request := self._requested_stop():
+                raise _StopRequestedError(request)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._thrusts = IDLE.thrusts
                 self._link.command(IDLE)
+            self._ears.release()
 
     def _advance(self) -> Observation:
         before = self._before
@@ -335,13 +351,19 @@ class Mission:
         return self._started + timedelta(seconds=observation.time_s)
 
     def _tell(self, kind: type[MissionEvent], observation: Observation, **what: Any) -> None:
-        self._ears.record(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))
+        self._ears.hold(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))
 
     def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
-        """Say that the mission is over; `quietly` where the recorder itself may be what failed."""
+        """Say that the mission is over; `quietly` where the recorder itself may be what failed.
+
+        The boat is stopped first: a disk that is full or slow must not keep it going.
+        """
+        with suppress(LinkError):
+            self._link.stop()
         last = self._before or Observation(time_s=0.0, state=NOWHERE)
         try:
             self._tell(Ended, last, reason=reason, message=message)
+            self._ears.release(finally_=True)
         except Exception:
             if not quietly:
                 raise

@@ -21,12 +21,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from grebe.workflow.run import BoatAt
-    from grebe.workflow.simulated import SimulatedWorld
 
 FASTEST = "max"
 
 
-def replay_boat(rest: str, world: SimulatedWorld) -> BoatAt:  # noqa: ARG001
+def replay_boat(rest: str) -> BoatAt:
     """Return what opens the boat of `replay:FILE?speed=N`; without a speed it is the recorded one,
     and `max` is as fast as the mission computes.
     """
