@@ -141,13 +141,15 @@ class NmeaLink:
         self.command(IDLE)
 
     def close(self) -> None:
-        """Leave the boat without thrust, told three times because a datagram may be lost."""
+        """Leave the boat without thrust, told three times because a datagram may be lost; a boat
+        that was never told anything is not told that either.
+        """
         if self._closed:
             return
         self._closed = True
         # Where the line is broken the boat's own receiver takes its thrust away.
         with suppress(LinkError):
-            for _ in range(3):
+            for _ in range(3 if self._seq else 0):
                 self.stop()
         self._out.close()
         self._in.close()
