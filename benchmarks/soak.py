@@ -140,7 +140,7 @@ def soak(estimates: int = EIGHT_HOURS) -> None:
         "Eight hours at 10 Hz, two readers beside",
         "hours", "resident MB", "write ms, median / p99 / max", "journal MB", "file MB",
     )  # fmt: skip
-    with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
+    with tempfile.TemporaryDirectory(prefix="bench-", dir=Path.cwd()) as folder:
         path = Path(folder) / "soak.gpkg"
         SurveyFile.create(path, far_survey(), meta={}, force=False).close()
         readers = [subprocess.Popen([sys.executable, "-c", READER, str(path)]) for _ in range(2)]
@@ -226,7 +226,7 @@ def latency(minutes: float = 1.5) -> None:
             subprocess.Popen([sys.executable, "-c", "while True: sum(range(10000))"])
             for _ in range(busy)
         ]
-        with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
+        with tempfile.TemporaryDirectory(prefix="bench-", dir=Path.cwd()) as folder:
             ms = np.array(_flight(Path(folder) / "s.gpkg", seconds, 60 * minutes))
         for other in others:
             other.kill()

@@ -24,7 +24,7 @@ def survival(kills: int = 100, seed: int = 1) -> None:
 
     rng = random.Random(seed)
     wrong: dict[str, list[str]] = {"kill -9": [], "power cut": [], "resumed": []}
-    with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
+    with tempfile.TemporaryDirectory(prefix="bench-", dir=Path.cwd()) as name:
         planned = Path(name) / "planned.gpkg"
         write_survey(planned, square_survey(side_m=70.0))
         for _ in range(kills // IN_A_ROW):

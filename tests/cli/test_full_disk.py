@@ -88,7 +88,7 @@ def test_a_mission_whose_disk_fills_up_stops_the_boat_and_keeps_what_it_said(tmp
     planned = tmp_path / "planned.gpkg"
     write_survey(planned, square_survey(side_m=40.0))
     victim = Victim.of(tmp_path, planned, pace_s=0.0)
-    stops = "\n\ndef stop(self):\n    os.write(WITNESS, b'stopped it\\n')\n\nBoat.stop = stop\n"
+    stops = "\n\ndef close(self):\n    os.write(WITNESS, b'stopped it\\n')\n\nBoat.close = close\n"
     victim.boat.write_text(victim.boat.read_text() + stops)
     done = on_a_disk_of(
         400_000, "run", victim.path, "--link", f"python:{victim.boat}", cwd=tmp_path

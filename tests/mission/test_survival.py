@@ -1,5 +1,6 @@
 """Killed, cut off from power, robbed of its file, or told a wrong time: a mission survives."""
 
+import json
 import random
 import shutil
 import signal
@@ -7,22 +8,32 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from datetime import timedelta
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from conftest import NOON, simulate, square_survey
 from killing import Victim, cut_power, faults, faults_at_the_end, kill
 
-from grebe.core.errors import SurveyFileError
+from grebe.cli.main import grebe
+from grebe.control.controller import Controller
+from grebe.core.errors import LinkError, SurveyFileError
 from grebe.core.events import Step, Warned
 from grebe.core.samples import Sample
 from grebe.io.store import SurveyFile
+from grebe.links.base import BoatStatus
+from grebe.links.simulated import SimulatedLink
 from grebe.mission import writer
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import prepare
-from grebe.mission.loop import MissionSettings
+from grebe.mission.loop import Mission, MissionSettings
 from grebe.mission.recorders import SurveyRecorder
+from grebe.mission.statistics import Alarm
+from grebe.simulation.plant import Plant
+from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.files import write_survey
 from grebe.workflow.preview import preview_of
 from grebe.workflow.run import run_survey, steered_by
@@ -42,7 +53,7 @@ def test_a_mission_that_is_killed_loses_nothing_and_goes_on_at_the_next_set(tmp_
     here.mkdir()
     there.mkdir()
     victim = Victim.of(here, planned)
-    for again in range(4):
+    for again in range(3):
         kill(victim, rng.randrange(1, 20), rng.uniform(0, 0.1), *(["--resume"] * (again > 0)))
         assert faults(victim) == []
     with victim.start("--resume") as running:
@@ -114,6 +125,36 @@ def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
     text = " ".join(happened)
     assert "in out write in" in text
     assert "in write" not in text
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_the_boat_is_given_back_before_the_end_is_written(fails):
+    """And not stopped: who asked for the end may be a pilot, who has the boat already."""
+    happened = []
+
+    class Pilot(SimulatedLink):
+        def status(self):
+            return BoatStatus(mode="manual", armed=True, stop_request="the pilot took over")
+
+        def stop(self):
+            happened.append("stop")
+
+        def close(self):
+            happened.append("close")
+            if fails:
+                raise LinkError("no answer")
+
+    class Noting:
+        def record(self, event):
+            happened.append(type(event).__name__)
+
+    survey = square_survey()
+    link = Pilot(Plant(survey.vessel, survey.start.at_rest()), UniformSonde())
+    mission = Mission(survey, Controller(survey.vessel, survey.sets), link, Noting())
+    with pytest.raises(LinkError) if fails else nullcontext():
+        mission.run()
+    assert "stop" not in happened
+    assert happened.index("close") < happened.index("Ended")
 
 
 class Stuck:
@@ -225,18 +266,27 @@ def test_a_mission_whose_file_is_deleted_goes_on_to_its_end(tmp_path):
         assert file.progress().reached == report.reached
 
 
+def test_a_link_to_a_file_has_the_same_lock(tmp_path):
+    path, link = tmp_path / "s.gpkg", tmp_path / "link.gpkg"
+    link.symlink_to(path)
+    with SurveyFile.create(path, square_survey(), meta={}, force=True) as first:
+        first.claim()
+        with SurveyFile.open(link) as second, pytest.raises(SurveyFileError, match="another"):
+            second.claim()
+
+
 # -- the clock -------------------------------------------------------------------------------
 
 
 def test_a_clock_that_jumps_during_a_mission_does_not_disturb_its_times(tmp_path, monkeypatch):
-    with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
-        simulate(file)
-        times = file.track().times
     jumps = random.Random(2)
     monkeypatch.setattr(time, "time", lambda: jumps.uniform(0, 4e9))
-    with SurveyFile.create(tmp_path / "t.gpkg", square_survey(), meta={}, force=True) as file:
-        simulate(file)
-        assert file.track().times == times
+    with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
+        report = simulate(file)
+        times = file.track().times
+        assert times[0] == NOON
+        assert all(before < after for before, after in pairwise(times))
+        assert file.last_time() - NOON == timedelta(seconds=report.duration_s)
 
 
 YEAR = timedelta(days=365)
@@ -258,15 +308,16 @@ def test_times_never_run_back_and_a_wrong_clock_is_said(tmp_path, clock):
         ends = file.track_ends()
         assert departure.started == max(NOON + after, ends[1].time + timedelta(seconds=0.1))
         assert [says in doubt.message for doubt in departure.doubts] == [True] * bool(says)
-        report = simulate_at(file, NOON + after)
+
+
+def test_a_mission_resumed_in_1970_goes_on_in_its_own_time_and_logs_why(tmp_path):
+    with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
+        simulate(file, settings=limited(10.0))
+        then = NOON.replace(year=1970)
+        report = run_survey(file, SimulatedWorld(), steered_by(), then, resume=True)
         assert report.complete
         assert np.all(np.diff(file.track().seconds) > 0)
-        codes = [event.code for event in file.events()]
-        assert ("clock_doubtful" in codes) == bool(says)
-
-
-def simulate_at(file, now):
-    return run_survey(file, SimulatedWorld(), steered_by(), now, resume=True)
+        assert [event.code for event in file.events()].count("clock_doubtful") == 1
 
 
 def test_a_mission_goes_on_after_the_last_sample_though_the_track_ends_before(tmp_path):
@@ -339,8 +390,58 @@ def test_a_preview_says_what_resuming_then_does_and_changes_nothing(tmp_path):
     assert (done.next_target, done.remaining_s, done.distance_m) == (None, 0.0, 0.0)
 
 
+def test_the_command_line_previews(tmp_path, planned):
+    done = CliRunner().invoke(grebe, ["run", str(planned), "--preview", "--json"])
+    assert done.exit_code == 0, done.output
+    preview = json.loads(done.stdout)
+    assert (preview["reached"], preview["next_target"]) == (0, 1)
+    assert preview["remaining_s"] > 10
+    with SurveyFile.open(planned) as file:
+        assert "run" not in file.meta()
+
+
+def test_an_operator_hears_of_a_warning_once_in_a_while():
+    said = []
+    alarm = Alarm(said.append)
+    for i in range(100):
+        alarm(step(i))
+        alarm(Warned(time=NOON, elapsed_s=float(i), code="blind", message=f"at {i}"))
+    assert said == [f"warning: at {i}" for i in (0, 30, 60, 90)]
+
+
 def limited(seconds):
     return MissionSettings(limit_s=seconds)
+
+
+# -- nobody steers -----------------------------------------------------------------------------
+
+HALT = """
+def halt(log):
+    with open(log, "a") as file:
+        file.write("halted\\n")
+"""
+GUARDED = """
+from grebe.links.emergency import EmergencyStop
+
+Boat.emergency = EmergencyStop(action={halt!r} + ":halt", settings={{"log": {log!r}}})
+"""
+
+
+@pytest.mark.slow
+def test_a_boat_whose_grebe_is_killed_is_stopped_and_the_next_run_tells(tmp_path, planned):
+    victim, log, halt = Victim.of(tmp_path, planned), tmp_path / "log", tmp_path / "halt.py"
+    halt.write_text(HALT)
+    guard = GUARDED.format(halt=str(halt), log=str(log))
+    victim.boat.write_text(victim.boat.read_text() + guard)
+    kill(victim, 5, 0.0)
+    while not log.exists():
+        time.sleep(0.02)
+    assert faults(victim) == []
+    assert faults_at_the_end(victim) == []
+    assert log.read_text() == "halted\n"
+    with SurveyFile.open(victim.path) as file:
+        (told,) = [event.message for event in file.events() if event.code == "watchdog_acted"]
+    assert "the boat was stopped" in told
 
 
 # -- who watches -----------------------------------------------------------------------------

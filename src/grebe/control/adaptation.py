@@ -32,19 +32,22 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 # What is looked at, how long a piece is, and how often [s].
-WINDOW_S, PIECE_S, EVERY_S = 40.0, 1.5, 4.0
-FEWEST_PIECES = 8
+WINDOW_S, PIECE_S, EVERY_S = 40.0, 1.5, 2.0
+# The first look is taken after so long: a boat that is unlike its model is soon lost [s].
+LEAST_S = 8.0
+FEWEST_PIECES = 5
 # Standard deviations of what a piece ends with: position [m], heading [rad], velocities [m/s],
 # yaw rate [rad/s].
 END_SD = np.array([0.15, 0.15, 0.03, 0.05, 0.05, 0.03])
-# Of the prior: logarithms of thrusters, drag of surge, inertia and drag of yaw; dead time and lag
-# [s]; compass [rad]; current [m/s]; wind as a share of full thrust; how fast the current changes
+# Of the prior: logarithms of thrusters, drag of surge and sway, inertia and drag of yaw; dead time
+# and lag [s]; compass [rad]; current [m/s]; wind as a share of full thrust; how fast the current changes
 # [m/s^2].
-PRIOR_SD = np.array([0.4, 0.4, 0.6, 0.4, 0.6, 0.6, 0.6, 0.15, 0.3, 0.3, 0.1, 0.1, 0.01, 0.01])
-LOW = np.array([-1.4] * 5 + [0.0, 0.0, -0.5, -1.5, -1.5, -0.5, -0.5, -0.05, -0.05])
-HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 1.5, 1.5, 0.5, 0.5, 0.05, 0.05])
-PROBE = np.array([0.02] * 5 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
-BOAT, WEATHER, DRIFT, ALL = slice(0, 8), slice(8, 14), slice(12, 14), slice(0, 14)
+PRIOR_SD = np.array([0.4, 0.4, 0.6, 0.6, 0.4, 0.6, 0.6, 0.6, 0.15, 0.3, 0.3, 0.1, 0.1, 0.01, 0.01])
+LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -1.5, -1.5, -0.5, -0.5, -0.05, -0.05])
+HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 1.5, 1.5, 0.5, 0.5, 0.05, 0.05])
+PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
+COUNT = len(PRIOR_SD)
+BOAT, WEATHER, DRIFT, ALL = slice(0, 9), slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)
 ITERATIONS = 6
 # Dead times from which the search begins anew [s]: what a few turns explain has several minima.
 OTHER_STARTS_S = (0.5, 1.0)
@@ -52,21 +55,22 @@ OTHER_STARTS_S = (0.5, 1.0)
 # and as a share of all that is left unexplained.
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
 # A correction is followed where it moved by more than this in any of its numbers.
-WORTH_A_CHANGE = np.array([0.08, 0.08, 0.12, 0.12, 0.12, 0.1, 0.15, 0.03])
+WORTH_A_CHANGE = np.array([0.08, 0.08, 0.12, 0.2, 0.12, 0.12, 0.1, 0.15, 0.03])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
     """How the boat differs from its model.
 
-    `port`, `starboard`: the share of its order that a thruster gives. `drag`, `yaw_inertia`,
-    `yaw_drag`: factors on the model's. `dead_s` and `lag_s`: how late orders act, or estimates
+    `port`, `starboard`: the share of its order that a thruster gives. `drag` of surge,
+    `sway_drag`, `yaw_inertia`, `yaw_drag`: factors on the model's. `dead_s` and `lag_s`: how late orders act, or estimates
     come. `heading_rad`: by how much the compass shows too much.
     """
 
     port: float = 1.0
     starboard: float = 1.0
     drag: float = 1.0
+    sway_drag: float = 1.0
     yaw_inertia: float = 1.0
     yaw_drag: float = 1.0
     dead_s: float = 0.0
@@ -86,6 +90,8 @@ class Correction:
             m33_kgm2=self.yaw_inertia * model.m33_kgm2,
             x_u=self.drag * model.x_u,
             x_uu=self.drag * model.x_uu,
+            y_v=self.sway_drag * model.y_v,
+            y_vv=self.sway_drag * model.y_vv,
             n_r=self.yaw_drag * model.n_r,
             n_rr=self.yaw_drag * model.n_rr,
             thrust_max_n=weaker * model.thrust_max_n,
@@ -96,7 +102,7 @@ class Correction:
     def __str__(self) -> str:
         return (
             f"thrusters give {self.port:.2f} and {self.starboard:.2f} of their orders, drag x "
-            f"{self.drag:.2f}, yaw inertia x {self.yaw_inertia:.2f} and drag x {self.yaw_drag:.2f}, "
+            f"{self.drag:.2f}, sway drag x {self.sway_drag:.2f}, yaw inertia x {self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
             f"{self.dead_s:.1f} s late with a lag of {self.lag_s:.1f} s, compass off by "
             f"{math.degrees(self.heading_rad):.0f} deg"
         )
@@ -142,17 +148,16 @@ def fitting(
     problem = _Problem.of(model, flown)
     if problem is None:
         return None
-    plain, plain_cost = yield from problem.solve(np.zeros(14), WEATHER)
+    plain, plain_cost = yield from problem.solve(np.zeros(COUNT), WEATHER)
     if plain_cost < LEAST_GAIN:
         return None
-    starts = [_numbers(followed)]
-    for dead_s in OTHER_STARTS_S if followed == AS_MODELLED else ():
-        starts.append(_numbers(replace(AS_MODELLED, dead_s=dead_s)))
-    for start in starts:
-        start[WEATHER] = plain[WEATHER]
+    others = OTHER_STARTS_S if followed == AS_MODELLED else ()
+    starts = [followed, *(replace(AS_MODELLED, dead_s=dead_s) for dead_s in others)]
     best, cost = plain, plain_cost
     for start in starts:
-        numbers, its_cost = yield from problem.solve(start, ALL)
+        begin = _numbers(start)
+        begin[WEATHER] = plain[WEATHER]
+        numbers, its_cost = yield from problem.solve(begin, ALL)
         if its_cost < cost:
             best, cost = numbers, its_cost
         if problem.is_better(plain_cost, cost):
@@ -216,7 +221,7 @@ class _Problem:
         numbers = np.clip(start, LOW, HIGH)
         residuals = _bounded(self.residuals(numbers))
         cost, damping = 0.5 * float(residuals @ residuals), 1e-2
-        which = np.arange(14)[free]
+        which = np.arange(COUNT)[free]
         for _ in range(ITERATIONS):
             slopes = yield from self._slopes(numbers, residuals, which)
             normal = slopes.T @ slopes
@@ -277,26 +282,28 @@ def moved_enough(before: Correction, after: Correction) -> bool:
 
 def _numbers(correction: Correction) -> Array:
     c = correction
-    factors = (c.port, c.starboard, c.drag, c.yaw_inertia, c.yaw_drag)
+    factors = (c.port, c.starboard, c.drag, c.sway_drag, c.yaw_inertia, c.yaw_drag)
     return np.array([*map(math.log, factors), c.dead_s, c.lag_s, c.heading_rad, *[0.0] * 6])
 
 
 def _correction(numbers: Array) -> Correction:
-    port, starboard, drag, inertia, yaw_drag = np.exp(numbers[:5]).tolist()
+    port, starboard, drag, sway_drag, inertia, yaw_drag = np.exp(numbers[:6]).tolist()
+    dead_s, lag_s, heading_rad = numbers[6:9].tolist()
     return Correction(
         port=port,
         starboard=starboard,
         drag=drag,
+        sway_drag=sway_drag,
         yaw_inertia=inertia,
         yaw_drag=yaw_drag,
-        dead_s=float(numbers[5]),
-        lag_s=float(numbers[6]),
-        heading_rad=float(numbers[7]),
+        dead_s=dead_s,
+        lag_s=lag_s,
+        heading_rad=heading_rad,
     )
 
 
 def _weather(model: Vessel, numbers: Array) -> Weather:
-    north, east, force_north, force_east = numbers[8:12].tolist()
+    north, east, force_north, force_east = numbers[9:13].tolist()
     full = 2 * model.thrust_max_n
     return Weather(
         current_north_mps=north,

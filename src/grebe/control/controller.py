@@ -173,6 +173,8 @@ class Controller:
     def take_for(self, vessel: Vessel) -> None:
         """Plan for another boat from now on: the boat is not what it was said to be."""
         self.vessel = vessel
+        substeps = model_substeps(vessel, self.rule.longest_stage_s)
+        self.shape = replace(self.shape, substeps=substeps)
         self._solver = self._builder.build(vessel, self.shape)
         self._second = None
 

@@ -11,6 +11,7 @@ import math
 from collections import deque
 from collections.abc import Generator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,8 +19,8 @@ import numpy as np
 from grebe.control.adaptation import (
     AS_MODELLED,
     EVERY_S,
+    LEAST_S,
     WINDOW_S,
-    Correction,
     Flown,
     Found,
     fitting,
@@ -40,7 +41,9 @@ if TYPE_CHECKING:
 
 Thrusts = tuple[float, float]
 # Roll-outs of the model that are done for the correction at one estimate: some 3 ms.
-WORK_PER_ESTIMATE = 6
+WORK_PER_ESTIMATE = 12
+# A lag below this is none [s]; and the share of a longer one in which thrusters are to follow.
+LEAST_LAG_S, HURRY = 0.15, 0.3
 # An age below this is none: the clock of a line is not that good [s].
 LEAST_AGE_S = 0.02
 # Longer gaps between estimates are not learned from [s].
@@ -83,12 +86,45 @@ class Tracker:
         """The weather that explains how the boat moves."""
         return Weather() if self._observer is None else self._observer.weather
 
-    def told(self, thrusts: Thrusts) -> Thrusts:
-        """Return what the thrusters must be told so that they give `thrusts` [N]."""
+    @property
+    def hurries(self) -> bool:
+        """Whether what the boat is told changes while what it is to do does not."""
+        return self.correction.lag_s > LEAST_LAG_S
+
+    def told(self, time_s: float, thrusts: Thrusts) -> Thrusts:
+        """Return what the thrusters must be told now so that they soon give `thrusts` [N].
+
+        Thrusters with a lag are told more than they are to give until they give it (the lag's
+        inverse over `HURRY` of it); what they give is reckoned from what they were told.
+        """
         correction = self.correction
         if correction is AS_MODELLED:
             return thrusts
-        return thrusts[0] / correction.port, thrusts[1] / correction.starboard
+        wanted = thrusts[0] / correction.port, thrusts[1] / correction.starboard
+        if not self.hurries:
+            return wanted
+        gives = self._gives(time_s)
+        return self._more(wanted[0], gives[0]), self._more(wanted[1], gives[1])
+
+    def _more(self, wanted_n: float, gives_n: float) -> float:
+        told = gives_n + (wanted_n - gives_n) / (1.0 - math.exp(-HURRY))
+        return min(max(told, self.model.thrust_min_n), self.model.thrust_max_n)
+
+    def _gives(self, time_s: float) -> Thrusts:
+        """What thrusters with a lag give by now of what they were told, reckoned."""
+        lag_s, dead_s = self.correction.lag_s, self.correction.dead_s
+        port, starboard, since_s = 0.0, 0.0, -math.inf
+        told: Thrusts = (0.0, 0.0)
+        for order in self._orders:
+            at_s = min(order.time_s + dead_s, time_s)
+            share = 1.0 - math.exp(-(at_s - since_s) / lag_s)
+            port += share * (told[0] - port)
+            starboard += share * (told[1] - starboard)
+            told, since_s = order.thrusts, at_s
+            if at_s >= time_s:
+                return port, starboard
+        share = 1.0 - math.exp(-(time_s - since_s) / lag_s)
+        return port + share * (told[0] - port), starboard + share * (told[1] - starboard)
 
     def sent(self, time_s: float, thrusts: Thrusts) -> None:
         """Take note of thrusts [N] that the boat was told at a time [s]."""
@@ -143,7 +179,7 @@ class Tracker:
         begins = [order.time_s + late_s for order in self._orders]
         edges = sorted({from_s, until_s, *(t for t in begins if from_s < t < until_s)})
         pieces: list[tuple[float, float, Thrusts]] = []
-        for left, right in zip(edges[:-1], edges[1:], strict=True):
+        for left, right in pairwise(edges):
             sent = [o.thrusts for o, t in zip(self._orders, begins, strict=True) if t <= left]
             port, starboard = sent[-1] if sent else (0.0, 0.0)
             pieces.append((left, right, (port * share[0], starboard * share[1])))
@@ -170,7 +206,7 @@ class Tracker:
     def _advance_work(self, time_s: float) -> bool:
         """Go on with the search for a correction; whether it has ended with another one."""
         if self._work is None:
-            full = self._seen[-1][0] - self._seen[0][0] >= 0.6 * WINDOW_S
+            full = self._seen[-1][0] - self._seen[0][0] >= LEAST_S
             if full and time_s >= self._next_fit_s and self._orders:
                 self._next_fit_s = time_s + EVERY_S
                 self._work = fitting(self.model, self._flown(), self.correction)

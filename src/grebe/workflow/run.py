@@ -17,7 +17,8 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, ModelledLink
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
-from grebe.mission.loop import Helm, Mission, MissionSettings
+from grebe.mission.helm import Helm
+from grebe.mission.loop import Mission, MissionSettings
 from grebe.mission.recorders import Listener, SurveyRecorder
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
