@@ -59,7 +59,8 @@ def _weight_options(command: Any) -> Any:
     default="sim:",
     show_default=True,
     help="Which boat: sim: is the simulated one, mavlink:udp:HOST:PORT (or tcp:, serial:) one "
-    "with an autopilot, python:FILE.py one of your own.",
+    "with an autopilot, nmea:udp:HOST:PORT?out=udp:HOST:PORT (or nmea:serial:DEVICE@BAUD) one that "
+    "speaks NMEA, replay:FILE[?speed=10|max] a recorded one, python:FILE.py one of your own.",
 )
 @click.option(
     "--rule",
