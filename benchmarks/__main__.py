@@ -14,8 +14,10 @@ from importlib.metadata import version
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from benchmarks.agreement import agreement
+from benchmarks.autopilot import autopilot
 from benchmarks.cores import cores
 from benchmarks.mapping import mapping
+from benchmarks.mismatch import mismatch
 from benchmarks.missions import missions
 from benchmarks.planning import lakes, planning
 from benchmarks.robustness import robustness
@@ -38,6 +40,8 @@ BENCHMARKS = {
         cores,
         routes,
         mapping,
+        mismatch,
+        autopilot,
         soak,
         latency,
         survival,
