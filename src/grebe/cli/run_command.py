@@ -11,6 +11,8 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
+from grebe.cli.interruption import heed_mission
+from grebe.cli.safety_options import ONCE, safety_of, safety_options
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
@@ -134,6 +136,7 @@ def _weight_options(command: Any) -> Any:
     help="Keep readings within target sets alone, as in the paper.  "
     "[default: every second within the speed window]",
 )
+@safety_options
 @options.quantities_option
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
 @options.force_option
@@ -154,45 +157,53 @@ def command(
 
     With --resume, what is not said again is as it was in the run that is gone on with.
     """
-    if resume and force:
-        raise UsageError("--resume goes on and --force begins anew; give one of them.")
+    if (resume or run["returns"]) and force:
+        raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
+    now = datetime.now(UTC)
     boat_named(url, _settings(run)[2])
+    safety_of(run, now)
+    goes_on = resume or run["returns"]
     output.compile_once()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         own = user_quantities(quantities_file, file)
         if own:
             survey_file.claim()
             survey_file.declare(own)
-        if resume:
+        if goes_on:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
         rule, solver, world = _settings(run)
-        before = survey_file.progress().reached if resume else 0
-        survey_file.set_meta("run", json.dumps(run, default=str))
+        before = survey_file.progress().reached if goes_on else 0
+        kept = {name: value for name, value in run.items() if name not in ONCE}
+        survey_file.set_meta("run", json.dumps(kept, default=str))
         report = run_survey(
             survey_file,
             boat_named(url, world),
             steered_by(rule, solver),
-            datetime.now(UTC),
-            MissionSettings(sampling=InSets() if in_sets_only else InWindow()),
-            resume=resume,
+            now,
+            MissionSettings(
+                sampling=InSets() if in_sets_only else InWindow(), safety=safety_of(run, now)
+            ),
+            resume=goes_on,
             force=force,
             listeners=[ProgressMeter(bar.update)],
+            on_ready=heed_mission,
         )
         check_samples(survey_file)
         moved = len(survey_file.track()) > 0 and report.reached > before
     output.result(report.numbers(), as_json=as_json, next_command=f"grebe map {file} --out maps")
-    if not report.complete:
+    came_home = run["returns"] and report.ended is EndReason.CAME_HOME
+    if not report.complete and not came_home:
         _explain(report, file, moved=moved)
 
 
 def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:
     """Leave with the reason why targets are left."""
     advice = f"go on with: grebe run {file} --resume"
-    if report.ended is EndReason.LINK_LOST:
+    if report.ended in (EndReason.LINK_LOST, EndReason.BLIND):
         raise LinkError(f"{report.message}; {advice}")
     if report.ended is EndReason.STOPPED:
         raise StoppedError(f"{report.message}; {advice}")
-    if not moved:
+    if not moved and report.ended is EndReason.TARGET_GIVEN_UP:
         advice = "going on reaches no more: plan anew with a larger --shore-margin or --cell"
     missed = report.targets - report.reached
     raise IncompleteError(

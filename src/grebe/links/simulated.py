@@ -16,7 +16,7 @@ from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater
 
 OBSERVATION_PERIOD_S = 0.1
-NO_NUMBERS: State = (math.nan,) * 6
+NO_NUMBERS: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import datetime
 
 from grebe.control.controller import Controller
@@ -42,11 +43,13 @@ def run_survey(
     resume: bool = False,
     force: bool = False,
     listeners: Sequence[Listener] = (),
+    on_ready: Callable[[Mission], None] | None = None,
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, both once it is clear from where
-    the mission sets out; `listeners` hear its events. A recorded mission is forgotten (`force`)
+    the mission sets out; `listeners` hear its events; `on_ready` is handed the mission before it
+    begins, to stop it or call it home. A recorded mission is forgotten (`force`)
     only once all that the new one needs is there.
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
@@ -67,5 +70,8 @@ def run_survey(
         listeners=listeners,
         started=departure.started,
         reached=departure.reached,
+        pilot=lambda way: helm_of(replace(departure, survey=way, reached=0)),
     )
+    if on_ready is not None:
+        on_ready(mission)
     return mission.run()
