@@ -28,6 +28,8 @@ OUTSIDE_S = 60.0
 # A boat to which current and wind leave less than this share of its speed goes home, after so long
 # [s]: what rises may rise further.
 TIRED_SHARE, TIRED_S = 0.35, 5.0
+# A boat that has fallen no further behind its thrust moves freely [m].
+UNHELD_M = 1.0
 # What the boat must be faster than its current by to be going anywhere [m/s].
 LEAST_REACH_MPS = 0.05
 
@@ -223,7 +225,11 @@ def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memo
 def _tired(memory: Memory, facts: Facts) -> Finding | None:
     """A current that is still weaker than the boat, but no longer by enough to stay out in it."""
     knows_home = facts.home_s is not None and math.isfinite(facts.home_s)
-    if memory.tired_s is None or facts.time_s - memory.tired_s < TIRED_S or not knows_home:
+    # A boat that weeds hold looks, to the observer, like one in a current.
+    held = memory.motion.behind_m > UNHELD_M
+    if memory.tired_s is None or held or not knows_home:
+        return None
+    if facts.time_s - memory.tired_s < TIRED_S:
         return None
     text = "the current, with the wind, leaves the boat too little speed"
     return Finding(cause=Cause.CURRENT, message=text)
@@ -283,9 +289,6 @@ def _held(memory: Memory, facts: Facts) -> Memory:
 
 
 def _sent_home(memory: Memory, facts: Facts, finding: Finding) -> Memory:
-    if facts.home_s is not None and not math.isfinite(facts.home_s):
-        text = f"{finding.message}, and no way home is known"
-        return _stopped(memory, facts, Finding(cause=Cause.NO_WAY_HOME, message=text))
     sent = _changed(memory, facts, SafetyState.RETURNING, finding)
     return replace(sent, homeward=finding.message, resumes=SafetyState.RETURNING)
 
