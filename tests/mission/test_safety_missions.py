@@ -1,6 +1,7 @@
 """Whole small missions with faults: each ends for the right reason, and never outside the water."""
 
 import itertools
+import math
 import threading
 from dataclasses import replace
 from datetime import timedelta
@@ -103,15 +104,16 @@ def replace_vessel(survey, vessel):
 
 
 class AtTheShore:
-    """A helm that has lost its mind: full ahead."""
+    """A helm that has lost its mind: quickly east, whatever there is."""
 
-    vessel, step_s, reached = SURVEY.vessel, 0.5, 0
+    vessel, step_s, reached = SURVEY.vessel, 0.1, 0
 
     def step(self, state, weather, elapsed_s):
-        full = self.vessel.thrust_max_n
-        return Command(
-            thrusts=(full, full), plan=None, status=StepStatus.SOLVED, target=self.reached, split=0
-        )
+        turn = 3.0 * math.remainder(math.pi / 2 - state[2], 2 * math.pi) - 3.0 * state[5]
+        turn = min(max(turn, -5.0), 5.0)
+        thrusts = (6.0 + turn, 6.0 - turn)
+        status = StepStatus.SOLVED
+        return Command(thrusts=thrusts, plan=None, status=status, target=self.reached, split=0)
 
 
 def test_a_helm_that_steers_ashore_is_braked_and_sent_home():

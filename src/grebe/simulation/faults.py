@@ -29,8 +29,8 @@ class Faults:
     `dead` is the side whose thruster gives nothing from `dead_at_s` on. In `weeds` (a local
     polygon) the boat is held until `weeds_until_s`. Over `shoal` the water is `shoal_depth_m`
     deep, elsewhere `depth_m`; None: no sonar. `rising` (north, east) [m/s per s] is added to the
-    current from `rises_at_s` to `rises_until_s`. The battery begins at `battery_share` and is empty after
-    `battery_s` more; None: it does not say. In the spells `blind` estimates are no numbers.
+    current from `rises_at_s` to `rises_until_s`. A battery that lasts `battery_s` from full begins
+    at `battery_share`; None: it does not say. In the spells `blind` estimates are no numbers.
     """
 
     dead: Literal["port", "starboard"] | None = None

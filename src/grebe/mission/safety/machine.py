@@ -22,7 +22,7 @@ from grebe.mission.safety.thrusters import Turning, dead_thruster, watched_turni
 
 # A boat that is braked at the fence goes on when it has been braked for so long [s], is slower than
 # this [m/s] and as near to its refuge [m]; or after a time, for a wind may keep it off that [s].
-BRAKED_S, SLOW_MPS, BACK_M, LONGEST_S = 1.0, 0.4, 1.25, 20.0
+BRAKED_S, SLOW_MPS, BACK_M, LONGEST_S = 1.0, 0.4, 1.6, 20.0
 # A boat that is outside its fence for so long cannot keep it [s].
 OUTSIDE_S = 60.0
 # A boat to which current and wind leave less than this share of its speed goes home, after so long
