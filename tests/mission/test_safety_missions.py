@@ -18,9 +18,10 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import IDLE
 from grebe.links.simulated import SimulatedLink
-from grebe.mission.loop import Mission, MissionSettings
+from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
 from grebe.mission.safety.settings import CAREFUL, NO_FENCE, SafetySettings
+from grebe.mission.settings import MissionSettings
 from grebe.planning.planner import plan_survey
 from grebe.simulation.faults import NO_FAULTS, Faults, FaultyPlant
 from grebe.simulation.plant import Plant

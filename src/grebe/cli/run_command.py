@@ -21,8 +21,8 @@ from grebe.core.events import EndReason
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
-from grebe.mission.loop import MissionSettings
 from grebe.mission.sampling import InSets, InWindow
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport, ProgressMeter
 from grebe.workflow.boats import boat_named
 from grebe.workflow.quality import check_samples

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -50,9 +50,8 @@ from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Broadcast, Listener, Recorder
 from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.machine import Request
-from grebe.mission.safety.settings import CAREFUL, SafetySettings
 from grebe.mission.safety.states import SafetyState
-from grebe.mission.sampling import EVERY_SECOND, Sampling
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport, Statistics
 
 # Where a mission is that never had an estimate.
@@ -63,19 +62,6 @@ BLIND_S = 1.5
 DEPTH = "water_depth_m"
 # A mission that nobody dates begins here: simulated time needs no calendar.
 SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
-
-
-@dataclass(frozen=True, kw_only=True)
-class MissionSettings:
-    """`sampling`: which readings are kept. `limit_s`: the boat's time after which the mission
-    ends whatever is left. `observes`: whether current and wind are estimated on the way.
-    `safety`: what the boat's safety is judged by.
-    """
-
-    sampling: Sampling = EVERY_SECOND
-    limit_s: float = math.inf
-    observes: bool = True
-    safety: SafetySettings = CAREFUL
 
 
 class _OverError(Exception):

@@ -13,8 +13,9 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.helm import Helm
-from grebe.mission.loop import Mission, MissionSettings
+from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 
 BoatAt = Callable[[Departure], BoatLink]
