@@ -21,7 +21,9 @@ from benchmarks.planning import lakes, planning
 from benchmarks.robustness import robustness
 from benchmarks.routes import routes
 from benchmarks.sets import sets
+from benchmarks.soak import latency, soak
 from benchmarks.steps import steps
+from benchmarks.survival import survival
 
 BENCHMARKS = {
     f.__name__: f
@@ -36,6 +38,9 @@ BENCHMARKS = {
         cores,
         routes,
         mapping,
+        soak,
+        latency,
+        survival,
     )
 }
 

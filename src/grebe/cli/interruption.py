@@ -63,6 +63,11 @@ def heed_signals() -> None:
     watcher.start()
 
 
+def ignore_hangup() -> None:
+    """Go on where the terminal closes: a boat is under way. Ctrl-C and SIGTERM end it still."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
 def _stop(signum: int, frame: FrameType | None) -> None:
     raise StoppedError(STOPPED)
 
@@ -78,4 +83,5 @@ def _watch(heard: socket.socket, told: socket.socket) -> None:
     time.sleep(GRACE_S)
     forget_parts()
     output.fail(sentence)
+    output.last_words()
     os._exit(code)

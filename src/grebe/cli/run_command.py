@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NoReturn
@@ -11,7 +12,7 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
-from grebe.cli.interruption import heed_mission
+from grebe.cli.interruption import heed_mission, ignore_hangup
 from grebe.cli.safety_options import ONCE, safety_of, safety_options
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
@@ -21,10 +22,12 @@ from grebe.core.events import EndReason
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
+from grebe.mission.departure import prepare
 from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.mission.statistics import MissionReport, ProgressMeter
-from grebe.workflow.boats import boat_named
+from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
+from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.preview import preview_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -56,7 +59,8 @@ def _weight_options(command: Any) -> Any:
     "url",
     default="sim:",
     show_default=True,
-    help="Which boat: sim: is the simulated one, python:FILE.py one of your own.",
+    help="Which boat: sim: is the simulated one, mavlink:udp:HOST:PORT (or tcp:, serial:) one "
+    "with an autopilot, python:FILE.py one of your own.",
 )
 @click.option(
     "--rule",
@@ -138,7 +142,9 @@ def _weight_options(command: Any) -> Any:
 )
 @safety_options
 @options.quantities_option
+@click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
+@click.option("--preview", is_flag=True, help="Say what would be done, and do nothing.")
 @options.force_option
 @options.json_option
 @click.pass_context
@@ -147,22 +153,29 @@ def command(
     file: Path,
     url: str,
     in_sets_only: bool,
+    yes: bool,
     quantities_file: Path | None,
     resume: bool,
+    preview: bool,
     force: bool,
     as_json: bool,
     **run: Any,
 ) -> None:
     """Steer the boat through every target set of FILE and record what it measures.
 
-    With --resume, what is not said again is as it was in the run that is gone on with.
+    With --resume, what is not said again is as it was in the run that is gone on with. A
+    terminal that closes does not end the mission; Ctrl-C and SIGTERM do.
     """
     if (resume or run["returns"]) and force:
         raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
     now = datetime.now(UTC)
-    boat_named(url, _settings(run)[2])
+    boat_named(url)
     safety_of(run, now)
     goes_on = resume or run["returns"]
+    if preview:
+        _show_preview(file, resume=goes_on, force=force, as_json=as_json)
+        return
+    ignore_hangup()
     output.compile_once()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         own = user_quantities(quantities_file, file)
@@ -177,7 +190,7 @@ def command(
         survey_file.set_meta("run", json.dumps(kept, default=str))
         report = run_survey(
             survey_file,
-            boat_named(url, world),
+            boat_named(url, Harbour(world=world, confirm=_confirmation(yes=yes))),
             steered_by(rule, solver),
             now,
             MissionSettings(
@@ -185,15 +198,34 @@ def command(
             ),
             resume=goes_on,
             force=force,
-            listeners=[ProgressMeter(bar.update)],
+            listeners=[ProgressMeter(bar.update), Alarm(output.note)],
             on_ready=heed_mission,
         )
+        file = survey_file.path
         check_samples(survey_file)
-        moved = len(survey_file.track()) > 0 and report.reached > before
+        moved = survey_file.count("track") > 0 and report.reached > before
     output.result(report.numbers(), as_json=as_json, next_command=f"grebe map {file} --out maps")
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
     if not report.complete and not came_home:
         _explain(report, file, moved=moved)
+
+
+def _confirmation(*, yes: bool) -> Callable[[str], bool]:
+    """How the operator is asked before a real boat is armed: a word is typed, not a key hit."""
+
+    def confirm(text: str) -> bool:
+        output.note(text)
+        return yes or click.prompt("Type ARM to go on", default="", show_default=False) == "ARM"
+
+    return confirm
+
+
+def _show_preview(file: Path, *, resume: bool, force: bool, as_json: bool) -> None:
+    with SurveyFile.open(file) as survey_file:
+        departure = prepare(survey_file, datetime.now(UTC), resume=resume, force=force)
+    again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
+    go = f"grebe run {file}{again}"
+    output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
 
 
 def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:

@@ -21,7 +21,7 @@ from grebe.core.events import EndReason, State
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
-from grebe.mission.helm import Helm
+from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.patience import patience_s
 from grebe.mission.safety.fence import STEP_S, Escape, Fence, Schedule, escape, fence_of, reckoned
 from grebe.mission.safety.machine import (
@@ -124,6 +124,10 @@ class Guard:
         self._before_s = 0.0
         self._used_wh = 0.0
         self.depth_m: float | None = None
+
+    def take_for(self, vessel: Vessel) -> None:
+        """Judge another boat from now on: it is not what it was said to be."""
+        self._vessel = vessel
 
     def ask(self, request: Request, why: str) -> None:
         """Ask something; it is answered at the next estimate. Safe from any thread."""
@@ -370,6 +374,8 @@ class Guard:
             return
         helm = self._pilot(survey)
         helm.reached = 0
+        if helm.vessel != self._vessel and isinstance(helm, AdaptableHelm):
+            helm.take_for(self._vessel)
         self._way = _WayHome(
             helm=helm, survey=survey, deadline_s=self._patience(survey, 0, observation)
         )

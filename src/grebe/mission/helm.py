@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from grebe.control.controller import Command
 from grebe.core.dynamics import Weather
@@ -30,4 +30,13 @@ class Helm(Protocol):
 
     def step(self, state: State, weather: Weather, elapsed_s: float | None) -> Command:
         """Return what to do from `state` in `weather`, so long after the last step."""
+        ...
+
+
+@runtime_checkable
+class AdaptableHelm(Protocol):
+    """Who can go on with another boat than the one that it began with."""
+
+    def take_for(self, vessel: Vessel) -> None:
+        """Plan for another boat from now on."""
         ...

@@ -3,7 +3,8 @@
 One loop joins whoever steers, a boat and a recorder; Grebe's controller, the peers it is
 compared with and every front end go through it. Every state estimate is tested for entry
 (Definition 5) and for a sample; every control step asks for thrusts. What is measured is kept
-by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed.
+by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed; it is
+kept once the boat has been told what to do, and a disk that is slow is not waited for.
 """
 
 from __future__ import annotations
@@ -16,12 +17,11 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
-import shapely
 
 from grebe.control.controller import Command
-from grebe.control.observer import Observer
 from grebe.control.rules.base import reached_count
-from grebe.core.dynamics import CALM, Weather
+from grebe.control.tracker import Tracker
+from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, StoppedError
 from grebe.core.events import (
     Ended,
@@ -39,18 +39,19 @@ from grebe.core.events import (
 )
 from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
-from grebe.core.samples import Sample, gross_range_flag
-from grebe.core.survey import Survey, Target
+from grebe.core.survey import Survey
 from grebe.links.base import BoatLink, Observation, Order
-from grebe.mission.gate import Gate
+from grebe.mission.broadcast import Broadcast
+from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard, Pilot
 from grebe.mission.headings import unwrapped
-from grebe.mission.helm import Helm
+from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.patience import patience_s
-from grebe.mission.recorders import Broadcast, Listener, Recorder
+from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.machine import Request
 from grebe.mission.safety.states import SafetyState
+from grebe.mission.sampler import Sampler
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport, Statistics
 
@@ -62,14 +63,6 @@ BLIND_S = 1.5
 DEPTH = "water_depth_m"
 # A mission that nobody dates begins here: simulated time needs no calendar.
 SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
-
-
-class _OverError(Exception):
-    """The mission is over where nothing can be observed any more."""
-
-    def __init__(self, reason: EndReason, message: str) -> None:
-        super().__init__(message)
-        self.reason = reason
 
 
 class Mission:
@@ -99,20 +92,20 @@ class Mission:
         self._controller = controller
         self._link = link
         self._settings = settings or MissionSettings()
-        self._quantities = quantities
         self._started = started
         self._stopwatch = stopwatch
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
         self._ears = Broadcast(recorder, [self._statistics, *listeners])
-        self._tree = shapely.STRtree([target.set.polygon for target in self._targets])
-        self._observer = Observer(controller.vessel) if self._settings.observes else None
+        self._sampler = Sampler(self._targets, link, self._settings.sampling, quantities)
+        observes, adapts = self._settings.observes, isinstance(controller, AdaptableHelm)
+        self._tracker = Tracker(controller.vessel, observes=observes, corrects=observes and adapts)
         self._reached = controller.reached = reached
         self._gate = Gate(link)
         safety = self._settings.safety
         self._guard = Guard(survey, controller.vessel, safety, self._tell_change, started, pilot)
         self._next_step_s = 0.0
-        self._next_sample_s = 0.0
         self._deadline_s = math.inf
+        self._raw: Observation | None = None
         self._before: Observation | None = None
         self._command: tuple[float, Command] | None = None
         self._thrusts = (0.0, 0.0)
@@ -142,7 +135,7 @@ class Mission:
         try:
             if not self._done or self._settings.safety.comes_home:
                 self._tell_end(*self._loop())
-        except _OverError as over:
+        except OverError as over:
             self._tell_end(over.reason, str(over))
         except LinkError as error:
             self._tell_end(EndReason.LINK_LOST, str(error))
@@ -161,7 +154,7 @@ class Mission:
         return self._reached == len(self._targets)
 
     def _loop(self) -> tuple[EndReason, str]:
-        observation = self._before = self._observe()
+        observation = self._advance()
         self._give_patience(observation)
         self._tell(Started, observation, targets=len(self._targets), reached=self._reached)
         while True:
@@ -172,6 +165,7 @@ class Mission:
             if end is not None:
                 return end
             self._act(observation)
+            self._ears.release()
             observation = self._advance()
 
     def _watch(self, observation: Observation) -> None:
@@ -188,8 +182,7 @@ class Mission:
         surveys = self._guard.state is SafetyState.SURVEYING
         if self._done and surveys:
             return EndReason.COMPLETE, "every target is reached"
-        request = self._gate.why or self._link.status().stop_request
-        if request:
+        if request := self._requested_stop():
             return EndReason.STOPPED, request
         if self._guard.end is not None:
             return self._guard.end
@@ -203,6 +196,10 @@ class Mission:
             limit = self._settings.limit_s
             return EndReason.OUT_OF_TIME, f"the {limit:g} s that the mission was given are over"
         return None
+
+    def _requested_stop(self) -> str:
+        """Who wants the mission to end, and why; empty where nobody does."""
+        return self._gate.why or self._link.status().stop_request
 
     def _act(self, observation: Observation) -> None:
         """Give the boat its thrusts: the guard's own, a new step's, or those of the last plan."""
@@ -230,7 +227,7 @@ class Mission:
 
     @property
     def _weather(self) -> Weather:
-        return CALM if self._observer is None else self._observer.weather
+        return self._tracker.weather
 
     def _observe(self) -> Observation:
         """The next estimate that can be used, its heading unwrapped.
@@ -242,30 +239,41 @@ class Mission:
         while True:
             observation = self._link.observe()
             if all(map(math.isfinite, observation.state)):
-                return unwrapped(observation, self._before)
+                self._raw = unwrapped(observation, self._raw)
+                return replace(self._raw, state=self._tracker.righted(self._raw.state))
             text = f"an estimate is not a number and is passed over: {observation.state}"
             self._tell(Warned, observation, code="estimate_invalid", message=text)
+            if request := self._requested_stop():
+                raise OverError(EndReason.STOPPED, request)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._grope(self._before, observation)
+            self._ears.release()
 
     def _grope(self, seen: Observation, now: Observation) -> None:
         """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""
         thrusts = self._guard.blind(seen, now, self._thrusts, self._weather)
         if self._guard.end is not None:
-            raise _OverError(*self._guard.end)
-        if self._gate.why:
-            raise _OverError(EndReason.STOPPED, self._gate.why)
+            raise OverError(*self._guard.end)
         state = self._guard.reckoned or seen.state
         self._send(replace(now, state=state), thrusts)
 
     def _advance(self) -> Observation:
-        before = self._before
-        observation = self._observe()
-        if before is not None and self._observer is not None:
-            seconds = observation.time_s - before.time_s
-            self._observer.update(before.state, self._thrusts, observation.state, seconds)
-        self._before = observation
+        """The next estimate, and what is learned from it of the weather and of the boat."""
+        observation = self._before = self._observe()
+        assert self._raw is not None
+        then_s = observation.time_s - observation.age_s
+        if self._tracker.see(then_s, self._raw.state):
+            self._take_for_another_boat(observation)
         return observation
+
+    def _take_for_another_boat(self, observation: Observation) -> None:
+        """Plan for the boat that it has turned out to be."""
+        vessel = self._tracker.vessel
+        for one in (self._controller, self._guard.helm, self._guard):
+            if isinstance(one, AdaptableHelm):
+                one.take_for(vessel)
+        message = f"the boat is not as its model says: {self._tracker.correction}"
+        self._tell(Warned, observation, code="model_corrected", message=message)
 
     def _visit(self, observation: Observation) -> None:
         """Count what this estimate reaches, and measure where a sample is due."""
@@ -274,48 +282,22 @@ class Mission:
         self._reached = reached_count(self._sets, before, observation.state)
         entered = self._targets[before : self._reached]
         self._controller.reached = self._reached
-        due = observation.time_s >= self._next_sample_s - 1e-9
-        if entered or due:
-            within = entered or self._containing(observation.state)
-            surge = observation.state[3]
-            if self._settings.sampling.keeps(surge, ahead, within):
-                self._measure(observation, within[0].seq if within else None)
-                self._next_sample_s = observation.time_s + self._settings.sampling.period_s
+        sample = self._sampler.take(observation, self._time(observation), entered, ahead)
+        if sample is not None:
+            self._guard.depth_m = sample.values.get(DEPTH)
+            self._tell(SampleTaken, observation, sample=sample)
         for i, target in enumerate(entered, before + 1):
             self._tell(Reached, observation, target_seq=target.seq, count=i)
         if entered:
             self._give_patience(observation)
 
-    def _containing(self, state: State) -> list[Target]:
-        point = shapely.Point(state[0], state[1])
-        places = np.sort(self._tree.query(point)).tolist()
-        return [t for t in (self._targets[i] for i in places) if t.set.contains(state)]
-
-    def _measure(self, observation: Observation, target_seq: int | None) -> None:
-        reading = dict(self._link.measure())
-        if not reading:
-            return
-        self._guard.depth_m = reading.get(DEPTH)
-        north, east, _, surge, _, _ = observation.state
-        sample = Sample(
-            time=self._time(observation),
-            north_m=north,
-            east_m=east,
-            target_seq=target_seq,
-            speed_mps=surge,
-            values=reading,
-            flags={
-                key: gross_range_flag(reading.get(key), one.span)
-                for key, one in self._quantities.items()
-            },
-        )
-        self._tell(SampleTaken, observation, sample=sample)
-
     def _steer(self, observation: Observation) -> None:
         began = self._stopwatch()
         helm = self._helm
         elapsed = None if self._command is None else observation.time_s - self._command[0]
-        command = helm.step(observation.state, self._weather, elapsed)
+        then_s = observation.time_s - observation.age_s
+        state = self._tracker.ahead(then_s, observation.time_s, observation.state)
+        command = helm.step(state, self._weather, elapsed)
         solve_ms = 1e3 * (self._stopwatch() - began)
         self._command = (observation.time_s, command)
         self._apply(observation, command.thrusts_at(0.0), solve_ms)
@@ -335,7 +317,7 @@ class Mission:
             return
         since, command = self._command
         thrusts = command.thrusts_at(observation.time_s - since)
-        if thrusts != self._thrusts:
+        if thrusts != self._thrusts or self._tracker.hurries:
             self._apply(observation, thrusts, None)
 
     def _apply(
@@ -352,7 +334,9 @@ class Mission:
     def _send(self, observation: Observation, thrusts: tuple[float, float]) -> None:
         vessel = self._controller.vessel
         surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
-        self._gate.command(Order(thrusts=thrusts, surge_mps=surge, yaw_rate_radps=yaw_rate))
+        told = self._tracker.told(observation.time_s, thrusts)
+        self._gate.command(Order(thrusts=told, surge_mps=surge, yaw_rate_radps=yaw_rate))
+        self._tracker.sent(observation.time_s, told)
         self._thrusts = thrusts
 
     def _tell_step(self, observation: Observation, solve_ms: float | None) -> None:
@@ -384,16 +368,29 @@ class Mission:
         return self._started + timedelta(seconds=observation.time_s)
 
     def _tell(self, kind: type[MissionEvent], observation: Observation, **what: Any) -> None:
-        self._ears.record(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))
+        self._ears.hold(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))
 
     def _tell_change(self, time_s: float, **what: str) -> None:
         self._tell(SafetyChanged, Observation(time_s=time_s, state=NOWHERE), **what)
 
     def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
-        """Say that the mission is over; `quietly` where the recorder itself may be what failed."""
+        """Say that the mission is over; `quietly` where the recorder itself may be what failed.
+
+        The boat is given back first: a disk that is full or slow must not keep it going. That is
+        the link's `close` and not its `stop`, for a pilot who took over has the boat already.
+        """
         last = self._before or Observation(time_s=0.0, state=NOWHERE)
         try:
+            self._link.close()
+        finally:
+            self._write_end(last, reason, message, quietly=quietly)
+
+    def _write_end(
+        self, last: Observation, reason: EndReason, message: str, *, quietly: bool
+    ) -> None:
+        try:
             self._tell(Ended, last, reason=reason, message=message)
+            self._ears.release(finally_=True)
         except Exception:
             if not quietly:
                 raise

@@ -28,6 +28,7 @@ from grebe.mission.safety.settings import NO_FENCE, SafetySettings
 from grebe.mission.sampling import EVERY_SECOND, Sampling
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
+from grebe.simulation.changing import WeatherAt
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater, UniformSonde
 
@@ -43,9 +44,11 @@ class Conditions:
     """The world of a trial: the weather, which the helm is not told, how far estimates are off,
     the sonde, the seed of all that is random, when to give up, whether the weather is
     estimated on the way, and the settings of safety: by default no fence, for there is no shore.
+    `boat` is the true boat where the helm is mistaken in it, with thrusters that give a share of
+    what they are told.
     """
 
-    weather: Weather = CALM
+    weather: Weather | WeatherAt = CALM
     errors: EstimateErrors = EXACT
     sonde: ReadsWater = EVERYWHERE_THE_SAME
     seed: int = 0
@@ -53,6 +56,8 @@ class Conditions:
     observes: bool = True
     sampling: Sampling = EVERY_SECOND
     safety: SafetySettings = NO_FENCE
+    boat: Vessel | None = None
+    effectiveness: tuple[float, float] = (1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +128,8 @@ def fly(
     """Sail from `start` (6,) until every set is reached or the time is up."""
     world = conditions or Conditions()
     north, east, heading, surge, sway, yaw_rate = start
-    plant = Plant(vessel, (north, east, heading, surge, sway, yaw_rate), world.weather)
+    state = (north, east, heading, surge, sway, yaw_rate)
+    plant = Plant(world.boat or vessel, state, world.weather, world.effectiveness)
     link = _Witness(plant, world)
     recorder = MemoryRecorder()
     report = Mission(

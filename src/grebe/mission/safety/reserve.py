@@ -64,7 +64,7 @@ def must_go_home(battery: Battery, facts: Facts, settings: SafetySettings) -> Fi
         (settings.max_s - facts.elapsed_s, Cause.TIME, "the time given"),
         (facts.light_s, Cause.DAYLIGHT, "the daylight"),
     ):
-        if longest >= left:  # never where there is no limit
+        if math.isfinite(left) and longest >= left:
             return Finding(cause=cause, message=f"{what} lasts {max(left, 0):.0f} s more and {way}")
     return _battery_finding(battery, facts, settings, longest, way)
 
