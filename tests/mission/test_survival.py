@@ -29,8 +29,9 @@ from grebe.links.simulated import SimulatedLink
 from grebe.mission import writer
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import prepare
-from grebe.mission.loop import Mission, MissionSettings
+from grebe.mission.loop import Mission
 from grebe.mission.recorders import SurveyRecorder
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde

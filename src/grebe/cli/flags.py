@@ -5,6 +5,8 @@ from __future__ import annotations
 from grebe.core.errors import GrebeError
 
 FLAGS = {
+    "battery_reserve": "--battery-reserve",
+    "battery_wh": "--battery-wh",
     "cell_m": "--cell",
     "coast_tolerance_m": "--coast-tolerance",
     "columns": "--column",
@@ -14,6 +16,8 @@ FLAGS = {
     "force": "--force",
     "header_from": "--header-from",
     "method": "--method",
+    "home": "--home",
+    "max_minutes": "--max-minutes",
     "minutes": "--minutes",
     "pattern": "--pattern",
     "quantities": "--quantities",
@@ -23,6 +27,7 @@ FLAGS = {
     "shape": "--shape",
     "shore_margin_m": "--shore-margin",
     "speed": "--speed",
+    "until": "--until",
 }
 
 

@@ -24,6 +24,8 @@ THERE_M, IDLE_MPS = 0.75, 0.15
 TURN_FIRST_RAD = math.radians(60)
 # Surge above which the boat is braked before it turns [m/s].
 FAST_MPS = 0.35
+# What is kept for turning of the span between full ahead and full astern.
+LEAST_TURN_SHARE = 0.15
 # How soon surge and turn are to follow, the least of it [s].
 SURGE_S, YAW_S = 0.6, 0.5
 # Time after which a heading error is to be gone [s].
@@ -122,8 +124,12 @@ def _moment(vessel: Vessel, turn: float, yaw_rate: float) -> float:
 
 
 def _allocated(vessel: Vessel, common: float, moment: float) -> tuple[float, float]:
-    """Thrusts within their limits, the turn before the push."""
+    """Thrusts within their limits. The push before the turn, but for a share of the thrust: a boat
+    that turns with all it has is pushed ahead, for it has less astern.
+    """
     low, high = vessel.thrust_min_n, vessel.thrust_max_n
-    half = min(max(moment / (2 * vessel.arm_m), -(high - low) / 2), (high - low) / 2)
-    middle = min(max(common, low + abs(half)), high - abs(half))
+    push = min(max(common, low), high)
+    room = max(min(high - push, push - low), LEAST_TURN_SHARE * (high - low))
+    half = min(max(moment / (2 * vessel.arm_m), -room), room)
+    middle = min(max(push, low + abs(half)), high - abs(half))
     return middle + half, middle - half

@@ -8,7 +8,16 @@ from __future__ import annotations
 
 import threading
 
+from grebe.core.events import EndReason
 from grebe.links.base import BoatLink, Order
+
+
+class OverError(Exception):
+    """The mission is over in the middle of waiting for something; why, and in words."""
+
+    def __init__(self, reason: EndReason, message: str) -> None:
+        super().__init__(message)
+        self.reason = reason
 
 
 class Gate:

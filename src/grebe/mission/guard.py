@@ -21,7 +21,7 @@ from grebe.core.events import EndReason, State
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
-from grebe.mission.helm import Helm
+from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.patience import patience_s
 from grebe.mission.safety.fence import STEP_S, Escape, Fence, Schedule, escape, fence_of, reckoned
 from grebe.mission.safety.machine import (
@@ -171,13 +171,17 @@ class Guard:
         self.depth_m = None
         after = advised(self._memory, facts, self._settings, self._vessel, asked)
         self._become(after, observation)
-        self.permitted(observation, ahead or (lambda _: thrusts), weather, reached)
+        own = self.own_thrusts(observation, weather)
+        if own is not None or ahead is None:
+            held = own or thrusts
+            ahead = lambda _: held  # noqa: E731
+        self.permitted(observation, ahead, weather, reached)
 
     def permitted(
         self, observation: Observation, ahead: Schedule, weather: Weather, reached: int
     ) -> bool:
-        """Whether the boat may have the thrusts that are ahead of it, until the next estimate; where
-        it may not, the guard steers from now on.
+        """Whether the boat may have the thrusts that are ahead of it, until the next estimate;
+        where it may not, the guard steers from now on.
         """
         drives = self.state not in (SafetyState.HOLDING, SafetyState.STOPPED)
         if self._fence is None or not self._fenced or not drives:
@@ -291,7 +295,8 @@ class Guard:
         """Time [s] and energy [Wh] home; None, 0 where nobody must know them."""
         memory = self._memory
         asks = self._settings.watches_home or status.battery_share is not None
-        asks = asks or self._asked is not None or memory.against_s is not None
+        asks = asks or self._asked is not None
+        asks = asks or memory.against_s is not None or memory.tired_s is not None
         if not asks:
             return None, 0.0
         if observation.time_s - self._home_asked_s >= HOME_PERIOD_S or self._home_cost is None:
@@ -369,6 +374,8 @@ class Guard:
             return
         helm = self._pilot(survey)
         helm.reached = 0
+        if helm.vessel != self._vessel and isinstance(helm, AdaptableHelm):
+            helm.take_for(self._vessel)
         self._way = _WayHome(
             helm=helm, survey=survey, deadline_s=self._patience(survey, 0, observation)
         )

@@ -12,12 +12,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
-import shapely
 
 from grebe.control.controller import Command
 from grebe.control.rules.base import reached_count
@@ -40,11 +39,10 @@ from grebe.core.events import (
 )
 from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
-from grebe.core.samples import Sample, gross_range_flag
-from grebe.core.survey import Survey, Target
+from grebe.core.survey import Survey
 from grebe.links.base import BoatLink, Observation, Order
 from grebe.mission.broadcast import Broadcast
-from grebe.mission.gate import Gate
+from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard, Pilot
 from grebe.mission.headings import unwrapped
 from grebe.mission.helm import AdaptableHelm, Helm
@@ -52,9 +50,9 @@ from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.machine import Request
-from grebe.mission.safety.settings import CAREFUL, SafetySettings
 from grebe.mission.safety.states import SafetyState
-from grebe.mission.sampling import EVERY_SECOND, Sampling
+from grebe.mission.sampler import Sampler
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport, Statistics
 
 # Where a mission is that never had an estimate.
@@ -65,27 +63,6 @@ BLIND_S = 1.5
 DEPTH = "water_depth_m"
 # A mission that nobody dates begins here: simulated time needs no calendar.
 SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
-
-
-@dataclass(frozen=True, kw_only=True)
-class MissionSettings:
-    """`sampling`: which readings are kept. `limit_s`: the boat's time after which the mission
-    ends whatever is left. `observes`: whether current and wind are estimated on the way.
-    `safety`: what the boat's safety is judged by.
-    """
-
-    sampling: Sampling = EVERY_SECOND
-    limit_s: float = math.inf
-    observes: bool = True
-    safety: SafetySettings = CAREFUL
-
-
-class _OverError(Exception):
-    """The mission is over where nothing can be observed any more."""
-
-    def __init__(self, reason: EndReason, message: str) -> None:
-        super().__init__(message)
-        self.reason = reason
 
 
 class Mission:
@@ -115,12 +92,11 @@ class Mission:
         self._controller = controller
         self._link = link
         self._settings = settings or MissionSettings()
-        self._quantities = quantities
         self._started = started
         self._stopwatch = stopwatch
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
         self._ears = Broadcast(recorder, [self._statistics, *listeners])
-        self._tree = shapely.STRtree([target.set.polygon for target in self._targets])
+        self._sampler = Sampler(self._targets, link, self._settings.sampling, quantities)
         observes, adapts = self._settings.observes, isinstance(controller, AdaptableHelm)
         self._tracker = Tracker(controller.vessel, observes=observes, corrects=observes and adapts)
         self._reached = controller.reached = reached
@@ -128,7 +104,6 @@ class Mission:
         safety = self._settings.safety
         self._guard = Guard(survey, controller.vessel, safety, self._tell_change, started, pilot)
         self._next_step_s = 0.0
-        self._next_sample_s = 0.0
         self._deadline_s = math.inf
         self._raw: Observation | None = None
         self._before: Observation | None = None
@@ -160,7 +135,7 @@ class Mission:
         try:
             if not self._done or self._settings.safety.comes_home:
                 self._tell_end(*self._loop())
-        except _OverError as over:
+        except OverError as over:
             self._tell_end(over.reason, str(over))
         except LinkError as error:
             self._tell_end(EndReason.LINK_LOST, str(error))
@@ -269,7 +244,7 @@ class Mission:
             text = f"an estimate is not a number and is passed over: {observation.state}"
             self._tell(Warned, observation, code="estimate_invalid", message=text)
             if request := self._requested_stop():
-                raise _OverError(EndReason.STOPPED, request)
+                raise OverError(EndReason.STOPPED, request)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._grope(self._before, observation)
             self._ears.release()
@@ -278,9 +253,7 @@ class Mission:
         """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""
         thrusts = self._guard.blind(seen, now, self._thrusts, self._weather)
         if self._guard.end is not None:
-            raise _OverError(*self._guard.end)
-        if self._gate.why:
-            raise _OverError(EndReason.STOPPED, self._gate.why)
+            raise OverError(*self._guard.end)
         state = self._guard.reckoned or seen.state
         self._send(replace(now, state=state), thrusts)
 
@@ -309,42 +282,14 @@ class Mission:
         self._reached = reached_count(self._sets, before, observation.state)
         entered = self._targets[before : self._reached]
         self._controller.reached = self._reached
-        due = observation.time_s >= self._next_sample_s - 1e-9
-        if entered or due:
-            within = entered or self._containing(observation.state)
-            surge = observation.state[3]
-            if self._settings.sampling.keeps(surge, ahead, within):
-                self._measure(observation, within[0].seq if within else None)
-                self._next_sample_s = observation.time_s + self._settings.sampling.period_s
+        sample = self._sampler.take(observation, self._time(observation), entered, ahead)
+        if sample is not None:
+            self._guard.depth_m = sample.values.get(DEPTH)
+            self._tell(SampleTaken, observation, sample=sample)
         for i, target in enumerate(entered, before + 1):
             self._tell(Reached, observation, target_seq=target.seq, count=i)
         if entered:
             self._give_patience(observation)
-
-    def _containing(self, state: State) -> list[Target]:
-        point = shapely.Point(state[0], state[1])
-        places = np.sort(self._tree.query(point)).tolist()
-        return [t for t in (self._targets[i] for i in places) if t.set.contains(state)]
-
-    def _measure(self, observation: Observation, target_seq: int | None) -> None:
-        reading = dict(self._link.measure())
-        if not reading:
-            return
-        self._guard.depth_m = reading.get(DEPTH)
-        north, east, _, surge, _, _ = observation.state
-        sample = Sample(
-            time=self._time(observation),
-            north_m=north,
-            east_m=east,
-            target_seq=target_seq,
-            speed_mps=surge,
-            values=reading,
-            flags={
-                key: gross_range_flag(reading.get(key), one.span)
-                for key, one in self._quantities.items()
-            },
-        )
-        self._tell(SampleTaken, observation, sample=sample)
 
     def _steer(self, observation: Observation) -> None:
         began = self._stopwatch()

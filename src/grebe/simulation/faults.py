@@ -29,8 +29,8 @@ class Faults:
     `dead` is the side whose thruster gives nothing from `dead_at_s` on. In `weeds` (a local
     polygon) the boat is held until `weeds_until_s`. Over `shoal` the water is `shoal_depth_m`
     deep, elsewhere `depth_m`; None: no sonar. `rising` (north, east) [m/s per s] is added to the
-    current from `rises_at_s` on. The battery begins at `battery_share` and is empty after
-    `battery_s` more; None: it does not say. In the spells `blind` estimates are no numbers.
+    current from `rises_at_s` to `rises_until_s`. A battery that lasts `battery_s` from full begins
+    at `battery_share`; None: it does not say. In the spells `blind` estimates are no numbers.
     """
 
     dead: Literal["port", "starboard"] | None = None
@@ -42,6 +42,7 @@ class Faults:
     depth_m: float | None = None
     rising: tuple[float, float] = (0.0, 0.0)
     rises_at_s: float = 0.0
+    rises_until_s: float = NEVER
     battery_share: float | None = None
     battery_s: float = 3600.0
     blind: tuple[tuple[float, float], ...] = ()
@@ -111,7 +112,8 @@ class FaultyPlant(Plant):
         return bool(shapely.intersects_xy(weeds, self.state[0], self.state[1]))
 
     def _weather_now(self) -> Weather:
-        seconds = max(0.0, self.time_s - self._faults.rises_at_s)
+        until = min(self.time_s, self._faults.rises_until_s)
+        seconds = max(0.0, until - self._faults.rises_at_s)
         north, east = self._faults.rising
         return replace(
             self._first,

@@ -18,8 +18,9 @@ from grebe.links.base import BoatLink, ModelledLink
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.helm import Helm
-from grebe.mission.loop import Mission, MissionSettings
+from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
 
@@ -49,20 +50,23 @@ def run_survey(
     resume: bool = False,
     force: bool = False,
     listeners: Sequence[Listener] = (),
+    on_ready: Callable[[Mission], None] | None = None,
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
-    mission sets out and what the link knows of the boat; `listeners` hear its events. A recorded
-    mission is forgotten (`force`) only once all that the new one needs is there.
+    mission sets out and what the link knows of the boat; `listeners` hear its events; `on_ready`
+    is handed the mission before it begins, to stop it or call it home. A recorded mission is
+    forgotten (`force`) only once all that the new one needs is there.
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
     departure = prepare(survey_file, now, resume=resume, force=force)
     survey_file.claim()
     link = boat_at(departure)
     recorder = SurveyRecorder(survey_file)
+    known = _as_known_to(link, departure)
     try:
-        helm = helm_of(_as_known_to(link, departure))
+        helm = helm_of(known)
         if departure.clears:
             survey_file.clear_mission()
         survey_file.set_meta("water", link.source)
@@ -82,7 +86,10 @@ def run_survey(
             listeners=[*guards, *listeners],
             started=departure.started,
             reached=departure.reached,
+            pilot=lambda way: helm_of(replace(known, survey=way, reached=0)),
         )
+        if on_ready is not None:
+            on_ready(mission)
         return mission.run()
 
 

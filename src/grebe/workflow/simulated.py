@@ -36,7 +36,8 @@ class SimulatedWorld:
 
     `weather`; `mismatch`, the share by which the boat may differ from its model; `errors` of the
     state estimates; `water_from` a survey file or a CSV track whose samples condition the water
-    (None: free fields); `seed`; `faults` of the boat. Called with a departure it is the boat in that world.
+    (None: free fields); `seed`; `faults` of the boat.
+    Called with a departure it is the boat in that world.
     """
 
     weather: Weather = CALM

@@ -20,9 +20,16 @@ from grebe.mission.safety.states import ENDS, Cause, Facts, Finding, Place, Safe
 from grebe.mission.safety.stuck import Motion, held_fast, watched_motion
 from grebe.mission.safety.thrusters import Turning, dead_thruster, watched_turning
 
-# A boat that is braked at the fence goes on when it is slower than this [m/s], inside, and has been
-# braked for so long; where it is held outside for longer it cannot keep its fence [s].
-SLOW_MPS, BRAKED_S, OUTSIDE_S = 0.25, 1.0, 60.0
+# A boat that is braked at the fence goes on when it has been braked for so long [s], is slower than
+# this [m/s] and as near to its refuge [m]; or after a time, for a wind may keep it off that [s].
+BRAKED_S, SLOW_MPS, BACK_M, LONGEST_S = 1.0, 0.4, 1.6, 20.0
+# A boat that is outside its fence for so long cannot keep it [s].
+OUTSIDE_S = 60.0
+# A boat to which current and wind leave less than this share of its speed goes home, after so long
+# [s]: what rises may rise further.
+TIRED_SHARE, TIRED_S = 0.35, 5.0
+# A boat that has fallen no further behind its thrust moves freely [m].
+UNHELD_M = 1.0
 # What the boat must be faster than its current by to be going anywhere [m/s].
 LEAST_REACH_MPS = 0.05
 
@@ -49,8 +56,9 @@ class Memory:
 
     `state` since `since_s` for `cause`, and `message` says why; `resumes` is the state that a
     passing one goes back to; `place` the one that is held. `fenced` and `astern` count what was
-    tried since `reached` targets. `against_s`: since when the boat is carried off (`carried`: by a current or
-    a wind that is stronger than it) or outside its fence.
+    tried since `reached` targets. `against_s`: since when the boat is carried off
+    (`carried`: by a current or a wind that is stronger than it) or outside its fence;
+    `tired_s`: since when it is little faster than what carries it.
     """
 
     state: SafetyState = SafetyState.SURVEYING
@@ -65,6 +73,7 @@ class Memory:
     reached: int = 0
     against_s: float | None = None
     carried: bool = False
+    tired_s: float | None = None
     motion: Motion = field(default_factory=Motion)
     turning: Turning = field(default_factory=Turning)
     battery: Battery = field(default_factory=Battery)
@@ -92,10 +101,10 @@ def advised(
     if asked is not None:
         return _answered(seen, facts, asked)
     if seen.state is SafetyState.SURVEYING:
-        finding = must_go_home(seen.battery, facts, settings)
+        finding = must_go_home(seen.battery, facts, settings) or _tired(seen, facts)
         return seen if finding is None else _sent_home(seen, facts, finding)
     if seen.state is SafetyState.HOLDING:
-        return _held(seen, facts, settings)
+        return _held(seen, facts)
     if seen.state is SafetyState.RETURNING and facts.at_home:
         text = f"the boat is home: {seen.homeward}"
         return _stopped(seen, facts, Finding(cause=Cause.HOME, message=text))
@@ -163,7 +172,10 @@ def _watched(memory: Memory, facts: Facts, settings: SafetySettings, vessel: Ves
     motion = watched_motion(memory.motion, facts, vessel, settings.least_depth_m)
     if memory.reached != facts.reached:
         memory = replace(memory, fenced=0, astern=0, reached=facts.reached)
-    strong = reach_mps(vessel, facts.weather) < LEAST_REACH_MPS
+    left = reach_mps(vessel, facts.weather)
+    strong = left < LEAST_REACH_MPS
+    tired = left < TIRED_SHARE * vessel.speed_max_mps
+    tired_since = memory.tired_s if memory.tired_s is not None else facts.time_s
     astray = memory.cause is Cause.FENCE and facts.outside
     since = memory.against_s if memory.against_s is not None else facts.time_s
     return replace(
@@ -173,6 +185,7 @@ def _watched(memory: Memory, facts: Facts, settings: SafetySettings, vessel: Ves
         battery=watched_battery(memory.battery, facts),
         against_s=since if strong or astray else None,
         carried=strong,
+        tired_s=tired_since if tired else None,
     )
 
 
@@ -209,6 +222,19 @@ def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memo
     return _stopped(memory, facts, finding)
 
 
+def _tired(memory: Memory, facts: Facts) -> Finding | None:
+    """A current that is still weaker than the boat, but no longer by enough to stay out in it."""
+    knows_home = facts.home_s is not None and math.isfinite(facts.home_s)
+    # A boat that weeds hold looks, to the observer, like one in a current.
+    held = memory.motion.behind_m > UNHELD_M
+    if memory.tired_s is None or held or not knows_home:
+        return None
+    if facts.time_s - memory.tired_s < TIRED_S:
+        return None
+    text = "the current, with the wind, leaves the boat too little speed"
+    return Finding(cause=Cause.CURRENT, message=text)
+
+
 def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
     """What the boat must get out of astern, and when it has tried."""
     if memory.state is SafetyState.FREEING:
@@ -217,7 +243,8 @@ def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | N
         text = f"astern for {settings.astern_s:g} s, try {memory.astern} of {settings.tries}"
         return _changed(memory, facts, memory.resumes, Finding(cause=Cause.FREE, message=text))
     held = held_fast(memory.motion, settings)
-    if held is None:
+    # A boat that may have lost a thruster is not freed by going astern with the other.
+    if held is None or memory.turning.side:
         return None
     if memory.astern >= settings.tries:
         text = f"{held.message}, and going astern {memory.astern} times has not freed the boat"
@@ -245,26 +272,23 @@ def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
     return _changed(memory, facts, memory.resumes, finding)
 
 
-def _held(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
+def _held(memory: Memory, facts: Facts) -> Memory:
     """Whether a boat that holds its place may go on."""
     if memory.cause is Cause.BLIND:
         finding = Finding(cause=Cause.SEES, message="estimates come again")
         return _changed(memory, facts, memory.resumes, finding)
     if memory.cause is not Cause.FENCE or facts.outside:
         return memory
-    slow = math.hypot(facts.state[3], facts.state[4]) < SLOW_MPS
+    held_s = facts.time_s - memory.since_s
     away = math.hypot(facts.place[0] - memory.place[0], facts.place[1] - memory.place[1])
-    back = slow or away < settings.hold_radius_m
-    if not back or facts.time_s - memory.since_s < BRAKED_S:
+    slow = math.hypot(facts.state[3], facts.state[4]) < SLOW_MPS
+    if held_s < BRAKED_S or not ((slow and away < BACK_M) or held_s > LONGEST_S):
         return memory
     finding = Finding(cause=Cause.INSIDE_AGAIN, message="the boat has been braked inside the fence")
     return _changed(memory, facts, memory.resumes, finding)
 
 
 def _sent_home(memory: Memory, facts: Facts, finding: Finding) -> Memory:
-    if facts.home_s is not None and not math.isfinite(facts.home_s):
-        text = f"{finding.message}, and no way home is known"
-        return _stopped(memory, facts, Finding(cause=Cause.NO_WAY_HOME, message=text))
     sent = _changed(memory, facts, SafetyState.RETURNING, finding)
     return replace(sent, homeward=finding.message, resumes=SafetyState.RETURNING)
 

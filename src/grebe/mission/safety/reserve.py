@@ -56,7 +56,9 @@ def must_go_home(battery: Battery, facts: Facts, settings: SafetySettings) -> Fi
     """Why the boat must set out for home now, if it must."""
     if facts.home_s is None:
         return None
-    longest = facts.home_s * (1 + settings.home_share) + settings.home_slack_s
+    # Where current and wind let nobody home now, what is left is used up first.
+    home_s = facts.home_s if math.isfinite(facts.home_s) else 0.0
+    longest = home_s * (1 + settings.home_share) + settings.home_slack_s
     way = f"home is {facts.home_s:.0f} s away"
     for left, cause, what in (
         (settings.max_s - facts.elapsed_s, Cause.TIME, "the time given"),
@@ -82,7 +84,8 @@ def _battery_finding(
     if settings.battery_wh is None:
         return None
     left_wh = settings.battery_wh - facts.used_wh
-    needed_wh = facts.home_wh * (1 + settings.home_share) + reserve * settings.battery_wh
+    home_wh = facts.home_wh if math.isfinite(facts.home_wh) else 0.0
+    needed_wh = home_wh * (1 + settings.home_share) + reserve * settings.battery_wh
     if left_wh > needed_wh:
         return None
     return Finding(

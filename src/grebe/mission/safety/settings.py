@@ -19,11 +19,12 @@ class SafetySettings:
     thrust is what the weaker thruster is trusted with for braking. After `fence_tries` times at
     the fence on the way to one target the boat goes home.
 
-    `home` is (longitude, latitude), the survey's start without it. `max_s` [s] after
-    the mission's first estimate, and at the instant `until`, the boat must be home. `battery_reserve` is the share of the battery that must be left there, `battery_wh`
-    its capacity where the boat does not report its share. A way home is reckoned
-    `home_share` longer than predicted, and by `home_slack_s`. `comes_home` says why the mission is
-    nothing but a way home, empty where it is a survey.
+    `home` is (longitude, latitude), the survey's start without it. `max_s` [s] after the mission's
+    first estimate, and at the instant `until`, the boat must be home. `battery_reserve` is the
+    share of the battery that must be left there, `battery_wh` its capacity where the boat does not
+    report its share. A way home is reckoned `home_share` longer than predicted, and by
+    `home_slack_s`. `comes_home` says why the mission is nothing but a way home, empty where it is a
+    survey.
 
     A boat that sees nothing for `blind_s` ends its mission. Less water than `least_depth_m` below
     the sonar is too little. Astern `tries` times for `astern_s` each; `against_s` is how long a

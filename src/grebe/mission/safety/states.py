@@ -67,7 +67,8 @@ class Facts:
     """What is known at an estimate.
 
     `time_s` since the link was opened, `elapsed_s` since the mission's first estimate; `state`
-    (6,), `weather` as estimated; `thrusts` [N] those that led here. `reached` counts the survey's targets.
+    (6,), `weather` as estimated; `thrusts` [N] those that led here.
+    `reached` counts the survey's targets.
     `home_s` is the predicted time home, infinite where no way is known and None where nobody has
     asked; `at_home`; `battery_share`, `depth_m` and `used_wh` where they are known. `light_s`
     of daylight are left. `outside`: the boat is outside its fence.
