@@ -40,8 +40,8 @@ FEWEST_PIECES = 5
 # yaw rate [rad/s].
 END_SD = np.array([0.15, 0.15, 0.03, 0.05, 0.05, 0.03])
 # Of the prior: logarithms of thrusters, drag of surge and sway, inertia and drag of yaw; dead time
-# and lag [s]; compass [rad]; current [m/s]; wind as a share of full thrust; how fast the current changes
-# [m/s^2].
+# and lag [s]; compass [rad]; current [m/s]; wind as a share of full thrust; how fast the current
+# changes [m/s^2].
 PRIOR_SD = np.array([0.4, 0.4, 0.6, 0.6, 0.4, 0.6, 0.6, 0.6, 0.15, 0.3, 0.3, 0.1, 0.1, 0.01, 0.01])
 LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -1.5, -1.5, -0.5, -0.5, -0.05, -0.05])
 HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 1.5, 1.5, 0.5, 0.5, 0.05, 0.05])
@@ -65,8 +65,8 @@ class Correction:
     """How the boat differs from its model.
 
     `port`, `starboard`: the share of its order that a thruster gives. `drag` of surge,
-    `sway_drag`, `yaw_inertia`, `yaw_drag`: factors on the model's. `dead_s` and `lag_s`: how late orders act, or estimates
-    come. `heading_rad`: by how much the compass shows too much.
+    `sway_drag`, `yaw_inertia`, `yaw_drag`: factors on the model's. `dead_s` and `lag_s`: how late
+    orders act, or estimates come. `heading_rad`: by how much the compass shows too much.
     """
 
     port: float = 1.0
@@ -106,7 +106,8 @@ class Correction:
     def __str__(self) -> str:
         return (
             f"thrusters give {self.port:.2f} and {self.starboard:.2f} of their orders, drag x "
-            f"{self.drag:.2f}, sway drag x {self.sway_drag:.2f}, yaw inertia x {self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
+            f"{self.drag:.2f}, sway drag x {self.sway_drag:.2f}, yaw inertia x "
+            f"{self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
             f"{self.dead_s:.1f} s late with a lag of {self.lag_s:.1f} s, compass off by "
             f"{math.degrees(self.heading_rad):.0f} deg"
         )
