@@ -35,8 +35,10 @@ LEAST_NOISE = np.array([1e-3, 1e-3, 2e-4, 1e-3, 1e-3, 5e-4])
 START_SD = np.array([30.0, 30.0, 1.0, 1.0, 1.0, 1.0])
 HUBER = 3.0
 STEPS_AT_MOST = 40
-NOISE_ROUNDS = 4
-GOOD_ENOUGH = 1e-6
+# How often the noise is told anew, from nothing and from a guess; and the share of the cost that a
+# step must gain to be followed by another, before the last of those rounds and in it.
+ROUNDS, ROUNDS_AGAIN = 3, 2
+ROUGHLY, GOOD_ENOUGH = 1e-2, 1e-5
 PROBE = 1e-5
 
 
@@ -85,8 +87,9 @@ class Descent:
         """Descend from `theta` (the preset's where None), telling the noise on the way."""
         self._noise = FIRST_NOISE if noise is None else noise
         point = self._point(self._model.start if theta is None else theta, self._smoothed)
-        for _ in range(NOISE_ROUNDS):
-            point = self._descend(point)
+        rounds = ROUNDS if noise is None else ROUNDS_AGAIN
+        for left in reversed(range(rounds)):
+            point = self._descend(point, ROUGHLY if left else GOOD_ENOUGH)
             self._noise = self._spread(point.residuals)
             point = self._point(point.theta, point.starts)
         return Fit(
@@ -120,7 +123,7 @@ class Descent:
         apart[:, 2] = np.remainder(apart[:, 2] + np.pi, 2 * np.pi) - np.pi
         return apart
 
-    def _descend(self, point: _Point) -> _Point:
+    def _descend(self, point: _Point, enough: float) -> _Point:
         damping = 1e-3
         for _ in range(STEPS_AT_MOST):
             of_theta, of_starts = self._slopes(point)
@@ -133,7 +136,7 @@ class Descent:
                     return point
             gained = point.cost - new.cost
             point, damping = new, max(damping / 8.0, 1e-9)
-            if gained < GOOD_ENOUGH * point.cost:
+            if gained < enough * point.cost:
                 return point
         return point
 

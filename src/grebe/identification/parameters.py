@@ -10,6 +10,7 @@ off; they are told so that the boat's are not blamed for them.
 from __future__ import annotations
 
 import math
+from collections.abc import Container
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -132,17 +133,16 @@ class Model:
             compass_rad=told["compass_rad"],
         )
 
-    def with_drag(self, name: str, size: float) -> Model:
-        """The same with one more drag, which begins at a positive `size`."""
-        more = _drag(name, size)
-        return Model(
-            base=replace(self.base, **{name: -size}), parameters=(*self.parameters, more)
-        )
+    def with_missing_drags(self) -> Model:
+        """The same with every drag that the preset has none of, from nothing upwards."""
+        missing = [name for name in DRAGS if name not in self.names]
+        more = [_missing_drag(self.base, name) for name in missing]
+        return Model(base=self.base, parameters=(*self.parameters, *more))
 
-    @property
-    def missing_drags(self) -> tuple[str, ...]:
-        """Drags that the boat may have and nobody told of."""
-        return tuple(name for name in DRAGS if name not in self.names)
+    def without(self, names: Container[str]) -> Model:
+        """The same without some coordinates."""
+        left = tuple(one for one in self.parameters if one.name not in names)
+        return Model(base=self.base, parameters=left)
 
 
 def model_of(preset: Vessel) -> Model:
@@ -170,6 +170,15 @@ _DRAG_UNITS = {
 def _drag(name: str, size: float) -> Parameter:
     return Parameter(
         name=name, unit=_DRAG_UNITS[name], start=math.log(size), prior_sd=PRIOR_LOG_SD, log=True
+    )
+
+
+def _missing_drag(preset: Vessel, name: str) -> Parameter:
+    """A drag of which nothing is known but the size of its partner, linear or quadratic."""
+    partner = name[:3] if len(name) == 4 else name + name[-1]
+    size = -getattr(preset, partner)
+    return Parameter(
+        name=name, unit=_DRAG_UNITS[name], start=0.0, prior_sd=3.0 * size, low=0.0
     )
 
 

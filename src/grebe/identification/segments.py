@@ -21,21 +21,24 @@ if TYPE_CHECKING:
 
 GRID_S = 0.05
 # Half of the time about an instant over which a line is laid through what was measured [s].
-SMOOTHING_S = 1.0
+SMOOTHING_S = 0.4
 FEWEST_ROWS = 8
+# Before the first piece: time in which the thrusters forget what they were told before the log [s].
+LEAD_IN_S = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segments:
     """Pieces of equal length on one uniform grid.
 
-    `grid` (k s + 1,) [s] reaches from the log's first row over all pieces, used or not; `used`
-    (s,) numbers of the pieces that hold enough; `steps` k of each. Row i of the log that lies in
+    `grid` (lead + k s + 1,) [s] begins with the log, with a lead of some steps, and reaches over
+    all pieces, used or not; `used` (s,) numbers of the pieces that hold enough; `steps` k of each. Row i of the log that lies in
     a used piece: `rows` its number there, `piece` its place in `used`, `step` the grid step it lies
     in and `share` how far along.
     """
 
     grid: Array
+    lead: int
     steps: int
     used: NDArray[np.int64]
     rows: NDArray[np.int64]
@@ -49,6 +52,7 @@ class Segments:
         rows = keep[self.piece]
         return Segments(
             grid=self.grid,
+            lead=self.lead,
             steps=self.steps,
             used=self.used[keep],
             rows=self.rows[rows],
@@ -60,16 +64,18 @@ class Segments:
     @property
     def begins(self) -> Array:
         """Times (len(used),) at which the used pieces begin [s]."""
-        return self.grid[self.used * self.steps]
+        return self.grid[self.lead + self.used * self.steps]
 
 
 def segments_of(log: DriveLog, length_s: float) -> Segments:
     """Cut a log into pieces of `length_s`; those with too few rows are left out."""
-    steps = max(2, round(length_s / GRID_S))
-    count = max(1, int(log.duration_s / (steps * GRID_S) + 0.2))
-    grid = log.times[0] + GRID_S * np.arange(count * steps + 1)
-    number = np.floor((log.times - log.times[0]) / GRID_S + 1e-9).astype(np.int64)
-    piece_of = number // steps
+    steps, lead = round(length_s / GRID_S), round(LEAD_IN_S / GRID_S)
+    known = max(log.times[0], min(log.command_times[0], log.times[-1] - 2 * length_s))
+    first = known + LEAD_IN_S
+    count = max(1, int((log.times[-1] - first) / (steps * GRID_S) + 0.2))
+    grid = known + GRID_S * np.arange(lead + count * steps + 1)
+    number = np.floor((log.times - first) / GRID_S + 1e-9).astype(np.int64)
+    piece_of = np.where(number < 0, count, number // steps)
     headed = np.isfinite(log.states[:, 2])
     enough = np.array(
         [int((headed & (piece_of == piece)).sum()) >= FEWEST_ROWS for piece in range(count)]
@@ -84,9 +90,10 @@ def segments_of(log: DriveLog, length_s: float) -> Segments:
     place[used] = np.arange(len(used))
     rows = np.flatnonzero(place[np.minimum(piece_of, count)] >= 0)
     step = number[rows] - piece_of[rows] * steps
-    share = (log.times[rows] - grid[number[rows]]) / GRID_S
+    share = (log.times[rows] - grid[lead + number[rows]]) / GRID_S
     return Segments(
         grid=grid,
+        lead=lead,
         steps=steps,
         used=used,
         rows=rows,
