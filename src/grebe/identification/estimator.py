@@ -1,10 +1,10 @@
 """Gauss-Newton on a drive in pieces: theta (p,) of the boat and the day, and every piece's start.
 
 The cost is that of the prediction's errors in each channel's own standard deviation, which is
-told as well, with Huber's weights for the odd glitch, and of the distance from the preset in
+told as well, under Huber's loss for the odd glitch, and of the distance from the preset in
 standard deviations of what it is trusted to:
 
-    sum_i w_i ((y_i - h_i(theta, x_s)) / sigma_c)^2 + sum_j ((theta_j - theta_0j) / prior_j)^2
+    sum_i rho((y_i - h_i(theta, x_s)) / sigma_c) + sum_j ((theta_j - theta_0j) / prior_j)^2
 
 The starts x_s of the pieces touch their own piece alone, so they are eliminated from each step
 (Schur's complement), and the damping is Levenberg's and Marquardt's. Source: Ljung, System
@@ -35,10 +35,11 @@ LEAST_NOISE = np.array([1e-3, 1e-3, 2e-4, 1e-3, 1e-3, 5e-4])
 START_SD = np.array([30.0, 30.0, 1.0, 1.0, 1.0, 1.0])
 HUBER = 3.0
 STEPS_AT_MOST = 40
-# How often the noise is told anew, from nothing and from a guess; and the share of the cost that a
-# step must gain to be followed by another, before the last of those rounds and in it.
-ROUNDS, ROUNDS_AGAIN = 3, 2
-ROUGHLY, GOOD_ENOUGH = 1e-2, 1e-5
+# The rounds of a descent, after each of which the noise is told anew: the share of every piece that
+# is looked at, and the share of the cost that a step must gain to be followed by another. A boat may
+# be unstable in yaw, and a start that is a little off is then far off after ten seconds: so pieces
+# are taken in from their beginnings.
+ROUNDS = ((0.25, 1e-3), (0.5, 1e-3), (1.0, 1e-3), (1.0, 1e-5))
 PROBE = 1e-5
 
 
@@ -75,23 +76,29 @@ class Descent:
 
     def __init__(self, log: DriveLog, segments: Segments, model: Model) -> None:
         self._log = log
-        self._segments = segments
+        self._whole = segments
         self._model = model
-        self._measured = log.states[segments.rows]
         self._smoothed = smoothed_states(log, segments.begins)
         self._noise = FIRST_NOISE
+        self._look_at(1.0)
+
+    def _look_at(self, share: float) -> None:
+        """Look at the first `share` of every piece."""
+        self._segments = some = self._whole.first(share)
+        self._measured = self._log.states[some.rows]
         # Rows of the log are in order, so those of a piece stand together.
-        self._slices = np.searchsorted(segments.piece, np.arange(len(segments.used) + 1))
+        self._slices = np.searchsorted(some.piece, np.arange(len(some.used) + 1))
 
     def run(self, theta: Array | None = None, noise: Array | None = None) -> Fit:
         """Descend from `theta` (the preset's where None), telling the noise on the way."""
         self._noise = FIRST_NOISE if noise is None else noise
-        point = self._point(self._model.start if theta is None else theta, self._smoothed)
-        rounds = ROUNDS if noise is None else ROUNDS_AGAIN
-        for left in reversed(range(rounds)):
-            point = self._descend(point, ROUGHLY if left else GOOD_ENOUGH)
-            self._noise = self._spread(point.residuals)
-            point = self._point(point.theta, point.starts)
+        theta, starts = self._model.start if theta is None else theta, self._smoothed
+        for i, (share, enough) in enumerate(ROUNDS):
+            self._look_at(share)
+            point = self._descend(self._point(theta, starts), enough)
+            theta, starts = point.theta, point.starts
+            self._noise = self._spread(point.residuals, first=noise is None and i == 0)
+        point = self._point(theta, starts)
         return Fit(
             model=self._model,
             theta=point.theta,
@@ -109,7 +116,7 @@ class Descent:
         away = (theta - self._model.start) / self._model.prior_sd
         off = (starts - self._smoothed) / START_SD
         with np.errstate(over="ignore", invalid="ignore"):
-            cost = float(np.sum(_weights(scaled) * scaled**2) + away @ away + np.sum(off**2))
+            cost = float(np.sum(_losses(scaled)) + away @ away + np.sum(off**2))
         finite = np.isfinite(predicted[np.isfinite(self._measured)]).all()
         return _Point(
             theta=theta, starts=starts, residuals=residuals, cost=cost if finite else np.inf
@@ -132,7 +139,8 @@ class Descent:
                 if new.cost < point.cost:
                     break
                 damping *= 8.0
-                if damping > 1e6:
+                # Where a step of Gauss and Newton gains nothing, there is no more to gain.
+                if new.cost - point.cost < enough * point.cost or damping > 1e6:
                     return point
             gained = point.cost - new.cost
             point, damping = new, max(damping / 8.0, 1e-9)
@@ -200,15 +208,19 @@ class Descent:
             for i, j in zip(self._slices[:-1], self._slices[1:], strict=True)
         ]
 
-    def _spread(self, residuals: Array) -> Array:
-        """Standard deviations (6,) of the channels' errors, glitches held down."""
+    def _spread(self, residuals: Array, *, first: bool) -> Array:
+        """Standard deviations (6,) of the channels' errors, glitches held down.
+
+        At `first` large errors may be the model's, and are let stand.
+        """
         out = self._noise.copy()
         for channel in range(6):
             errors = residuals[np.isfinite(residuals[:, channel]), channel]
             if len(errors) == 0:
                 continue
             middle = 1.4826 * float(np.median(np.abs(errors))) + LEAST_NOISE[channel]
-            bounded = np.clip(errors, -HUBER * middle, HUBER * middle)
+            bound = np.inf if first else HUBER * middle
+            bounded = np.clip(errors, -bound, bound)
             # Every piece's start takes up one number of each channel.
             left = max(len(errors) - len(self._segments.used), 1)
             out[channel] = max(float(np.sqrt(np.sum(bounded**2) / left)), LEAST_NOISE[channel])
@@ -224,6 +236,12 @@ class Descent:
             left = (a - b @ np.linalg.solve(own, b.T @ a)).reshape(-1, 6, p)
             out += np.einsum("nci,ncj->cij", left, left)
         return out
+
+
+def _losses(scaled: Array) -> Array:
+    """Huber's loss: the square within `HUBER` standard deviations, its tangent beyond."""
+    size = np.abs(scaled)
+    return np.where(size <= HUBER, scaled**2, 2 * HUBER * size - HUBER**2)
 
 
 def _weights(scaled: Array) -> Array:

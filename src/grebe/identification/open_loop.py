@@ -70,7 +70,7 @@ def _windows(log: DriveLog, pieces: Segments, held: NDArray[np.bool_]) -> Segmen
 
 def _within(times: Array, pieces: Segments, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
     begins = pieces.begins[held]
-    length = pieces.steps * (pieces.grid[1] - pieces.grid[0])
+    length = pieces.stride * (pieces.grid[1] - pieces.grid[0])
     inside = (times[:, None] >= begins - 1e-9) & (times[:, None] < begins + length)
     return np.asarray(inside.any(axis=1))
 

@@ -72,7 +72,8 @@ def _thrusts(log: DriveLog, segments: Segments, candidates: Sequence[Candidate])
     for one in candidates:
         if one.thrusters not in known:
             means = one.thrusters.mean_thrusts(log.command_times, log.commands, segments.grid)
-            known[one.thrusters] = means[segments.lead :].reshape(-1, segments.steps, 2)[segments.used]
+            pieces = means[segments.lead :].reshape(-1, segments.stride, 2)
+            known[one.thrusters] = pieces[segments.used, : segments.steps]
     return np.stack([known[one.thrusters] for one in candidates])
 
 

@@ -6,7 +6,7 @@ still tell of all that the model says: that is multiple shooting, whose starts a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,13 +32,15 @@ class Segments:
     """Pieces of equal length on one uniform grid.
 
     `grid` (lead + k s + 1,) [s] begins with the log, with a lead of some steps, and reaches over
-    all pieces, used or not; `used` (s,) numbers of the pieces that hold enough; `steps` k of each. Row i of the log that lies in
+    all pieces, used or not, k = `stride` steps each; `used` (s,) numbers of the pieces that hold
+    enough; `steps` of each are predicted. Row i of the log that lies in
     a used piece: `rows` its number there, `piece` its place in `used`, `step` the grid step it lies
     in and `share` how far along.
     """
 
     grid: Array
     lead: int
+    stride: int
     steps: int
     used: NDArray[np.int64]
     rows: NDArray[np.int64]
@@ -50,10 +52,8 @@ class Segments:
         """Some of the used pieces, those marked in `keep` (len(used),)."""
         place = np.cumsum(keep) - 1
         rows = keep[self.piece]
-        return Segments(
-            grid=self.grid,
-            lead=self.lead,
-            steps=self.steps,
+        return replace(
+            self,
             used=self.used[keep],
             rows=self.rows[rows],
             piece=place[self.piece[rows]],
@@ -61,10 +61,23 @@ class Segments:
             share=self.share[rows],
         )
 
+    def first(self, share: float) -> Segments:
+        """The first `share` of every piece."""
+        steps = max(1, round(share * self.stride))
+        rows = self.step < steps
+        return replace(
+            self,
+            steps=steps,
+            rows=self.rows[rows],
+            piece=self.piece[rows],
+            step=self.step[rows],
+            share=self.share[rows],
+        )
+
     @property
     def begins(self) -> Array:
         """Times (len(used),) at which the used pieces begin [s]."""
-        return self.grid[self.lead + self.used * self.steps]
+        return self.grid[self.lead + self.used * self.stride]
 
 
 def segments_of(log: DriveLog, length_s: float) -> Segments:
@@ -94,6 +107,7 @@ def segments_of(log: DriveLog, length_s: float) -> Segments:
     return Segments(
         grid=grid,
         lead=lead,
+        stride=steps,
         steps=steps,
         used=used,
         rows=rows,
