@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pytest
 from conftest import square_survey
+from links.boats import EXACT, linked, standin
 
 from grebe.control.controller import Controller
 from grebe.core.dynamics import CALM
@@ -100,7 +101,15 @@ def _serve(link, there):
             print(json.dumps(answer), file=file, flush=True)
 
 
-LINKS = {"simulated": simulated, "wrapping": lambda: simulated(Wrapping), "socket": OverSocket}
+LINKS = {
+    "simulated": simulated,
+    "wrapping": lambda: simulated(Wrapping),
+    "socket": OverSocket,
+    "mavlink, by motion": lambda: linked(standin(SURVEY, **EXACT), survey=SURVEY),
+    "mavlink, by sticks": lambda: linked(standin(SURVEY, **EXACT), survey=SURVEY, drive="sticks"),
+}
+# Boats that follow thrusts without a lag of their own: on them a mission is the same.
+BARE = ("simulated", "wrapping", "socket")
 
 
 @pytest.fixture(params=LINKS)
@@ -161,9 +170,9 @@ def test_a_closed_link_has_no_estimates_and_may_be_closed_again(link):
 
 def test_every_link_gives_the_same_mission_whatever_turn_its_compass_is_in():
     tracks = []
-    for make in LINKS.values():
+    for name in BARE:
         recorder = MemoryRecorder()
-        report = Mission(SURVEY, Controller(BOAT, SURVEY.sets), make(), recorder).run()
+        report = Mission(SURVEY, Controller(BOAT, SURVEY.sets), LINKS[name](), recorder).run()
         assert report.complete
         tracks.append((report.duration_s, report.path_m, report.steps))
     assert tracks[0] == tracks[1]

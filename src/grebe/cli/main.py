@@ -17,6 +17,8 @@ COMMANDS = {
     "plan": "mesh a region into target sets and put them in order",
     "export": "hand a plan to a ground station, a GPS receiver or a map",
     "run": "steer a boat through every target set of a survey",
+    "doctor": "check the computer, the survey and the boat before they go out",
+    "autopilot": "stand in for a boat's autopilot, to rehearse without a boat",
     "check": "flag suspect and failed samples by QARTOD's tests",
     "lag": "estimate the sensors' lag where one line was run twice",
     "map": "draw the maps of what was measured",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NoReturn
@@ -22,7 +23,7 @@ from grebe.links.simulated import EstimateErrors
 from grebe.mission.loop import MissionSettings
 from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.statistics import MissionReport, ProgressMeter
-from grebe.workflow.boats import boat_named
+from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -54,7 +55,8 @@ def _weight_options(command: Any) -> Any:
     "url",
     default="sim:",
     show_default=True,
-    help="Which boat: sim: is the simulated one, python:FILE.py one of your own.",
+    help="Which boat: sim: is the simulated one, mavlink:udp:HOST:PORT (or tcp:, serial:) one "
+    "with an autopilot, python:FILE.py one of your own.",
 )
 @click.option(
     "--rule",
@@ -135,6 +137,7 @@ def _weight_options(command: Any) -> Any:
     "[default: every second within the speed window]",
 )
 @options.quantities_option
+@click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
 @options.force_option
 @options.json_option
@@ -144,6 +147,7 @@ def command(
     file: Path,
     url: str,
     in_sets_only: bool,
+    yes: bool,
     quantities_file: Path | None,
     resume: bool,
     force: bool,
@@ -156,7 +160,7 @@ def command(
     """
     if resume and force:
         raise UsageError("--resume goes on and --force begins anew; give one of them.")
-    boat_named(url, _settings(run)[2])
+    boat_named(url)
     output.compile_once()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         own = user_quantities(quantities_file, file)
@@ -170,7 +174,7 @@ def command(
         survey_file.set_meta("run", json.dumps(run, default=str))
         report = run_survey(
             survey_file,
-            boat_named(url, world),
+            boat_named(url, Harbour(world=world, confirm=_confirmation(yes=yes))),
             steered_by(rule, solver),
             datetime.now(UTC),
             MissionSettings(sampling=InSets() if in_sets_only else InWindow()),
@@ -183,6 +187,16 @@ def command(
     output.result(report.numbers(), as_json=as_json, next_command=f"grebe map {file} --out maps")
     if not report.complete:
         _explain(report, file, moved=moved)
+
+
+def _confirmation(*, yes: bool) -> Callable[[str], bool]:
+    """How the operator is asked before a real boat is armed: a word is typed, not a key hit."""
+
+    def confirm(text: str) -> bool:
+        output.note(text)
+        return yes or click.prompt("Type ARM to go on", default="", show_default=False) == "ARM"
+
+    return confirm
 
 
 def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:

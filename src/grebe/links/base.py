@@ -24,9 +24,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from grebe.core.events import State
+from grebe.core.vessel import Vessel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,4 +109,16 @@ class BoatLink(Protocol):
 
     def close(self) -> None:
         """Leave the boat without thrust and give it back."""
+        ...
+
+
+@runtime_checkable
+class ModelledLink(Protocol):
+    """A link that knows the boat better than the survey does: the hull under an autopilot's inner
+    loops is another plant than the hull.
+    """
+
+    @property
+    def model(self) -> Vessel:
+        """The boat as whoever steers should take it to be."""
         ...

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -19,17 +21,21 @@ OBSERVATION_PERIOD_S = 0.1
 @dataclass(frozen=True, kw_only=True)
 class EstimateErrors:
     """How a boat's state estimates fall short: standard deviations of position [m], heading
-    [rad] and velocities [m/s, rad/s], and the share of estimates that never arrive.
+    [rad] and velocities [m/s, rad/s], the share of estimates that never arrive, by how much
+    the compass is off [rad], and how late they come [s]; `says_age` whether they tell that.
     """
 
     position_m: float = 0.0
     heading_rad: float = 0.0
     velocity_mps: float = 0.0
     lost_share: float = 0.0
+    heading_bias_rad: float = 0.0
+    late_s: float = 0.0
+    says_age: bool = True
 
     def __post_init__(self) -> None:
-        if min(self.position_m, self.heading_rad, self.velocity_mps) < 0:
-            raise UsageError("Errors of estimates are standard deviations; give 0 or more.")
+        if min(self.position_m, self.heading_rad, self.velocity_mps, self.late_s) < 0:
+            raise UsageError("Errors of estimates and their delay are 0 or more.")
         if not 0 <= self.lost_share < 1:
             raise UsageError(f"A share of {self.lost_share} of estimates cannot be lost; give 0-1.")
 
@@ -63,6 +69,7 @@ class SimulatedLink:
         self._sonde = sonde
         self._errors = errors
         self._random = np.random.default_rng(seed)
+        self._past = deque[State](maxlen=1 + round(errors.late_s / OBSERVATION_PERIOD_S))
         self._started = False
         self._closed = False
 
@@ -75,12 +82,21 @@ class SimulatedLink:
             while self._random.uniform() < self._errors.lost_share:
                 self._plant.advance(OBSERVATION_PERIOD_S)
         self._started = True
-        return Observation(time_s=self._plant.time_s, state=self._estimate())
+        self._past.append(self._estimate())
+        age_s = self._errors.late_s if self._errors.says_age else 0.0
+        return Observation(time_s=self._plant.time_s, state=self._past[0], age_s=age_s)
 
     def _estimate(self) -> State:
         errors = self._random.normal(size=6) * self._errors.scale
         north, east, heading, surge, sway, yaw_rate = (self._plant.state + errors).tolist()
-        return north, east, heading, surge, sway, yaw_rate
+        bias = self._errors.heading_bias_rad
+        if bias:
+            # Velocities over ground are known; which of them is surge, the compass says.
+            surge, sway = (
+                surge * math.cos(bias) + sway * math.sin(bias),
+                sway * math.cos(bias) - surge * math.sin(bias),
+            )
+        return north, east, heading + bias, surge, sway, yaw_rate
 
     def command(self, order: Order) -> None:
         """Set the thrusts until the next command."""

@@ -301,8 +301,8 @@ def inverse_diagonal(factor: SuperLU) -> Array:
     lower = csc_matrix(factor.L)
     lower.sort_indices()
     diagonal = _takahashi(
-        lower.indptr.astype(np.int64), lower.indices.astype(np.int64), np.asarray(lower.data, float),
-        factor.U.diagonal(),
+        lower.indptr.astype(np.int64), lower.indices.astype(np.int64),
+        np.asarray(lower.data, float), factor.U.diagonal(),
     )  # fmt: skip
     return diagonal[factor.perm_c]
 

@@ -93,6 +93,10 @@ class MissionSettings:
     observes: bool = True
 
 
+class _StopRequestedError(Exception):
+    """Somebody wants the mission to end while no estimate can be used."""
+
+
 class Mission:
     """Runs one survey with one boat; `run` returns when it is over, and says why.
 
@@ -148,6 +152,8 @@ class Mission:
         try:
             if not self._done:
                 self._tell_end(*self._loop())
+        except _StopRequestedError as error:
+            self._tell_end(EndReason.STOPPED, str(error))
         except LinkError as error:
             self._tell_end(EndReason.LINK_LOST, str(error))
         except (StoppedError, KeyboardInterrupt) as error:
@@ -184,8 +190,7 @@ class Mission:
         """Why the mission ends at this estimate; None where it goes on."""
         if self._done:
             return EndReason.COMPLETE, "every target is reached"
-        request = self._stop_request or self._link.status().stop_request
-        if request:
+        if request := self._requested_stop():
             return EndReason.STOPPED, request
         if observation.time_s > self._deadline_s:
             seq = self._targets[self._reached].seq
@@ -197,6 +202,10 @@ class Mission:
             limit = self._settings.limit_s
             return EndReason.OUT_OF_TIME, f"the {limit:g} s that the mission was given are over"
         return None
+
+    def _requested_stop(self) -> str:
+        """Who wants the mission to end, and why; empty where nobody does."""
+        return self._stop_request or self._link.status().stop_request
 
     @property
     def _weather(self) -> Weather:
@@ -214,6 +223,8 @@ class Mission:
                 return _unwrapped(observation, self._before)
             text = f"an estimate is not a number and is passed over: {observation.state}"
             self._tell(Warned, observation, code="estimate_invalid", message=text)
+            if request := self._requested_stop():
+                raise _StopRequestedError(request)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._thrusts = IDLE.thrusts
                 self._link.command(IDLE)

@@ -25,6 +25,7 @@ from grebe.mission.loop import Helm, Mission, MissionSettings
 from grebe.mission.recorders import MemoryRecorder
 from grebe.mission.sampling import EVERY_SECOND, Sampling
 from grebe.mission.statistics import MissionReport
+from grebe.simulation.changing import WeatherAt
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater, UniformSonde
 
@@ -39,16 +40,19 @@ SOMEWHERE = LocalFrame(origin_lon_deg=0.0, origin_lat_deg=0.0)
 class Conditions:
     """The world of a trial: the weather, which the helm is not told, how far estimates are off,
     the sonde, the seed of all that is random, when to give up, and whether the weather is
-    estimated on the way.
+    estimated on the way. `boat` is the true boat where the helm is mistaken in it, with
+    thrusters that give a share of what they are told.
     """
 
-    weather: Weather = CALM
+    weather: Weather | WeatherAt = CALM
     errors: EstimateErrors = EXACT
     sonde: ReadsWater = EVERYWHERE_THE_SAME
     seed: int = 0
     limit_s: float = 1000.0
     observes: bool = True
     sampling: Sampling = EVERY_SECOND
+    boat: Vessel | None = None
+    effectiveness: tuple[float, float] = (1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +123,8 @@ def fly(
     """Sail from `start` (6,) until every set is reached or the time is up."""
     world = conditions or Conditions()
     north, east, heading, surge, sway, yaw_rate = start
-    plant = Plant(vessel, (north, east, heading, surge, sway, yaw_rate), world.weather)
+    state = (north, east, heading, surge, sway, yaw_rate)
+    plant = Plant(world.boat or vessel, state, world.weather, world.effectiveness)
     link = _Witness(plant, world)
     recorder = MemoryRecorder()
     report = Mission(

@@ -115,7 +115,7 @@ class Autopilot:
         self._random = np.random.default_rng(self.settings.seed)
         self._asked = _Asked()
         self._speed_target = 0.0
-        self._integral = 0.0
+        self._integral = self._turn_integral = 0.0
         self._fix_s = 0.0
         self._drift = np.zeros(2)
         self._breached = False
@@ -201,7 +201,8 @@ class Autopilot:
         if mode is not self.mode and why:
             self.texts.append(why)
         self.mode = mode
-        self._integral, self._speed_target = 0.0, self.plant.state[3]
+        self._integral = self._turn_integral = 0.0
+        self._speed_target = self.plant.state[3]
         self._asked = _Asked()
 
     def _events(self) -> None:
@@ -263,7 +264,10 @@ class Autopilot:
         limit = yaw_rate_max_radps(vessel)
         wanted = min(max(yaw_rate_radps, -limit), limit)
         moment = -(vessel.n_r + vessel.n_rr * abs(wanted)) * wanted
-        moment += vessel.m33_kgm2 / YAW_LOOP_S * (wanted - yaw_rate)
+        stiffness = vessel.m33_kgm2 / YAW_LOOP_S
+        moment += stiffness * (wanted - yaw_rate) + self._turn_integral
+        if abs(moment) < vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n):
+            self._turn_integral += INTEGRAL_PER_S * stiffness * (wanted - yaw_rate) * STEP_S
         low, high = 2 * vessel.thrust_min_n, 2 * vessel.thrust_max_n
         if low < push < high:
             self._integral += INTEGRAL_PER_S * vessel.m11_kg / SPEED_LOOP_S * error * STEP_S

@@ -9,6 +9,7 @@ import numpy as np
 
 from grebe.core.dynamics import CALM, Weather, rates, rk4
 from grebe.core.vessel import Vessel
+from grebe.simulation.changing import WeatherAt
 
 PLANT_STEP_S = 0.05
 # What a boat on the water differs in from its data sheet: load, growth on the hull, propellers.
@@ -19,21 +20,29 @@ class Plant:
     """A boat on the water; thrusts hold until the next command.
 
     Thrusts are clipped to the vessel's limits, come to nothing within its dead band and, where
-    the vessel has a thruster lag, follow the command with that time constant.
+    the vessel has a thruster lag, follow the command with that time constant. `effectiveness` is
+    the share of it that each thruster truly gives.
     """
 
     def __init__(
         self,
         vessel: Vessel,
         state: tuple[float, float, float, float, float, float],
-        weather: Weather = CALM,
+        weather: Weather | WeatherAt = CALM,
+        effectiveness: tuple[float, float] = (1.0, 1.0),
     ) -> None:
         self.vessel = vessel
         self.state: list[float] = list(state)
-        self.weather = weather
+        self.effectiveness = effectiveness
+        self._weather = weather
         self.time_s = 0.0
         self.thrusts = (0.0, 0.0)
         self._commanded = (0.0, 0.0)
+
+    @property
+    def weather(self) -> Weather:
+        """The weather now."""
+        return self._weather if isinstance(self._weather, Weather) else self._weather(self.time_s)
 
     def command(self, thrusts: tuple[float, float]) -> None:
         """Set the thrusts (F_1, F_2) [N]; beyond the limits they are clipped."""
@@ -51,9 +60,8 @@ class Plant:
         weather = self.weather.as_tuple()
         for _ in range(steps):
             self.thrusts = self._lagged(step)
-            self.state = rk4(
-                lambda z: rates(self.vessel, z, self.thrusts, weather), self.state, step, 1
-            )
+            given = self.thrusts[0] * self.effectiveness[0], self.thrusts[1] * self.effectiveness[1]
+            self.state = rk4(lambda z: rates(self.vessel, z, given, weather), self.state, step, 1)
         self.time_s += duration_s
 
     def _lagged(self, step_s: float) -> tuple[float, float]:

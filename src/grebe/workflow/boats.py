@@ -1,39 +1,72 @@
-"""Boats by their URL: `sim:` is the simulated one, `python:FILE.py` one of the user's own."""
+"""Boats by their URL: `sim:` is the simulated one, `mavlink:ADDRESS` one with an autopilot,
+`python:FILE.py` one of the user's own.
+"""
 
 from __future__ import annotations
 
 import runpy
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qsl
 
 from grebe.core.errors import LinkError
+from grebe.links.base import BoatLink
+from grebe.mission.departure import Departure
 from grebe.workflow.run import BoatAt
 from grebe.workflow.simulated import SimulatedWorld
 
-# A scheme turns what follows its colon, and the simulated world, into an opener of links.
-Scheme = Callable[[str, SimulatedWorld], BoatAt]
+if TYPE_CHECKING:
+    from grebe.core.frames import LocalFrame
+    from grebe.core.vessel import Vessel
+    from grebe.links.mavlink.link import MavlinkLink, MavlinkSettings
+
+# A real boat is armed once this has said yes to what it is told.
+Confirm = Callable[[str], bool]
 
 
-def boat_named(url: str, world: SimulatedWorld, more: Mapping[str, Scheme] | None = None) -> BoatAt:
+def nobody(_: str) -> bool:
+    """Confirm nothing: without somebody to ask, no real boat is armed."""
+    return False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Harbour:
+    """What a boat may need before it sails: the world a simulated one sails in, and who confirms
+    that a real one may.
+    """
+
+    world: SimulatedWorld = field(default_factory=SimulatedWorld)
+    confirm: Confirm = nobody
+
+
+# A scheme turns what follows its colon into an opener of links.
+Scheme = Callable[[str, Harbour], BoatAt]
+
+
+def boat_named(
+    url: str, harbour: Harbour | None = None, more: Mapping[str, Scheme] | None = None
+) -> BoatAt:
     """Return what opens the link of a URL such as `sim:`; `more` are schemes beside our own.
 
-    `world` is what the simulated boat sails in. Raises `LinkError` for a scheme nobody knows.
+    Raises `LinkError` for a scheme nobody knows.
     """
     schemes = SCHEMES | dict(more or {})
     scheme, colon, rest = url.partition(":")
     if not colon or scheme not in schemes:
         known = ", ".join(f"{name}:" for name in schemes)
         raise LinkError(f"There is no boat link {url!r}; a link begins with one of {known}.")
-    return schemes[scheme](rest, world)
+    return schemes[scheme](rest, harbour or Harbour())
 
 
-def _simulated(rest: str, world: SimulatedWorld) -> BoatAt:
+def _simulated(rest: str, harbour: Harbour) -> BoatAt:
     if rest:
         raise LinkError(f"The simulated boat is 'sim:' alone; what does {rest!r} mean?")
-    return world
+    return harbour.world
 
 
-def _from_file(rest: str, world: SimulatedWorld) -> BoatAt:  # noqa: ARG001
+def _from_file(rest: str, harbour: Harbour) -> BoatAt:  # noqa: ARG001
     """The function `boat_at` that a Python file defines."""
     path = Path(rest)
     if not path.is_file():
@@ -44,4 +77,70 @@ def _from_file(rest: str, world: SimulatedWorld) -> BoatAt:  # noqa: ARG001
     return found
 
 
-SCHEMES: dict[str, Scheme] = {"sim": _simulated, "python": _from_file}
+def _mavlink(rest: str, harbour: Harbour) -> BoatAt:
+    """An autopilot's link: opened, confirmed by somebody, and armed."""
+    address, settings = mavlink_address(rest)
+
+    def boat_at(departure: Departure) -> BoatLink:
+        link = open_mavlink(address, settings, departure.survey.frame, departure.vessel)
+        try:
+            link.engage(harbour.confirm)
+        except BaseException:
+            link.close()
+            raise
+        return link
+
+    return boat_at
+
+
+def mavlink_address(rest: str) -> tuple[str, MavlinkSettings]:
+    """Split what follows `mavlink:` into the wire's address and the settings after its `?`."""
+    try:
+        from grebe.links.mavlink.link import MavlinkSettings
+    except ModuleNotFoundError as error:
+        raise LinkError(
+            "MAVLink needs pymavlink; install it with: pip install 'grebe[mavlink]'"
+        ) from error
+    address, _, query = rest.partition("?")
+    given: dict[str, Any] = {}
+    for name, value in parse_qsl(query, keep_blank_values=True):
+        if name not in MAVLINK_SETTINGS:
+            known = ", ".join(MAVLINK_SETTINGS)
+            raise LinkError(f"mavlink:{rest}: there is no setting {name!r} (known: {known}).")
+        field, kind = MAVLINK_SETTINGS[name]
+        try:
+            given[field] = kind(value)
+        except ValueError:
+            raise LinkError(f"mavlink:{rest}: {name} is {value!r}, not a number.") from None
+    return address, MavlinkSettings(**given)
+
+
+def open_mavlink(
+    address: str, settings: MavlinkSettings, frame: LocalFrame | None, hull: Vessel
+) -> MavlinkLink:
+    """Find the autopilot at an address; it is neither armed nor told anything yet.
+
+    Without a frame places are counted from the autopilot's own origin.
+    """
+    from grebe.links.mavlink.link import open_link
+    from grebe.links.mavlink.wires import wire_at
+
+    return open_link(wire_at(address), frame, hull, settings)
+
+
+# Settings of a MAVLink URL: their names in it, the fields that they set, and how they are read.
+MAVLINK_SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "drive": ("drive", str),
+    "system": ("system", int),
+    "silence": ("silence_s", float),
+    "find": ("find_s", float),
+    "settle": ("settle_s", float),
+    "surge-lag": ("surge_lag_s", float),
+    "yaw-lag": ("yaw_lag_s", float),
+}
+MAVLINK_SCHEME = "mavlink"
+SCHEMES: dict[str, Scheme] = {
+    "sim": _simulated,
+    MAVLINK_SCHEME: _mavlink,
+    "python": _from_file,
+}

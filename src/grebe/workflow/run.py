@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import datetime
 
 from grebe.control.controller import Controller
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
 from grebe.io.store import SurveyFile
-from grebe.links.base import BoatLink
+from grebe.links.base import BoatLink, ModelledLink
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.loop import Helm, Mission, MissionSettings
 from grebe.mission.recorders import Listener, SurveyRecorder
@@ -44,27 +45,35 @@ def run_survey(
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures.
 
-    `boat_at` opens the link and `helm_of` makes whoever steers, both once it is clear from where
-    the mission sets out; `listeners` hear its events. A recorded mission is forgotten (`force`)
-    only once all that the new one needs is there.
+    `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
+    mission sets out and what the link knows of the boat; `listeners` hear its events. A recorded
+    mission is forgotten (`force`) only once all that the new one needs is there.
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
     departure = prepare(survey_file, now, resume=resume, force=force)
     survey_file.claim()
-    helm = helm_of(departure)
     link = boat_at(departure)
-    if departure.clears:
-        survey_file.clear_mission()
-    survey_file.set_meta("water", link.source)
-    mission = Mission(
-        departure.survey,
-        helm,
-        link,
-        SurveyRecorder(survey_file),
-        settings,
-        quantities=departure.quantities,
-        listeners=listeners,
-        started=departure.started,
-        reached=departure.reached,
-    )
+    try:
+        mission = Mission(
+            departure.survey,
+            helm_of(_as_known_to(link, departure)),
+            link,
+            SurveyRecorder(survey_file),
+            settings,
+            quantities=departure.quantities,
+            listeners=listeners,
+            started=departure.started,
+            reached=departure.reached,
+        )
+        if departure.clears:
+            survey_file.clear_mission()
+        survey_file.set_meta("water", link.source)
+    except BaseException:
+        link.close()
+        raise
     return mission.run()
+
+
+def _as_known_to(link: BoatLink, departure: Departure) -> Departure:
+    """The departure with the boat as its link knows it."""
+    return replace(departure, vessel=link.model) if isinstance(link, ModelledLink) else departure

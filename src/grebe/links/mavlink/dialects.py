@@ -28,6 +28,7 @@ class Need:
 class Dialect:
     """An autopilot's modes by their numbers, and its parameters.
 
+    `speed_limits` are the parameters to which orders are clamped: the first that is not zero.
     `follows` the mode in which orders are followed, `holds` the one without thrust, `manual` that
     of the sticks; `asks_orders_first` where the mode is entered only while orders come.
     """
@@ -39,7 +40,7 @@ class Dialect:
     manual: int
     needs: tuple[Need, ...]
     sticks_needs: tuple[Need, ...] = ()
-    speed_limit: str = ""
+    speed_limits: tuple[str, ...] = ()
     asks_orders_first: bool = False
 
     def mode_name(self, number: int) -> str:
@@ -67,7 +68,7 @@ ARDUROVER = Dialect(
     follows=15,
     holds=4,
     manual=0,
-    speed_limit="WP_SPEED",
+    speed_limits=("WP_SPEED", "CRUISE_SPEED"),
     needs=(
         Need(name="FRAME_CLASS", holds=lambda v: v == 2,
              advice="set FRAME_CLASS to 2 (boat), or the autopilot steers as a car does"),
@@ -84,6 +85,12 @@ ARDUROVER = Dialect(
              advice="set RC1_DZ to 0: a dead zone of the stick swallows small differences"),
         Need(name="RC3_DZ", holds=lambda v: v == 0, must=True,
              advice="set RC3_DZ to 0: a dead zone of the stick swallows small thrusts"),
+        *(
+            Need(name=f"RC{channel}_{which}", holds=lambda v, pulse=pulse: v == pulse, must=True,
+                 advice=f"set RC{channel}_{which} to {pulse}: sticks go out as 1500 +- 400 us")
+            for channel in (1, 3)
+            for which, pulse in (("MIN", 1100), ("TRIM", 1500), ("MAX", 1900))
+        ),
     ),
 )  # fmt: skip
 

@@ -15,7 +15,9 @@ from typing import Any, Literal
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from grebe.core.errors import LinkError, StoppedError, UsageError
+from grebe.core.events import State
 from grebe.core.frames import LocalFrame
+from grebe.core.inner_loop import under_speed_control
 from grebe.core.vessel import Vessel
 from grebe.links.base import IDLE, BoatStatus, Observation, Order
 from grebe.links.mavlink.navigation import Fix, Navigator
@@ -36,7 +38,7 @@ STREAMS = {
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 2.0,
-    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: 1.0,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 2.0,
 }
 # Without these there is no state to steer by.
 VITAL = (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ATTITUDE)
@@ -44,13 +46,15 @@ VITAL = (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ATTIT
 SEND_AGAIN_S = 0.2
 # Without an estimate for this long an order of before is no longer repeated [s].
 BLIND_S = 1.5
-NOT_A_STATE = (math.nan,) * 6
+NOT_A_STATE: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
 class MavlinkSettings:
     """`drive`: what orders become. `silence_s`: without any message for so long the line counts
-    as lost. `find_s`: how long an autopilot is waited for. `system`: its number, 0 for the first.
+    as lost. `find_s`: how long an autopilot is waited for, and `settle_s` until it knows where it
+    is. `system`: its number, 0 for the first.
+    The lags [s] are those of the autopilot's inner loops, None where they are not known.
 
     Raises `UsageError`.
     """
@@ -58,12 +62,15 @@ class MavlinkSettings:
     drive: Drive = "motion"
     silence_s: float = 15.0
     find_s: float = 10.0
+    settle_s: float = 60.0
     system: int = 0
+    surge_lag_s: float | None = None
+    yaw_lag_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.drive not in ("motion", "sticks"):
             raise UsageError(f"A boat is driven by motion or by sticks, not by {self.drive!r}.")
-        if not (self.silence_s > 0 and self.find_s > 0):
+        if not min(self.silence_s, self.find_s, self.settle_s) > 0:
             raise UsageError("A MAVLink line's silence and the search for it last longer than 0 s.")
         if not 0 <= self.system <= 255:
             raise UsageError(f"A MAVLink system has a number from 1 to 255, not {self.system}.")
@@ -73,11 +80,11 @@ class MavlinkLink:
     """`BoatLink` over a station that has found its autopilot; `open_link` makes one."""
 
     def __init__(
-        self, station: Station, frame: LocalFrame, vessel: Vessel, settings: MavlinkSettings
+        self, station: Station, frame: LocalFrame | None, hull: Vessel, settings: MavlinkSettings
     ) -> None:
         self._station = station
         self._navigator = Navigator(frame)
-        self._vessel = vessel
+        self._hull = hull
         self._settings = settings
         self._wire = station.wire
         self._opened_s = self._wire.now_s()
@@ -94,12 +101,33 @@ class MavlinkLink:
     def source(self) -> str:
         """See `BoatLink`."""
         vehicle = self._station.vehicle
-        how = "speed and yaw rate held by it" if self._drives_motion else "thrusts by sticks"
+        how = "speed and yaw rate held by it" if self.drives_motion else "thrusts by sticks"
         return f"MAVLink, {vehicle.dialect.name}, system {vehicle.system}, {how}"
 
     @property
-    def _drives_motion(self) -> bool:
+    def drives_motion(self) -> bool:
+        """Whether orders go out as speed and yaw rate, and not as thrusts."""
         return self._settings.drive == "motion"
+
+    @property
+    def speed_limit_mps(self) -> float:
+        """The speed to which the autopilot clamps an order; endless where it has none."""
+        vehicle = self._station.vehicle
+        known = (vehicle.parameters.get(name) for name in vehicle.dialect.speed_limits)
+        return next((value for value in known if value), math.inf)
+
+    @property
+    def model(self) -> Vessel:
+        """See `ModelledLink`: under the autopilot's inner loops the hull is another plant."""
+        if not self.drives_motion:
+            return self._hull
+        kept = self._settings
+        return under_speed_control(
+            self._hull,
+            speed_max_mps=self.speed_limit_mps,
+            surge_lag_s=kept.surge_lag_s,
+            yaw_lag_s=kept.yaw_lag_s,
+        )
 
     def prepare(self) -> None:
         """Ask for the streams, match the clocks, learn where the autopilot counts from.
@@ -115,6 +143,9 @@ class MavlinkLink:
                 raise LinkError(f"The autopilot does not send {name} ({refused}).")
         self._station.match_clocks()
         self._find_origin()
+        for name in self._station.vehicle.dialect.speed_limits:
+            if self._station.parameter(name):
+                break
 
     def engage(self, confirm: Callable[[str], bool]) -> None:
         """Arm the boat and take it over, once somebody has confirmed it.
@@ -123,7 +154,7 @@ class MavlinkLink:
         """
         vehicle = self._station.vehicle
         dialect = vehicle.dialect
-        mode = dialect.follows if self._drives_motion else dialect.manual
+        mode = dialect.follows if self.drives_motion else dialect.manual
         if not confirm(
             f"This arms the boat ({dialect.name}, system {vehicle.system}), changes its mode from "
             f"{vehicle.mode_name} to {dialect.mode_name(mode)}, and lets it drive by itself."
@@ -145,7 +176,7 @@ class MavlinkLink:
             self._repeat()
             fix: Fix | None = None
             for message in self._station.messages(0.05):
-                fix = self._navigator.take(message) or fix
+                fix = self._learn(message) or fix
             if self._station.restarted:
                 return self._after_restart()
             if fix is not None:
@@ -198,19 +229,24 @@ class MavlinkLink:
     @property
     def _in_command(self) -> bool:
         dialect = self._station.vehicle.dialect
-        mode = dialect.follows if self._drives_motion else dialect.manual
+        mode = dialect.follows if self.drives_motion else dialect.manual
         return self._station.vehicle.mode == mode
 
     def _why_to_stop(self) -> str:
         vehicle = self._station.vehicle
         if self._station.restarted:
             return "the autopilot has started afresh; look after it, then resume"
-        if vehicle.breached and not self._in_command:
-            return f"the autopilot's own fence was breached; it went to {vehicle.mode_name}"
         if not self._in_command:
             last = f' ("{vehicle.texts[-1]}")' if vehicle.texts else ""
             return f"the pilot or a fail-safe took over: mode {vehicle.mode_name}{last}"
         return "" if vehicle.armed else "the boat was disarmed"
+
+    def _learn(self, message: Any) -> Fix | None:
+        """Give a message to the navigator, but for a place that the autopilot does not trust."""
+        is_place = message.get_type() == "GLOBAL_POSITION_INT"
+        if is_place and not self._station.vehicle.position_good:
+            return None
+        return self._navigator.take(message)
 
     def _handed_over(self, fix: Fix) -> Observation:
         now_s = self._wire.now_s()
@@ -226,7 +262,7 @@ class MavlinkLink:
 
     def _find_origin(self) -> None:
         def learned(message: Any) -> bool:
-            self._navigator.take(message)
+            self._learn(message)
             return self._navigator.has_origin
 
         wanted = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
@@ -237,7 +273,7 @@ class MavlinkLink:
                 wanted, 0, 0, 0, 0, 0, 0,
             ),
             learned,
-            self._settings.find_s,
+            self._settings.settle_s,
         )  # fmt: skip
         if found is None:
             raise LinkError(
@@ -315,7 +351,7 @@ class MavlinkLink:
 
     def _send(self, order: Order) -> None:
         self._sent_s = self._wire.now_s()
-        if self._drives_motion:
+        if self.drives_motion:
             self._station.send(self._motion(order))
         else:
             self._station.send(self._sticks(order.thrusts))
@@ -330,14 +366,14 @@ class MavlinkLink:
 
     def _sticks(self, thrusts: tuple[float, float]) -> Any:
         """Throttle and steering whose mixture gives each thruster its own command."""
-        port, starboard = (self._vessel.throttle_of(one) for one in thrusts)
+        port, starboard = (self._hull.throttle_of(one) for one in thrusts)
         channels = [65_535] * 8
         channels[STICK_STEERING - 1] = _pulse((port - starboard) / 2)
         channels[STICK_THROTTLE - 1] = _pulse((port + starboard) / 2)
         return self._override(channels)
 
     def _release_sticks(self) -> None:
-        if not self._drives_motion and self._station.vehicle.system:
+        if not self.drives_motion and self._station.vehicle.system:
             self._station.send(self._override([0] * 8))
 
     def _override(self, channels: list[int]) -> Any:
@@ -352,7 +388,7 @@ def _pulse(share: float) -> int:
 
 
 def open_link(
-    wire: Wire, frame: LocalFrame, vessel: Vessel, settings: MavlinkSettings | None = None
+    wire: Wire, frame: LocalFrame | None, hull: Vessel, settings: MavlinkSettings | None = None
 ) -> MavlinkLink:
     """Find an autopilot on a wire and ask it for what a survey needs; it is not armed yet.
 
@@ -362,11 +398,9 @@ def open_link(
     station = Station(wire, kept.system)
     try:
         station.find(kept.find_s)
-        link = MavlinkLink(station, frame, vessel, kept)
+        link = MavlinkLink(station, frame, hull, kept)
         link.prepare()
     except BaseException:
         wire.close()
         raise
     return link
-
-

@@ -29,9 +29,12 @@ class Fix:
 
 
 class Navigator:
-    """Joins the autopilot's messages into states; each position is used once."""
+    """Joins the autopilot's messages into states; each position is used once.
 
-    def __init__(self, frame: LocalFrame) -> None:
+    Without a frame places are counted from the autopilot's own origin.
+    """
+
+    def __init__(self, frame: LocalFrame | None) -> None:
         self._frame = frame
         self._origin: tuple[float, float] | None = None
         self._attitude: Any = None
@@ -62,6 +65,8 @@ class Navigator:
         return None
 
     def _place(self, lat_1e7: int, lon_1e7: int) -> tuple[float, float]:
+        if self._frame is None:
+            return 0.0, 0.0
         north, east = self._frame.to_local((lon_1e7 * 1e-7, lat_1e7 * 1e-7)).tolist()
         return north, east
 

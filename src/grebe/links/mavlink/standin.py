@@ -26,8 +26,10 @@ USUAL_PARAMETERS = {
     "FENCE_ENABLE": 1.0,
     "BATT_FS_LOW_ACT": 1.0,
     "FS_EKF_ACTION": 1.0,
-    "RC1_DZ": 0.0,
-    "RC3_DZ": 0.0,
+    **{f"RC{channel}_DZ": 0.0 for channel in (1, 3)},
+    **{f"RC{channel}_MIN": 1100.0 for channel in (1, 3)},
+    **{f"RC{channel}_TRIM": 1500.0 for channel in (1, 3)},
+    **{f"RC{channel}_MAX": 1900.0 for channel in (1, 3)},
     "SYSID_THISMAV": 1.0,
     "MAV_GCS_SYSID": 255.0,
 }
@@ -291,5 +293,3 @@ class StandIn:
                 message.get_srcSystem(), message.get_srcComponent(), 0
             )
         )
-
-

@@ -1,14 +1,15 @@
-"""What an autopilot has said of itself: its last word on mode, battery, fix, fence, parameters."""
+"""What an autopilot has said of itself: its last word on mode, battery, fix, parameters."""
 
 from __future__ import annotations
 
 import math
+import struct
 from dataclasses import dataclass, field
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from grebe.links.mavlink.dialects import ARDUPILOTMEGA, ARDUROVER, DIALECTS, Dialect
+from grebe.links.mavlink.dialects import ARDUPILOTMEGA, ARDUROVER, DIALECTS, PX4, Dialect
 
 FIXES = ("no receiver", "no fix", "2D fix", "3D fix", "DGPS", "RTK float", "RTK fixed")
 # The filter's word that its place on the earth can be used.
@@ -33,7 +34,6 @@ class Vehicle:
     fix: int | None = None
     satellites: int = 0
     position_good: bool | None = None
-    breached: bool = False
     heard_s: float = -math.inf
     parameters: dict[str, float] = field(default_factory=dict[str, float])
     texts: list[str] = field(default_factory=list[str])
@@ -98,11 +98,12 @@ class Vehicle:
     def _take_estimator_status(self, message: Any) -> None:
         self.position_good = bool(message.flags & mavlink.ESTIMATOR_POS_HORIZ_ABS)
 
-    def _take_fence_status(self, message: Any) -> None:
-        self.breached = bool(message.breach_status)
-
     def _take_param_value(self, message: Any) -> None:
-        self.parameters[message.param_id] = float(message.param_value)
+        value = float(message.param_value)
+        if self.autopilot == PX4 and message.param_type == mavlink.MAV_PARAM_TYPE_INT32:
+            # PX4 sends the four bytes of an integer where the protocol has those of a float.
+            (value,) = map(float, struct.unpack("<i", struct.pack("<f", value)))
+        self.parameters[message.param_id] = value
 
     def _take_command_ack(self, message: Any) -> None:
         self.results[message.command] = message.result
