@@ -5,6 +5,7 @@ from __future__ import annotations
 from grebe.core.errors import GrebeError
 
 FLAGS = {
+    "bollard_n": "--bollard",
     "cell_m": "--cell",
     "coast_tolerance_m": "--coast-tolerance",
     "columns": "--column",
@@ -16,11 +17,14 @@ FLAGS = {
     "method": "--method",
     "minutes": "--minutes",
     "pattern": "--pattern",
+    "piece_s": "--piece",
     "quantities": "--quantities",
+    "radius_m": "--radius",
     "resume": "--resume",
     "shape": "--shape",
     "shore_margin_m": "--shore-margin",
     "speed": "--speed",
+    "speed_max_mps": "--speed-limit",
 }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NoReturn
@@ -174,7 +173,7 @@ def command(
         survey_file.set_meta("run", json.dumps(run, default=str))
         report = run_survey(
             survey_file,
-            boat_named(url, Harbour(world=world, confirm=_confirmation(yes=yes))),
+            boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=yes))),
             steered_by(rule, solver),
             datetime.now(UTC),
             MissionSettings(sampling=InSets() if in_sets_only else InWindow()),
@@ -187,16 +186,6 @@ def command(
     output.result(report.numbers(), as_json=as_json, next_command=f"grebe map {file} --out maps")
     if not report.complete:
         _explain(report, file, moved=moved)
-
-
-def _confirmation(*, yes: bool) -> Callable[[str], bool]:
-    """How the operator is asked before a real boat is armed: a word is typed, not a key hit."""
-
-    def confirm(text: str) -> bool:
-        output.note(text)
-        return yes or click.prompt("Type ARM to go on", default="", show_default=False) == "ARM"
-
-    return confirm
 
 
 def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:

@@ -35,10 +35,10 @@ LEAST_NOISE = np.array([1e-3, 1e-3, 2e-4, 1e-3, 1e-3, 5e-4])
 START_SD = np.array([30.0, 30.0, 1.0, 1.0, 1.0, 1.0])
 HUBER = 3.0
 STEPS_AT_MOST = 40
-# The rounds of a descent, after each of which the noise is told anew: the share of every piece that
-# is looked at, and the share of the cost that a step must gain to be followed by another. A boat may
-# be unstable in yaw, and a start that is a little off is then far off after ten seconds: so pieces
-# are taken in from their beginnings.
+# The rounds of a descent, after each of which the noise is told anew: the share of every piece
+# that is looked at, and the share of the cost that a step must gain to be followed by another. A
+# boat may be unstable in yaw, and a start that is a little off is then far off after ten seconds:
+# so pieces are taken in from their beginnings.
 ROUNDS = ((0.25, 1e-3), (0.5, 1e-3), (1.0, 1e-3), (1.0, 1e-5))
 PROBE = 1e-5
 
@@ -161,9 +161,7 @@ class Descent:
         moved = np.moveaxis(predicted[1:] - predicted[0], 0, -1)
         return moved[..., :p] / probes, moved[..., p:] / PROBE
 
-    def _stepped(
-        self, point: _Point, of_theta: Array, of_starts: Array, damping: float
-    ) -> _Point:
+    def _stepped(self, point: _Point, of_theta: Array, of_starts: Array, damping: float) -> _Point:
         theta, starts = point.theta, point.starts
         free = self._free(point, of_theta)
         hessian = np.diag(1.0 / self._model.prior_sd**2)
@@ -228,7 +226,8 @@ class Descent:
 
     def _information(self, point: _Point) -> Array:
         """What each channel tells of theta, (6, p, p), once the starts are told by all."""
-        of_theta, of_starts = self._slopes(point)
+        apart = self._point(self._model.told_apart(point.theta), point.starts)
+        of_theta, of_starts = self._slopes(apart)
         p = len(point.theta)
         out = np.zeros((6, p, p))
         for a, b, _ in self._pieces(point, of_theta, of_starts):

@@ -50,8 +50,8 @@ class IdentifySettings:
             )
         if self.bollard_n is not None and not 0 < self.bollard_n < math.inf:
             raise UsageError(
-                f"A pull of {self.bollard_n:g} N is impossible; give one thruster's at full command "
-                "ahead.",
+                f"A pull of {self.bollard_n:g} N is impossible; give one thruster's at "
+                "full command ahead.",
                 settings=("bollard_n",),
             )
 
@@ -59,9 +59,7 @@ class IdentifySettings:
 DEFAULT = IdentifySettings()
 
 
-def identify(
-    log: DriveLog, preset: Vessel, settings: IdentifySettings = DEFAULT
-) -> Identification:
+def identify(log: DriveLog, preset: Vessel, settings: IdentifySettings = DEFAULT) -> Identification:
     """Tell a boat from a drive; where the drive says nothing, the preset stands, and is named.
 
     Commands in newtons are read as `preset` gave them. Raises `InputError` for a log that tells
@@ -83,7 +81,7 @@ def identify(
     return Identification(
         vessel=_vessel(fit, log.name),
         latency_s=fit.model.values(fit.theta)["latency_s"],
-        parameters=_parameters(fit, spread, model),
+        parameters=_parameters(fit, spread),
         derived=_derived(fit, spread, log),
         noise=fit.noise,
         hold_out=hold_out,
@@ -152,8 +150,7 @@ def _vessel(fit: Fit, name: str) -> Vessel:
     return replace(boat, source=f"Identified from {name}, beginning from {boat.name}.")
 
 
-def _parameters(fit: Fit, spread: Array, model: Model) -> tuple[Told, ...]:
-    before = {one.name: one.value(one.start) for one in model.parameters}
+def _parameters(fit: Fit, spread: Array) -> tuple[Told, ...]:
     sd = np.sqrt(np.diag(spread))
     out: list[Told] = []
     for one, theta, error in zip(fit.model.parameters, fit.theta, sd, strict=True):
@@ -167,7 +164,7 @@ def _parameters(fit: Fit, spread: Array, model: Model) -> tuple[Told, ...]:
                 unit=one.unit,
                 value=value,
                 sd=own,
-                before=before.get(one.name),
+                before=fit.model.before(one.name),
                 is_told=is_told,
                 of_the_day=one.of_the_day,
             )
@@ -226,7 +223,7 @@ def _notes(fit: Fit, spread: Array, settings: IdentifySettings) -> tuple[str, ..
         f"{boat.thrust_max_n:g} N of one thruster at full command ahead, {whence}; in yaw by the "
         f"arm of {boat.arm_m:g} m"
     ]
-    told = _parameters(fit, spread, fit.model)
+    told = _parameters(fit, spread)
     vague = [one.name for one in told if not one.is_told and not one.of_the_day]
     if vague:
         notes.append(f"this drive says little of {', '.join(vague)}: the preset stands")

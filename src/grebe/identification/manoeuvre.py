@@ -26,8 +26,9 @@ ROOM = 4.0
 # Throttles of the way back.
 BACK_AHEAD, BACK_TURN = 0.5, 0.6
 NUDGE_S = 2.0
-# Thrust ahead ends at this share of the speed limit, for thrusters lag.
-EARLY = 0.85
+# Thrust that pushes on ends at the first share of the speed limit, for thrusters lag, and may come
+# again at the second.
+EARLY, AGAIN = 0.85, 0.7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +93,9 @@ def stopping_m(vessel: Vessel, speed_mps: float) -> float:
 class Manoeuvre:
     """The programme under its guards: asked with time and state, it answers with thrusts.
 
-    Pure but for how far it has come. It is over after the time of its programme, ways back to the
-    middle included: they show what the boat is like as well.
+    Pure but for how far it has come. It begins once the boat is in the circle, and is over after
+    the time of its programme, ways back to the middle included: they show what the boat is like
+    as well.
     """
 
     def __init__(
@@ -124,23 +126,27 @@ class Manoeuvre:
         self.duration_s = sum(leg.duration_s for leg in self._legs)
         self._driven_s = 0.0
         self._before_s: float | None = None
-        self._began_s = 0.0
+        self._began_s: float | None = None
         self._returns = False
+        self._is_fast = False
 
-    def is_over(self, time_s: float) -> bool:
+    @property
+    def is_over(self) -> bool:
         """Whether there is nothing left to drive."""
-        return time_s - self._began_s >= self.duration_s - 1e-9
+        if self._began_s is None or self._before_s is None:
+            return False
+        return self._before_s - self._began_s >= self.duration_s - 1e-9
 
     def thrusts(self, time_s: float, state: Sequence[float]) -> tuple[float, float]:
         """Thrusts [N] from `time_s` on, for a boat in `state` (6,)."""
-        if self._before_s is None:
-            self._began_s = self._before_s = time_s
-        if not self._returns:
+        if not self._returns and self._before_s is not None:
             self._driven_s += time_s - self._before_s
         self._before_s = time_s
-        if self.is_over(time_s):
+        if self.is_over:
             return 0.0, 0.0
         self._returns = self._must_return(state)
+        if self._began_s is None and not self._returns:
+            self._began_s = time_s
         throttles = self._way_back(state) if self._returns else self._leg().throttles
         port, starboard = self._slowed(throttles, state[3])
         return self.vessel.thrust_of(port), self.vessel.thrust_of(starboard)
@@ -184,7 +190,9 @@ class Manoeuvre:
         """Without what pushes on beyond the speed limit, in either direction; turns stay."""
         port, starboard = throttles
         mean = (port + starboard) / 2
-        if abs(surge_mps) > EARLY * self._speed_max_mps and mean * surge_mps > 0:
+        limit = (AGAIN if self._is_fast else EARLY) * self._speed_max_mps
+        self._is_fast = abs(surge_mps) > limit
+        if self._is_fast and mean * surge_mps > 0:
             port, starboard = port - mean, starboard - mean
         return port, starboard
 

@@ -30,6 +30,7 @@ DRAGS = ("x_u", "x_uu", "y_v", "y_vv", "n_r", "n_rr")
 PRIOR_LOG_SD = 1.0
 # A first guess at a lag where the vessel has none [s].
 FIRST_LAG_S = 0.15
+LEAST_TOLD_LAG_S = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +96,23 @@ class Model:
         low = [one.low for one in self.parameters]
         high = [one.high for one in self.parameters]
         return np.clip(theta, low, high)
+
+    def told_apart(self, theta: Array) -> Array:
+        """Coordinates at which lag and latency can be told apart.
+
+        Where there is no lag, a little of it is to first order the same as as much latency.
+        """
+        out = theta.copy()
+        lag, latency = self.names.index("thruster_lag_s"), self.names.index("latency_s")
+        more = max(LEAST_TOLD_LAG_S - float(out[lag]), 0.0)
+        out[lag] += more
+        out[latency] -= more
+        return out
+
+    def before(self, name: str) -> float | None:
+        """What the preset says of a parameter; None where it says nothing."""
+        known = getattr(self.base, name, None)
+        return None if known is None else abs(float(known))
 
     def values(self, theta: Array) -> dict[str, float]:
         """The numbers by name; drags as positive sizes."""
@@ -177,9 +195,7 @@ def _missing_drag(preset: Vessel, name: str) -> Parameter:
     """A drag of which nothing is known but the size of its partner, linear or quadratic."""
     partner = name[:3] if len(name) == 4 else name + name[-1]
     size = -getattr(preset, partner)
-    return Parameter(
-        name=name, unit=_DRAG_UNITS[name], start=0.0, prior_sd=3.0 * size, low=0.0
-    )
+    return Parameter(name=name, unit=_DRAG_UNITS[name], start=0.0, prior_sd=3.0 * size, low=0.0)
 
 
 def _drive(preset: Vessel) -> list[Parameter]:

@@ -1,6 +1,6 @@
 """What a drive would have shown if a boat and a day were such: many candidates at once.
 
-The equations are those of `grebe.core.dynamics`, on arrays (candidates, pieces) in place of numbers.
+The equations are those of `grebe.core.dynamics`, on arrays (candidates, pieces) for numbers.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,14 @@ class Told:
     before: float | None
     is_told: bool
     of_the_day: bool = False
+
+    @property
+    def text(self) -> str:
+        """Value, standard error to two digits, and unit."""
+        digits = max(0, 1 - math.floor(math.log10(self.sd))) if self.sd > 0 else 3
+        # No minus before what rounds to nothing.
+        value = round(self.value, digits) + 0.0
+        return f"{value:.{digits}f} ± {self.sd:.{digits}f} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True, kw_only=True)

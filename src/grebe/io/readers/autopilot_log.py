@@ -212,9 +212,7 @@ def _states(places: Array, headings: Array) -> tuple[Array, Array]:
 
 def _throttles(pulses: Array, parameters: dict[str, float]) -> Array:
     """Throttles (m, 2) of port and starboard from the pulses (m, outputs) [us]."""
-    functions = {
-        int(parameters.get(f"SERVO{i}_FUNCTION", 0)): i for i in range(OUTPUTS, 0, -1)
-    }
+    functions = {int(parameters.get(f"SERVO{i}_FUNCTION", 0)): i for i in range(OUTPUTS, 0, -1)}
     outputs = (functions.get(LEFT, USUAL_OUTPUTS[0]), functions.get(RIGHT, USUAL_OUTPUTS[1]))
     return np.column_stack([_throttle(pulses[:, i - 1], i, parameters) for i in outputs])
 
