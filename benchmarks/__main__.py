@@ -15,6 +15,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from benchmarks.agreement import agreement
 from benchmarks.cores import cores
+from benchmarks.identification import identification
 from benchmarks.mapping import mapping
 from benchmarks.missions import missions
 from benchmarks.planning import lakes, planning
@@ -36,6 +37,7 @@ BENCHMARKS = {
         cores,
         routes,
         mapping,
+        identification,
     )
 }
 

@@ -172,7 +172,8 @@ class Descent:
             own = b.T @ b + np.diag(1.0 / START_SD**2)
             own += damping * np.diag(np.diag(own))
             pull = b.T @ r + (self._smoothed[i] - starts[i]) / START_SD**2
-            back = np.linalg.solve(own, np.column_stack([b.T @ a, pull]))
+            both = np.column_stack([b.T @ a, pull])
+            back: Array = np.linalg.solve(own, both).astype(np.float64)
             ways.append((back[:, -1], back[:, :-1]))
             hessian = hessian + a.T @ a - (a.T @ b) @ back[:, :-1]
             gradient = gradient + a.T @ r - (a.T @ b) @ back[:, -1]

@@ -35,7 +35,7 @@ def predict(
     fastest = max(one.vessel.fastest_rate_hz for one in candidates)
     substeps = max(1, int(np.ceil(GRID_S * fastest)))
     hull = _side_by_side(candidates)
-    weather = np.array([one.weather for one in candidates]).T[:, :, None]
+    weather = list(np.array([one.weather for one in candidates]).T[:, :, None])
     thrusts = _thrusts(log, segments, candidates)
     state = list(np.moveaxis(starts, -1, 0))
     course = np.empty((segments.steps + 1, 6, *starts.shape[:2]))

@@ -64,5 +64,5 @@ class Thrusters:
         keep = math.exp(-step / self.lag_s)
         start = means[:1]
         ends = lfilter([1 - keep], [1, -keep], means, axis=0, zi=keep * start)[0]
-        begins = np.vstack([start, ends[:-1]])
-        return means - self.lag_s / step * (ends - begins)
+        changes = np.diff(np.vstack([start, np.real(ends)]), axis=0)
+        return means - self.lag_s / step * changes
