@@ -1,4 +1,4 @@
-"""Drives of known boats, for tests: the manoeuvre, in a current, with the noise of a good receiver."""
+"""Drives of known boats: the manoeuvre, in a current, with the noise of a good receiver."""
 
 from dataclasses import replace
 
@@ -23,7 +23,9 @@ def boat_unlike(preset, seed, share=0.4, lag_s=0.0):
     )
 
 
-def manoeuvre_of(true, believed, seed=0, *, latency_s=0.0, seconds=180.0, radius_m=40.0, noise=NOISE):
+def manoeuvre_of(
+    true, believed, seed=0, *, latency_s=0.0, seconds=180.0, radius_m=40.0, noise=NOISE
+):
     """The manoeuvre as it is believed to be, driven by the true boat: the log, and the true states
     (n, 6) at its rows.
     """

@@ -132,9 +132,7 @@ def test_glitches_and_a_weak_thruster_and_a_compass_that_is_off_are_told_apart()
 def test_the_mean_thrust_over_a_step_moves_with_the_latency_and_keeps_the_impulse():
     grid = 10.0 + 0.05 * np.arange(401)
     times, throttles = np.array([0.0, 12.0, 15.0]), np.array([[0.0, 0.0], [1.0, 0.5], [-1.0, 0.0]])
-    one = Thrusters(
-        full_ahead_n=10.0, full_astern_n=4.0, exponent=2.0, lag_s=0.4, latency_s=0.03
-    )
+    one = Thrusters(full_ahead_n=10.0, full_astern_n=4.0, exponent=2.0, lag_s=0.4, latency_s=0.03)
     means = one.mean_thrusts(times, throttles, grid)
     assert means[0] == pytest.approx(0.0, abs=1e-9)
     assert means[96] == pytest.approx([10.0, 2.5], rel=0.01)
@@ -149,7 +147,7 @@ def test_the_mean_thrust_over_a_step_moves_with_the_latency_and_keeps_the_impuls
 
 
 def test_prediction_is_the_equations_and_nothing_else():
-    """Held to `core.dynamics`, through a piece with constant thrusts and a compass that is right."""
+    """Held to `core.dynamics`, through a piece with constant thrusts and a true compass."""
     boat = PRESETS["otter"]
     times = np.arange(0.0, 40.0, 0.1)
     log = DriveLog(
@@ -184,23 +182,23 @@ def test_errors_that_last_count_for_fewer():
     assert correlation_factors(lasting, pieces) == pytest.approx(9.0, rel=0.3)
 
 
-GOOD = dict(
-    name="log",
-    times=np.arange(0.0, 60.0, 0.1),
-    states=np.zeros((600, 6)),
-    command_times=np.array([0.0, 10.0]),
-    commands=np.array([[0.0, 0.0], [1.0, 1.0]]),
-    unit="throttle",
-)
+GOOD = {
+    "name": "log",
+    "times": np.arange(0.0, 60.0, 0.1),
+    "states": np.zeros((600, 6)),
+    "command_times": np.array([0.0, 10.0]),
+    "commands": np.array([[0.0, 0.0], [1.0, 1.0]]),
+    "unit": "throttle",
+}
 BAD = {
-    "no commands": dict(command_times=np.empty(0), commands=np.empty((0, 2))),
-    "lasts 5 s": dict(times=np.arange(600) / 120),
-    "the same all the time": dict(commands=np.ones((2, 2))),
-    "no heading": dict(states=np.where(np.arange(6) == 2, np.nan, np.zeros((600, 6)))),
-    "is not a number": dict(commands=np.array([[0.0, np.nan], [1.0, 1.0]])),
-    "not in order": dict(times=np.arange(0.0, 60.0, 0.1)[::-1]),
-    "shares of full": dict(commands=np.array([[0.0, 0.0], [25.0, 25.0]])),
-    "no survey boat makes": dict(states=np.full((600, 6), 50.0)),
+    "no commands": {"command_times": np.empty(0), "commands": np.empty((0, 2))},
+    "lasts 5 s": {"times": np.arange(600) / 120},
+    "the same all the time": {"commands": np.ones((2, 2))},
+    "no heading": {"states": np.where(np.arange(6) == 2, np.nan, np.zeros((600, 6)))},
+    "is not a number": {"commands": np.array([[0.0, np.nan], [1.0, 1.0]])},
+    "not in order": {"times": np.arange(0.0, 60.0, 0.1)[::-1]},
+    "shares of full": {"commands": np.array([[0.0, 0.0], [25.0, 25.0]])},
+    "no survey boat makes": {"states": np.full((600, 6), 50.0)},
 }
 
 

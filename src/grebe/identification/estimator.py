@@ -89,15 +89,22 @@ class Descent:
         # Rows of the log are in order, so those of a piece stand together.
         self._slices = np.searchsorted(some.piece, np.arange(len(some.used) + 1))
 
-    def run(self, theta: Array | None = None, noise: Array | None = None) -> Fit:
-        """Descend from `theta` (the preset's where None), telling the noise on the way."""
-        self._noise = FIRST_NOISE if noise is None else noise
+    def run(self, theta: Array | None = None, like: Fit | None = None) -> Fit:
+        """Descend from `theta` (the preset's where None), telling the noise on the way.
+
+        `like` a fit of much the same model before; where it is of the same pieces as well, its
+        starts are near already.
+        """
+        self._noise = FIRST_NOISE if like is None else like.noise
         theta, starts = self._model.start if theta is None else theta, self._smoothed
-        for i, (share, enough) in enumerate(ROUNDS):
+        rounds = ROUNDS
+        if like is not None and like.starts.shape == starts.shape:
+            starts, rounds = like.starts, ROUNDS[-1:]
+        for i, (share, enough) in enumerate(rounds):
             self._look_at(share)
             point = self._descend(self._point(theta, starts), enough)
             theta, starts = point.theta, point.starts
-            self._noise = self._spread(point.residuals, first=noise is None and i == 0)
+            self._noise = self._spread(point.residuals, first=like is None and i == 0)
         point = self._point(theta, starts)
         return Fit(
             model=self._model,

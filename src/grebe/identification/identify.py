@@ -73,7 +73,7 @@ def identify(log: DriveLog, preset: Vessel, settings: IdentifySettings = DEFAULT
         held = np.arange(len(pieces.used)) == len(pieces.used) - 1
     model = model_of(base)
     blind = _fit(log, pieces.choose(~held), model)
-    fit = Descent(log, pieces, blind.model).run(blind.theta, blind.noise)
+    fit = Descent(log, pieces, blind.model).run(blind.theta, blind)
     if not math.isfinite(fit.cost):
         raise InputError(f"{log.name}: no boat moves as this log says; are the units as they are?")
     spread = covariance(fit, pieces)
@@ -119,7 +119,7 @@ def _fit(log: DriveLog, pieces: Segments, model: Model) -> Fit:
     if len(wide.parameters) == len(model.parameters):
         return first
     start = np.concatenate([first.theta, np.zeros(len(wide.parameters) - len(first.theta))])
-    tried_out = Descent(log, pieces, wide).run(start, first.noise)
+    tried_out = Descent(log, pieces, wide).run(start, first)
     sd = np.sqrt(np.diag(covariance(tried_out, pieces)))
     missing = range(len(first.theta), len(wide.parameters))
     idle = [wide.names[i] for i in missing if tried_out.theta[i] < BELIEVED_SD * sd[i]]
@@ -127,7 +127,7 @@ def _fit(log: DriveLog, pieces: Segments, model: Model) -> Fit:
         return first
     chosen = wide.without(idle)
     keep = [name not in idle for name in wide.names]
-    return Descent(log, pieces, chosen).run(tried_out.theta[keep], tried_out.noise)
+    return Descent(log, pieces, chosen).run(tried_out.theta[keep], tried_out)
 
 
 def _as_believed(preset: Vessel, fit: Fit) -> Candidate:

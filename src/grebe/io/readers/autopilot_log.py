@@ -150,7 +150,7 @@ def _places(fixes: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
 def _with_rates(
     headings: list[tuple[float, ...]], rates: list[tuple[float, float]]
 ) -> list[tuple[float, ...]]:
-    """Headings with the gyroscope's yaw rate, the mean since the heading before."""
+    """Headings with the gyroscope's yaw rate, its mean about each of them."""
     if not headings or len(rates) < 2:
         return headings
     table = np.array(rates)
@@ -159,8 +159,10 @@ def _with_rates(
     )
     at = np.array([row[0] for row in headings])
     half = float(np.median(np.diff(at))) / 2 if len(at) > 1 else 0.05
-    ends = [np.interp(at + side * half, table[:, 0], turned) for side in (1, -1)]
-    means = (ends[0] - ends[1]) / (2 * half)
+    begins = np.clip(at - half, table[0, 0], table[-1, 0])
+    ends = np.clip(at + half, table[0, 0], table[-1, 0])
+    turn = np.interp(ends, table[:, 0], turned) - np.interp(begins, table[:, 0], turned)
+    means = turn / np.where(ends > begins, ends - begins, np.nan)
     return [(row[0], row[1], float(mean)) for row, mean in zip(headings, means, strict=True)]
 
 
