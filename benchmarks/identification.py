@@ -106,9 +106,11 @@ def _table(name: str, runs: list[dict[str, tuple[float, float, float, float]]]) 
         z = math.sqrt(np.mean(((value - truth) / sd) ** 2))
         if np.abs(truth).max() < 0.01:
             off = np.abs(value - truth)
+            unit = " s" if number.endswith("_s") else ""
             print_row(
-                name, number, "-", f"{np.median(off):.3f} s", f"{off.max():.3f} s", f"{z:.2f}"
-            )
+                name, number, "-", f"{np.median(off):.3f}{unit}", f"{off.max():.3f}{unit}",
+                f"{z:.2f}",
+            )  # fmt: skip
             continue
         wrong, off = 100 * np.abs(before / truth - 1), 100 * np.abs(value / truth - 1)
         print_row(
