@@ -6,10 +6,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.made
 
-.PHONY: help demo test check bench docs clean
+.PHONY: help demo test check bench docs arm64 clean
 
 help:  ## what there is to make
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Grebe needs Python 3.11 or newer; name one with PYTHON=...") if sys.version_info < (3, 11) else None'
@@ -36,6 +36,9 @@ bench: $(STAMP)  ## benchmarks: ratios against baselines in the same run
 docs: $(STAMP)  ## the documentation as a site, its examples run: build/docs/index.html
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs build/docs
+
+arm64: $(STAMP)  ## whether the image's packages install on an arm64 boat, asked of the package index
+	$(BIN)/python tools/check_arm64.py
 
 clean:  ## remove what was made
 	rm -rf $(VENV) demo dist build

@@ -14,15 +14,19 @@ from importlib.metadata import version
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from benchmarks.agreement import agreement
+from benchmarks.autopilot import autopilot
 from benchmarks.cores import cores
 from benchmarks.identification import identification
 from benchmarks.mapping import mapping
+from benchmarks.mismatch import mismatch
 from benchmarks.missions import missions
 from benchmarks.planning import lakes, planning
 from benchmarks.robustness import robustness
 from benchmarks.routes import routes
 from benchmarks.sets import sets
+from benchmarks.soak import latency, soak
 from benchmarks.steps import steps
+from benchmarks.survival import survival
 
 BENCHMARKS = {
     f.__name__: f
@@ -38,6 +42,11 @@ BENCHMARKS = {
         routes,
         mapping,
         identification,
+        mismatch,
+        autopilot,
+        soak,
+        latency,
+        survival,
     )
 }
 

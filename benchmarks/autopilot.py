@@ -19,13 +19,13 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS
 from grebe.links.mavlink.link import MavlinkSettings, open_link
-from grebe.links.mavlink.rehearsal import Air, MemoryWire
+from grebe.links.mavlink.rehearsal import CLEAR, Air, MemoryWire
 from grebe.links.mavlink.standin import StandIn
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
-from grebe.simulation.autopilot import Autopilot, AutopilotSettings, Faults, Mode
+from grebe.simulation.autopilot import NO_FAULTS, Autopilot, AutopilotSettings, Faults, Mode
 from grebe.simulation.plant import Plant, mismatched
 
 LAKES = 100
@@ -41,15 +41,15 @@ COMPLETES = "mission_complete"
 class Case:
     """A fault, when it comes [s], and how a mission with it may end besides being complete."""
 
-    air: Air = Air()
-    faults: Faults = Faults()
+    air: Air = CLEAR
+    faults: Faults = NO_FAULTS
     ends: str = ""
 
 
 def case_of(name: str, at_s: float, seed: int) -> Case:
     """The case of a fault's name."""
     return {
-        "none": lambda: Case(),
+        "none": Case,
         "30 % of all messages lost": lambda: Case(air=Air(lost_share=0.3, seed=seed)),
         "0.3 s late each way": lambda: Case(air=Air(delay_s=0.3, seed=seed)),
         "out of order, by up to 0.4 s": lambda: Case(air=Air(jitter_s=0.4, seed=seed)),
@@ -94,7 +94,9 @@ def random_lake(rng: np.random.Generator) -> Region:
 def random_survey(rng: np.random.Generator) -> Survey:
     """A survey of a random lake with a random hull."""
     hull = PRESETS[HULLS[rng.integers(len(HULLS))]]
-    settings = PlanSettings(cell_m=float(rng.uniform(12, 20)), speed_min_mps=0.5, speed_max_mps=1.5)
+    settings = PlanSettings(
+        cell_m=float(rng.uniform(12, 20)), speed_min_mps=0.5, speed_max_mps=1.5, shore_margin_m=2.0
+    )
     return plan_survey(random_lake(rng), hull, settings)
 
 

@@ -35,9 +35,10 @@ if TYPE_CHECKING:
     from grebe.mapping.methods.spde import Spde
     from grebe.mapping.variogram import fit_variogram
     from grebe.mission.departure import Departure
-    from grebe.mission.loop import Mission, MissionSettings
+    from grebe.mission.loop import Mission
     from grebe.mission.recorders import MemoryRecorder
     from grebe.mission.sampling import InSets, InWindow
+    from grebe.mission.settings import MissionSettings
     from grebe.mission.statistics import MissionReport
     from grebe.mission.trial import Conditions, Trial, fly
     from grebe.planning.planner import Planned
@@ -76,7 +77,7 @@ _HOME = {
     "MemoryRecorder": "mission.recorders",
     "Mission": "mission.loop",
     "MissionReport": "mission.statistics",
-    "MissionSettings": "mission.loop",
+    "MissionSettings": "mission.settings",
     "Observation": "links.base",
     "PlanSettings": "core.plan_settings",
     "Planned": "planning.planner",

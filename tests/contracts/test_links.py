@@ -16,11 +16,15 @@ from grebe.core.errors import LinkError
 from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.links.base import IDLE, BoatStatus, Observation, Order
+from grebe.links.nmea.link import NmeaLink
+from grebe.links.nmea.pretend import PretendBoat, PretendWire
+from grebe.links.nmea.settings import NmeaSettings
+from grebe.links.replay import Recording, ReplayLink
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
 from grebe.simulation.plant import Plant
-from grebe.simulation.sonde import Sonde
+from grebe.simulation.sonde import Sonde, UniformSonde
 from grebe.simulation.water import free_water
 
 SURVEY = square_survey()
@@ -101,19 +105,45 @@ def _serve(link, there):
             print(json.dumps(answer), file=file, flush=True)
 
 
+def nmea():
+    boat = PretendBoat(Plant(BOAT, SURVEY.start.at_rest()), SURVEY.frame, UniformSonde())
+    wire = PretendWire(boat)
+    link = NmeaLink(wire, wire, SURVEY.frame, BOAT, NmeaSettings(source="serial:pretend"))
+    link.find()
+    return link
+
+
+def replayed():
+    seconds = np.arange(0.0, 30.0, 0.1)
+    states = np.zeros((len(seconds), 6))
+    states[:, 3], states[:, 0] = 1.0, seconds
+    readings = [(float(second), {"ph": 7.0}) for second in range(30)]
+    return ReplayLink(Recording(name="lake", seconds=seconds, states=states, readings=readings))
+
+
 LINKS = {
     "simulated": simulated,
     "wrapping": lambda: simulated(Wrapping),
     "socket": OverSocket,
     "mavlink, by motion": lambda: linked(standin(SURVEY, **EXACT), survey=SURVEY),
     "mavlink, by sticks": lambda: linked(standin(SURVEY, **EXACT), survey=SURVEY, drive="sticks"),
+    "nmea": nmea,
 }
 # Boats that follow thrusts without a lag of their own: on them a mission is the same.
 BARE = ("simulated", "wrapping", "socket")
+# A recording goes its own way, whatever it is told.
+ALL = LINKS | {"replay": replayed}
+
+
+@pytest.fixture(params=ALL)
+def link(request):
+    opened = ALL[request.param]()
+    yield opened
+    opened.close()
 
 
 @pytest.fixture(params=LINKS)
-def link(request):
+def steered(request):
     opened = LINKS[request.param]()
     yield opened
     opened.close()
@@ -125,23 +155,23 @@ def test_time_goes_on_and_states_are_six_numbers(link):
     assert np.all(np.diff([one.time_s for one in seen]) > 0)
 
 
-def test_thrust_ahead_moves_the_boat_ahead_and_port_thrust_turns_it_to_starboard(link):
-    before = link.observe().state
-    link.command(order(0.8 * BOAT.thrust_max_n, 0.4 * BOAT.thrust_max_n, before))
-    after = [link.observe() for _ in range(20)][-1].state
+def test_thrust_ahead_moves_the_boat_ahead_and_port_thrust_turns_it_to_starboard(steered):
+    before = steered.observe().state
+    steered.command(order(0.8 * BOAT.thrust_max_n, 0.4 * BOAT.thrust_max_n, before))
+    after = [steered.observe() for _ in range(20)][-1].state
     ahead = np.dot(np.subtract(after[:2], before[:2]), (math.cos(before[2]), math.sin(before[2])))
     assert ahead > 0
     assert after[3] > 0
     assert after[5] > 0
 
 
-def test_thrusts_hold_until_the_next_command_and_stop_takes_them_away(link):
-    link.observe()
-    link.command(order(BOAT.thrust_max_n, BOAT.thrust_max_n))
-    speeds = [link.observe().state[3] for _ in range(30)]
+def test_thrusts_hold_until_the_next_command_and_stop_takes_them_away(steered):
+    steered.observe()
+    steered.command(order(BOAT.thrust_max_n, BOAT.thrust_max_n))
+    speeds = [steered.observe().state[3] for _ in range(30)]
     assert np.all(np.diff(speeds) > 0)
-    link.stop()
-    later = [link.observe().state[3] for _ in range(100)]
+    steered.stop()
+    later = [steered.observe().state[3] for _ in range(100)]
     assert later[-1] < 0.2 * speeds[-1]
 
 
@@ -177,3 +207,13 @@ def test_every_link_gives_the_same_mission_whatever_turn_its_compass_is_in():
         tracks.append((report.duration_s, report.path_m, report.steps))
     assert tracks[0] == tracks[1]
     assert tracks[2] == pytest.approx(tracks[0], rel=1e-3)
+
+
+def test_a_link_that_estimates_gives_nearly_the_same_mission():
+    exact, estimated = (
+        Mission(SURVEY, Controller(BOAT, SURVEY.sets), make(), MemoryRecorder()).run()
+        for make in (simulated, nmea)
+    )
+    assert estimated.complete
+    assert estimated.duration_s == pytest.approx(exact.duration_s, rel=0.05)
+    assert estimated.path_m == pytest.approx(exact.path_m, rel=0.05)

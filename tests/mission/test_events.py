@@ -25,9 +25,10 @@ from grebe.core.events import (
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus
 from grebe.links.simulated import SimulatedLink
-from grebe.mission.loop import Mission, MissionSettings
+from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder, SurveyRecorder
 from grebe.mission.sampling import InSets, InWindow
+from grebe.mission.settings import MissionSettings
 from grebe.mission.trial import Conditions, fly, meander
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde

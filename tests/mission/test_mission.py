@@ -165,12 +165,13 @@ def test_force_forgets_nothing_before_the_new_mission_can_start(tmp_path):
 
 
 def test_an_unreachable_target_ends_the_mission_as_incomplete(tmp_path):
-    """A current faster than the boat: it is carried off, and the mission gives up."""
+    """A current faster than the boat: it is carried off, and the mission ends soon, and says so."""
     world = SimulatedWorld(weather=Weather(current_north_mps=-4.0))
     with new_file(tmp_path) as file:
         report = simulate(file, Lookahead(), world)
         assert not report.complete
-        assert file.events()[-1].code == "target_not_reached"
+        assert file.events()[-1].code == "current_beyond_reach"
+        assert report.duration_s < 120.0
 
 
 def test_a_survey_without_targets_cannot_be_flown(tmp_path):

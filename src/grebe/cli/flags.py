@@ -6,6 +6,8 @@ from grebe.core.errors import GrebeError
 
 FLAGS = {
     "bollard_n": "--bollard",
+    "battery_reserve": "--battery-reserve",
+    "battery_wh": "--battery-wh",
     "cell_m": "--cell",
     "coast_tolerance_m": "--coast-tolerance",
     "columns": "--column",
@@ -15,16 +17,21 @@ FLAGS = {
     "force": "--force",
     "header_from": "--header-from",
     "method": "--method",
+    "home": "--home",
+    "max_minutes": "--max-minutes",
     "minutes": "--minutes",
     "pattern": "--pattern",
     "piece_s": "--piece",
     "quantities": "--quantities",
     "radius_m": "--radius",
+    "rate_hz": "--rate",
     "resume": "--resume",
+    "servos": "--servos",
     "shape": "--shape",
     "shore_margin_m": "--shore-margin",
     "speed": "--speed",
     "speed_max_mps": "--speed-limit",
+    "until": "--until",
 }
 
 

@@ -4,6 +4,9 @@ Python hears a signal between two of its own instructions, and a compiled kernel
 minutes. So a second thread hears of the signal too. It leaves the command the time to end in good
 order, and then ends the process. No record is hurt by that: a survey file's journal is made for
 sudden death, and of files that are being written only the unfinished parts are removed.
+
+A boat does not wait for any of that: its thrust is taken away as soon as the signal is heard, by
+the second thread, also while a step is solved or an estimate is waited for.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ import socket
 import threading
 import time
 from types import FrameType
+from typing import Protocol
 
 from grebe.cli import output
 from grebe.core.errors import StoppedError
@@ -24,6 +28,28 @@ GRACE_S = 0.8
 INTERRUPTED = "interrupted; what was recorded is kept."
 STOPPED = "stopped by the operator; what was recorded is kept."
 ENDS = {signal.SIGINT: (INTERRUPTED, 130), signal.SIGTERM: (STOPPED, StoppedError.exit_code)}
+
+
+class Stops(Protocol):
+    """A mission, as far as signals are concerned."""
+
+    def stop(self, why: str) -> None:
+        """Take the thrust away at once."""
+        ...
+
+    def come_home(self, why: str) -> None:
+        """Ask for the way home."""
+        ...
+
+
+_MISSIONS: list[Stops] = []
+
+
+def heed_mission(mission: Stops) -> None:
+    """Let the signals that end the process stop this mission at once, and SIGUSR1 call it home."""
+    _MISSIONS[:] = [mission]
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGUSR1, lambda *_: mission.come_home("called home by SIGUSR1"))
 
 
 def heed_signals() -> None:
@@ -37,6 +63,11 @@ def heed_signals() -> None:
     watcher.start()
 
 
+def ignore_hangup() -> None:
+    """Go on where the terminal closes: a boat is under way. Ctrl-C and SIGTERM end it still."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
 def _stop(signum: int, frame: FrameType | None) -> None:
     raise StoppedError(STOPPED)
 
@@ -47,7 +78,10 @@ def _watch(heard: socket.socket, told: socket.socket) -> None:
     while told.fileno() >= 0 and number not in ENDS:
         number = heard.recv(1)[0]
     sentence, code = ENDS[signal.Signals(number)]
+    for mission in _MISSIONS:
+        mission.stop(sentence)
     time.sleep(GRACE_S)
     forget_parts()
     output.fail(sentence)
+    output.last_words()
     os._exit(code)

@@ -20,6 +20,7 @@ COMMANDS = {
     "identify": "know a boat from a drive: masses, drags, thrusters, with standard errors",
     "doctor": "check the computer, the survey and the boat before they go out",
     "autopilot": "stand in for a boat's autopilot, to rehearse without a boat",
+    "physics": "be the water and the hull under ArduPilot's real firmware",
     "check": "flag suspect and failed samples by QARTOD's tests",
     "lag": "estimate the sensors' lag where one line was run twice",
     "map": "draw the maps of what was measured",

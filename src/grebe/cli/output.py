@@ -11,43 +11,14 @@ from typing import TYPE_CHECKING, Any, Self, TextIO, cast
 
 import click
 
+from grebe.cli.unwatched import LAST_WORDS_S, Unwatched
+
 if TYPE_CHECKING:
     from grebe.mission.statistics import Progress as MissionProgress
 
 TIP = "Next: "
 # Where there is no terminal for a bar, so much time passes between two lines at most [s].
 LONGEST_SILENCE_S = 30.0
-
-
-class Unwatched:
-    """A text stream that nobody may be watching: after its first failure it is silent.
-
-    A mission must not end because a terminal has closed or the disk of a log is full.
-    """
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._failed = False
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-    def write(self, text: str) -> int:
-        """Write, unless that has failed before."""
-        self._attempt(lambda: self._stream.write(text))
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush, unless that has failed before."""
-        self._attempt(self._stream.flush)
-
-    def _attempt(self, action: Callable[[], object]) -> None:
-        if self._failed:
-            return
-        try:
-            action()
-        except OSError:
-            self._failed = True
 
 
 def make_streams_safe() -> None:
@@ -73,6 +44,12 @@ def give_up_stdout() -> None:
         sys.stdout.flush()
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def last_words() -> None:
+    """Let what was said come out before the process is ended by force."""
+    if isinstance(sys.stderr, Unwatched):
+        sys.stderr.drain(LAST_WORDS_S)
 
 
 def note(text: str) -> None:

@@ -11,6 +11,8 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
+from grebe.cli.interruption import heed_mission, ignore_hangup
+from grebe.cli.safety_options import ONCE, safety_of, safety_options
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
@@ -19,10 +21,12 @@ from grebe.core.events import EndReason
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
-from grebe.mission.loop import MissionSettings
+from grebe.mission.departure import prepare
 from grebe.mission.sampling import InSets, InWindow
-from grebe.mission.statistics import MissionReport, ProgressMeter
+from grebe.mission.settings import MissionSettings
+from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.preview import preview_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -55,7 +59,8 @@ def _weight_options(command: Any) -> Any:
     default="sim:",
     show_default=True,
     help="Which boat: sim: is the simulated one, mavlink:udp:HOST:PORT (or tcp:, serial:) one "
-    "with an autopilot, python:FILE.py one of your own.",
+    "with an autopilot, nmea:udp:HOST:PORT?out=udp:HOST:PORT (or nmea:serial:DEVICE@BAUD) one that "
+    "speaks NMEA, replay:FILE[?speed=10|max] a recorded one, python:FILE.py one of your own.",
 )
 @click.option(
     "--rule",
@@ -135,9 +140,11 @@ def _weight_options(command: Any) -> Any:
     help="Keep readings within target sets alone, as in the paper.  "
     "[default: every second within the speed window]",
 )
+@safety_options
 @options.quantities_option
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
+@click.option("--preview", is_flag=True, help="Say what would be done, and do nothing.")
 @options.force_option
 @options.json_option
 @click.pass_context
@@ -149,53 +156,76 @@ def command(
     yes: bool,
     quantities_file: Path | None,
     resume: bool,
+    preview: bool,
     force: bool,
     as_json: bool,
     **run: Any,
 ) -> None:
     """Steer the boat through every target set of FILE and record what it measures.
 
-    With --resume, what is not said again is as it was in the run that is gone on with.
+    With --resume, what is not said again is as it was in the run that is gone on with. A
+    terminal that closes does not end the mission; Ctrl-C and SIGTERM do.
     """
-    if resume and force:
-        raise UsageError("--resume goes on and --force begins anew; give one of them.")
+    if (resume or run["returns"]) and force:
+        raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
+    now = datetime.now(UTC)
     boat_named(url)
+    safety_of(run, now)
+    goes_on = resume or run["returns"]
+    if preview:
+        _show_preview(file, resume=goes_on, force=force, as_json=as_json)
+        return
+    ignore_hangup()
     output.compile_once()
     with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
         own = user_quantities(quantities_file, file)
         if own:
             survey_file.claim()
             survey_file.declare(own)
-        if resume:
+        if goes_on:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
         rule, solver, world = _settings(run)
-        before = survey_file.progress().reached if resume else 0
-        survey_file.set_meta("run", json.dumps(run, default=str))
+        before = survey_file.progress().reached if goes_on else 0
+        kept = {name: value for name, value in run.items() if name not in ONCE}
+        survey_file.set_meta("run", json.dumps(kept, default=str))
         report = run_survey(
             survey_file,
             boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=yes))),
             steered_by(rule, solver),
-            datetime.now(UTC),
-            MissionSettings(sampling=InSets() if in_sets_only else InWindow()),
-            resume=resume,
+            now,
+            MissionSettings(
+                sampling=InSets() if in_sets_only else InWindow(), safety=safety_of(run, now)
+            ),
+            resume=goes_on,
             force=force,
-            listeners=[ProgressMeter(bar.update)],
+            listeners=[ProgressMeter(bar.update), Alarm(output.note)],
+            on_ready=heed_mission,
         )
+        file = survey_file.path
         check_samples(survey_file)
-        moved = len(survey_file.track()) > 0 and report.reached > before
+        moved = survey_file.count("track") > 0 and report.reached > before
     output.result(report.numbers(), as_json=as_json, next_command=f"grebe map {file} --out maps")
-    if not report.complete:
+    came_home = run["returns"] and report.ended is EndReason.CAME_HOME
+    if not report.complete and not came_home:
         _explain(report, file, moved=moved)
+
+
+def _show_preview(file: Path, *, resume: bool, force: bool, as_json: bool) -> None:
+    with SurveyFile.open(file) as survey_file:
+        departure = prepare(survey_file, datetime.now(UTC), resume=resume, force=force)
+    again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
+    go = f"grebe run {file}{again}"
+    output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
 
 
 def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:
     """Leave with the reason why targets are left."""
     advice = f"go on with: grebe run {file} --resume"
-    if report.ended is EndReason.LINK_LOST:
+    if report.ended in (EndReason.LINK_LOST, EndReason.BLIND):
         raise LinkError(f"{report.message}; {advice}")
     if report.ended is EndReason.STOPPED:
         raise StoppedError(f"{report.message}; {advice}")
-    if not moved:
+    if not moved and report.ended is EndReason.TARGET_GIVEN_UP:
         advice = "going on reaches no more: plan anew with a larger --shore-margin or --cell"
     missed = report.targets - report.reached
     raise IncompleteError(

@@ -157,7 +157,8 @@ class Controller:
             corridor_rows=max(map(len, self._corridors), default=0),
             substeps=model_substeps(vessel, self.rule.longest_stage_s),
         )
-        self._solver = (solver or Fast()).build(vessel, self.shape)
+        self._builder = solver or Fast()
+        self._solver = self._builder.build(vessel, self.shape)
         self._second_builder = second_solver or Ipopt()
         self._second: Solver | None = None
         self._plan: Plan | None = None
@@ -168,6 +169,14 @@ class Controller:
     def step_s(self) -> float:
         """Time between two steps [s]."""
         return self.rule.step_s
+
+    def take_for(self, vessel: Vessel) -> None:
+        """Plan for another boat from now on: the boat is not what it was said to be."""
+        self.vessel = vessel
+        substeps = model_substeps(vessel, self.rule.longest_stage_s)
+        self.shape = replace(self.shape, substeps=substeps)
+        self._solver = self._builder.build(vessel, self.shape)
+        self._second = None
 
     @property
     def done(self) -> bool:

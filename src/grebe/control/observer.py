@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.control.solvers.fast.model import advance, parameter_vector
-from grebe.core.dynamics import Weather
+from grebe.core.dynamics import CALM, Weather
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -33,14 +33,17 @@ LARGEST_CURRENT_MPS = 1.5
 
 
 class Observer:
-    """Estimates the weather from successive state estimates and the thrusts between them."""
+    """Estimates the weather from successive state estimates and the thrusts between them.
 
-    def __init__(self, vessel: Vessel) -> None:
+    `first` is the weather that it begins with.
+    """
+
+    def __init__(self, vessel: Vessel, first: Weather = CALM) -> None:
         self._vessel = vessel
         force = 2 * vessel.thrust_max_n
         sd = np.array([CURRENT_SD, CURRENT_SD, WIND_SHARE_SD * force, WIND_SHARE_SD * force])
         drift = np.array([CURRENT_DRIFT] * 2 + [WIND_SHARE_DRIFT * force] * 2)
-        self._estimate = np.zeros(4)
+        self._estimate = np.array(first.as_tuple())
         self._covariance = np.diag(sd**2)
         self._drift = np.diag(drift**2)
         self._probe = 0.05 * sd

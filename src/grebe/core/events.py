@@ -31,6 +31,14 @@ class EndReason(enum.Enum):
     OUT_OF_TIME = "out_of_time"
     STOPPED = "stopped_by_operator"
     LINK_LOST = "link_lost"
+    CAME_HOME = "came_home"
+    HOME_NOT_REACHED = "home_not_reached"
+    FENCE_NOT_KEPT = "fence_not_kept"
+    BLIND = "blind"
+    STUCK = "stuck"
+    GROUNDED = "grounded"
+    THRUSTER_DEAD = "thruster_dead"
+    CURRENT_TOO_STRONG = "current_beyond_reach"
     FAILED = "mission_failed"
 
 
@@ -111,6 +119,18 @@ class Warned(MissionEvent):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SafetyChanged(MissionEvent):
+    """The boat does something else from here on, for its safety: the states before and after in
+    their words, the code of the cause, and a sentence.
+    """
+
+    before: str
+    after: str
+    code: str
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Ended(MissionEvent):
     """The mission is over, and why."""
 
@@ -136,6 +156,10 @@ def log_entry(event: MissionEvent) -> LogEntry | None:
             return _entry(event, "info", "mission_started", f"{event.targets} targets{again}")
         case Warned():
             return _entry(event, "warning", event.code, event.message)
+        case SafetyChanged():
+            text = f"{event.before} -> {event.after}: {event.message}"
+            level = "info" if event.after == "surveying" else "warning"
+            return _entry(event, level, event.code, text)
         case Step(solved=False):
             return _entry(event, "warning", "step_unsolved", event.status)
         case Ended():

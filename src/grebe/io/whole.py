@@ -6,11 +6,15 @@ A full disk, a crash or an interruption thus leaves the older file as it was.
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from grebe.core.errors import InputError
+
+# Less room than this [bytes] explains any failure to write.
+NEXT_TO_NOTHING = 1_000_000
 
 _under_way: set[Path] = set()
 
@@ -32,7 +36,8 @@ def written_whole(
         _onto_disk(part)
         os.replace(part, path)
     except (OSError, *failures) as failure:
-        raise error(f"{path} cannot be written: {_reason(failure)}.") from None
+        full = "the disk is full; " if _is_full(path) and not isinstance(failure, OSError) else ""
+        raise error(f"{path} cannot be written: {full}{_reason(failure)}.") from None
     finally:
         _forget(part)
         _under_way.discard(part)
@@ -59,6 +64,14 @@ def _onto_disk(part: Path) -> None:
 def _reason(error: Exception) -> str:
     strerror = getattr(error, "strerror", None)
     return strerror or " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+
+
+def _is_full(path: Path) -> bool:
+    """Whether there is next to no room where a file was to be: libraries do not always say so."""
+    try:
+        return shutil.disk_usage(path.parent).free < NEXT_TO_NOTHING
+    except OSError:
+        return False
 
 
 def _forget(part: Path) -> None:

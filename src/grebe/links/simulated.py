@@ -12,10 +12,12 @@ import numpy as np
 from grebe.core.errors import LinkError, UsageError
 from grebe.core.events import State
 from grebe.links.base import BoatStatus, Observation, Order
+from grebe.simulation.faults import NO_FAULTS, Faults
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater
 
 OBSERVATION_PERIOD_S = 0.1
+NO_NUMBERS: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,7 @@ EXACT = EstimateErrors()
 class SimulatedLink:
     """Observes a plant every `OBSERVATION_PERIOD_S` and reads a sonde.
 
+    The link says and shows what `faults` make of the battery, the depth and the estimates.
     Estimates have independent normal errors, and some are lost: the next one then comes a
     period later, while the thrusts hold.
     """
@@ -63,6 +66,7 @@ class SimulatedLink:
         errors: EstimateErrors = EXACT,
         seed: int = 0,
         source: str = "simulated",
+        faults: Faults = NO_FAULTS,
     ) -> None:
         self.source = source
         self._plant = plant
@@ -70,6 +74,7 @@ class SimulatedLink:
         self._errors = errors
         self._random = np.random.default_rng(seed)
         self._past = deque[State](maxlen=1 + round(errors.late_s / OBSERVATION_PERIOD_S))
+        self._faults = faults
         self._started = False
         self._closed = False
 
@@ -82,7 +87,8 @@ class SimulatedLink:
             while self._random.uniform() < self._errors.lost_share:
                 self._plant.advance(OBSERVATION_PERIOD_S)
         self._started = True
-        self._past.append(self._estimate())
+        blind = self._faults.is_blind(self._plant.time_s)
+        self._past.append(NO_NUMBERS if blind else self._estimate())
         age_s = self._errors.late_s if self._errors.says_age else 0.0
         return Observation(time_s=self._plant.time_s, state=self._past[0], age_s=age_s)
 
@@ -104,11 +110,18 @@ class SimulatedLink:
 
     def measure(self) -> Mapping[str, float]:
         """Return what the sonde reads here and now."""
-        return self._sonde.read(self._plant.state[0], self._plant.state[1])
+        north, east = self._plant.state[0], self._plant.state[1]
+        reading, depth = self._sonde.read(north, east), self._faults.depth_at(north, east)
+        return reading if depth is None else {**reading, "water_depth_m": depth}
 
     def status(self) -> BoatStatus:
         """Return what a simulated boat can say: it is armed until it is closed."""
-        return BoatStatus(mode="simulated", armed=not self._closed, fix="simulated")
+        return BoatStatus(
+            mode="simulated",
+            armed=not self._closed,
+            battery_share=self._faults.share_left(self._plant.time_s),
+            fix="simulated",
+        )
 
     def stop(self) -> None:
         """Take all thrust away."""

@@ -1,9 +1,14 @@
-"""From where a mission sets out: at the plan's start, or where a recorded one was cut off."""
+"""From where a mission sets out: at the plan's start, or where a recorded one was cut off.
+
+Times are those of the clock when a mission sets out, and from there on the link's own, so that no
+step of the clock disturbs them. Only here can a wrong clock be met: it is said, and the times
+of one file never run back.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 
 from grebe.core.errors import PlanError, SurveyFileError
 from grebe.core.events import State
@@ -11,9 +16,23 @@ from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
+from grebe.io.store.tables import TrackEnd
+from grebe.io.store.timestamps import parse_time
 
-# A mission that goes on begins this long after the last row of the track, at the earliest.
+# A mission that goes on begins this long after all that is recorded, at the earliest.
 AFTER_S = 0.1
+# A clock that differs by more from what the file says may be wrong. A recorded mission may end
+# some hours ahead of the clock: simulated time passes as fast as it is computed.
+DOUBTFUL = timedelta(days=30)
+AHEAD = timedelta(days=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """Something about a departure that the operator should know; `code` as in the log."""
+
+    code: str
+    message: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +41,7 @@ class Departure:
 
     `state` (6,) where the boat is expected, `reached` the number of targets reached before,
     `started` the UTC time of its first estimate, `clears` whether a recorded mission is to be
-    forgotten; `quantities` those that the survey file declares.
+    forgotten; `quantities` those that the survey file declares; `doubts` what is to be said.
     """
 
     survey: Survey
@@ -32,6 +51,7 @@ class Departure:
     started: datetime
     clears: bool
     quantities: Quantities = LIMNOLOGICAL
+    doubts: tuple[Doubt, ...] = ()
 
 
 def prepare(
@@ -47,25 +67,66 @@ def prepare(
     if survey.vessel is None or survey.start is None or not survey.targets:
         raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
     reached = survey_file.progress().reached
-    track = survey_file.track()
-    if len(track) and not (resume or force):
+    ends = survey_file.track_ends()
+    if ends and not (resume or force):
         raise SurveyFileError(
             f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
             "targets reached); resume it, or begin anew by force.",
             settings=("resume", "force"),
         )
     state, started = survey.start.at_rest(), now
-    if len(track) and resume:
-        north, east, heading, surge, sway, yaw_rate = track.states[-1].tolist()
-        state = (north, east, heading, surge, sway, yaw_rate)
+    if ends and resume:
+        state = ends[1].state
         # Simulated time runs ahead of the clock: the new part must not begin before the old ends.
-        started = max(now, track.times[-1] + timedelta(seconds=AFTER_S))
+        # Its last sample may be younger than the last row of its track.
+        over = survey_file.last_time() or ends[1].time
+        started = max(now, over + timedelta(seconds=AFTER_S))
     return Departure(
         survey=survey,
         vessel=survey.vessel,
         state=state,
         reached=reached if resume else 0,
         started=started,
-        clears=len(track) > 0 and not resume,
+        clears=ends is not None and not resume,
         quantities=survey_file.quantities,
+        doubts=_doubts(survey_file, now, ends if resume else None),
     )
+
+
+def _doubts(
+    survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, TrackEnd] | None
+) -> tuple[Doubt, ...]:
+    """What does not fit: the clock to the file, or the file to its journal."""
+    said = [_clock_doubt(now, survey_file.meta().get("created", ""), ends)]
+    if ends and survey_file.journal_missing:
+        said.append(
+            Doubt(
+                code="journal_missing",
+                message=f"{survey_file.path} was not closed by the mission that wrote it, and its "
+                f"journal {survey_file.path.name}-wal is not beside it; where the file was copied, "
+                f"copy that too, or what is in it after {_said(ends[1].time)} may be missing",
+            )
+        )
+    return tuple(doubt for doubt in said if doubt)
+
+
+def _clock_doubt(
+    now: datetime, created: str, ends: tuple[TrackEnd, TrackEnd] | None
+) -> Doubt | None:
+    """Whether the clock can be right, by what the file holds."""
+    clock = f"this computer's clock says {_said(now)}"
+    if ends and (now < ends[0].time or ends[1].time - now > AHEAD):
+        text = f"{clock}, before the recorded mission ended ({_said(ends[1].time)}); times go on "
+        return Doubt(code="clock_doubtful", message=text + "from there; set the clock")
+    if ends and now - ends[1].time > DOUBTFUL:
+        days = (now - ends[1].time).days
+        text = f"{clock}, {days} days after the recorded mission ended; if that is not so, set it"
+        return Doubt(code="clock_doubtful", message=text)
+    if not ends and created and now < parse_time(created):
+        text = f"{clock}, before this plan was made ({created}); set the clock"
+        return Doubt(code="clock_doubtful", message=text)
+    return None
+
+
+def _said(time: datetime) -> str:
+    return time.astimezone(UTC).strftime("%Y-%m-%d %H:%M:%S UTC")

@@ -3,7 +3,8 @@
 One loop joins whoever steers, a boat and a recorder; Grebe's controller, the peers it is
 compared with and every front end go through it. Every state estimate is tested for entry
 (Definition 5) and for a sample; every control step asks for thrusts. What is measured is kept
-by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed.
+by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed; it is
+kept once the boat has been told what to do, and a disk that is slow is not waited for.
 """
 
 from __future__ import annotations
@@ -11,17 +12,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import shapely
 
 from grebe.control.controller import Command
-from grebe.control.observer import Observer
 from grebe.control.rules.base import reached_count
-from grebe.core.dynamics import CALM, Weather
+from grebe.control.tracker import Tracker
+from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, StoppedError
 from grebe.core.events import (
     Ended,
@@ -30,6 +30,7 @@ from grebe.core.events import (
     MissionEvent,
     Prediction,
     Reached,
+    SafetyChanged,
     SampleTaken,
     Started,
     State,
@@ -38,70 +39,37 @@ from grebe.core.events import (
 )
 from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
-from grebe.core.samples import Sample, gross_range_flag
-from grebe.core.survey import Survey, Target
-from grebe.core.vessel import Vessel
-from grebe.links.base import IDLE, BoatLink, Observation, Order
-from grebe.mission.recorders import Broadcast, Listener, Recorder
-from grebe.mission.sampling import EVERY_SECOND, Sampling
+from grebe.core.survey import Survey
+from grebe.links.base import BoatLink, Observation, Order
+from grebe.mission.broadcast import Broadcast
+from grebe.mission.gate import Gate, OverError
+from grebe.mission.guard import Guard, Pilot
+from grebe.mission.headings import unwrapped
+from grebe.mission.helm import AdaptableHelm, Helm
+from grebe.mission.patience import patience_s
+from grebe.mission.recorders import Listener, Recorder
+from grebe.mission.safety.fence import Schedule
+from grebe.mission.safety.machine import Request
+from grebe.mission.safety.states import SafetyState
+from grebe.mission.sampler import Sampler
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport, Statistics
 
-# A target that is not reached within this time, or ten times the straight way at the lowest
-# speed of its window, ends the mission as incomplete.
-SHORTEST_PATIENCE_S = 180.0
-PATIENCE_FACTOR = 10.0
-SLOWEST_MPS = 0.2
 # Where a mission is that never had an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # Time without a usable estimate after which the thrusters are stopped.
 BLIND_S = 1.5
+# The quantity that says how much water is below the boat.
+DEPTH = "water_depth_m"
 # A mission that nobody dates begins here: simulated time needs no calendar.
 SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
-
-
-class Helm(Protocol):
-    """Whoever steers: Grebe's `Controller`, or a peer.
-
-    The mission sets `reached` (Definition 5) before it asks; `step` is asked every `step_s`.
-    """
-
-    reached: int
-
-    @property
-    def vessel(self) -> Vessel:
-        """The boat as it is believed to be."""
-        ...
-
-    @property
-    def step_s(self) -> float:
-        """Time between two steps [s]."""
-        ...
-
-    def step(self, state: State, weather: Weather, elapsed_s: float | None) -> Command:
-        """Return what to do from `state` in `weather`, so long after the last step."""
-        ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class MissionSettings:
-    """`sampling`: which readings are kept. `limit_s`: the boat's time after which the mission
-    ends whatever is left. `observes`: whether current and wind are estimated on the way.
-    """
-
-    sampling: Sampling = EVERY_SECOND
-    limit_s: float = math.inf
-    observes: bool = True
-
-
-class _StopRequestedError(Exception):
-    """Somebody wants the mission to end while no estimate can be used."""
 
 
 class Mission:
     """Runs one survey with one boat; `run` returns when it is over, and says why.
 
     `reached` targets count as reached before it begins; `started` is the UTC time of the link's
-    second zero; `stopwatch` times the steps [s].
+    second zero; `stopwatch` times the steps [s]; `pilot` makes who steers a way home.
     """
 
     def __init__(
@@ -117,31 +85,46 @@ class Mission:
         started: datetime = SOME_DAY,
         reached: int = 0,
         stopwatch: Callable[[], float] = time.perf_counter,
+        pilot: Pilot | None = None,
     ) -> None:
         self._targets = survey.targets
         self._sets = survey.sets
         self._controller = controller
         self._link = link
         self._settings = settings or MissionSettings()
-        self._quantities = quantities
         self._started = started
         self._stopwatch = stopwatch
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
         self._ears = Broadcast(recorder, [self._statistics, *listeners])
-        self._tree = shapely.STRtree([target.set.polygon for target in self._targets])
-        self._observer = Observer(controller.vessel) if self._settings.observes else None
+        self._sampler = Sampler(self._targets, link, self._settings.sampling, quantities)
+        observes, adapts = self._settings.observes, isinstance(controller, AdaptableHelm)
+        self._tracker = Tracker(controller.vessel, observes=observes, corrects=observes and adapts)
         self._reached = controller.reached = reached
-        self._stop_request = ""
+        self._gate = Gate(link)
+        safety = self._settings.safety
+        self._guard = Guard(survey, controller.vessel, safety, self._tell_change, started, pilot)
         self._next_step_s = 0.0
-        self._next_sample_s = 0.0
         self._deadline_s = math.inf
+        self._raw: Observation | None = None
         self._before: Observation | None = None
         self._command: tuple[float, Command] | None = None
         self._thrusts = (0.0, 0.0)
 
     def stop(self, why: str) -> None:
-        """Ask the mission to end; it does before the next estimate. Safe from any thread."""
-        self._stop_request = why
+        """Take the boat's thrust away at once and end the mission. Safe from any thread."""
+        self._gate.shut(why)
+
+    def come_home(self, why: str) -> None:
+        """Ask for the way home; the mission ends there. Safe from any thread."""
+        self._guard.ask(Request.HOME, why)
+
+    def hold_station(self, why: str) -> None:
+        """Ask the boat to hold the place where it is, until `go_on`. Safe from any thread."""
+        self._guard.ask(Request.HOLD, why)
+
+    def go_on(self, why: str) -> None:
+        """Ask a boat that holds its place to go on with what it did. Safe from any thread."""
+        self._guard.ask(Request.GO_ON, why)
 
     def run(self) -> MissionReport:
         """Steer until every target is reached, or one cannot be, or somebody stops it; the boat
@@ -150,10 +133,10 @@ class Mission:
         An error that is nobody's decision is told to the recorder and raised again.
         """
         try:
-            if not self._done:
+            if not self._done or self._settings.safety.comes_home:
                 self._tell_end(*self._loop())
-        except _StopRequestedError as error:
-            self._tell_end(EndReason.STOPPED, str(error))
+        except OverError as over:
+            self._tell_end(over.reason, str(over))
         except LinkError as error:
             self._tell_end(EndReason.LINK_LOST, str(error))
         except (StoppedError, KeyboardInterrupt) as error:
@@ -171,28 +154,39 @@ class Mission:
         return self._reached == len(self._targets)
 
     def _loop(self) -> tuple[EndReason, str]:
-        observation = self._before = self._observe()
+        observation = self._advance()
         self._give_patience(observation)
         self._tell(Started, observation, targets=len(self._targets), reached=self._reached)
         while True:
             self._tell(Estimate, observation, state=observation.state, weather=self._weather)
             self._visit(observation)
+            self._watch(observation)
             end = self._end_reached(observation)
             if end is not None:
                 return end
-            if observation.time_s >= self._next_step_s - 1e-9:
-                self._steer(observation)
-            else:
-                self._follow_plan(observation)
+            self._act(observation)
+            self._ears.release()
             observation = self._advance()
+
+    def _watch(self, observation: Observation) -> None:
+        """Let the guard judge the estimate; what goes on after a change begins with a new step."""
+        before = self._guard.state
+        status, ahead = self._link.status(), self._ahead(observation)
+        self._guard.look(observation, self._weather, self._thrusts, self._reached, status, ahead)
+        if self._guard.state is not before:
+            self._next_step_s = observation.time_s
+            self._give_patience(observation)
 
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
         """Why the mission ends at this estimate; None where it goes on."""
-        if self._done:
+        surveys = self._guard.state is SafetyState.SURVEYING
+        if self._done and surveys:
             return EndReason.COMPLETE, "every target is reached"
         if request := self._requested_stop():
             return EndReason.STOPPED, request
-        if observation.time_s > self._deadline_s:
+        if self._guard.end is not None:
+            return self._guard.end
+        if surveys and observation.time_s > self._deadline_s:
             seq = self._targets[self._reached].seq
             return (
                 EndReason.TARGET_GIVEN_UP,
@@ -205,86 +199,105 @@ class Mission:
 
     def _requested_stop(self) -> str:
         """Who wants the mission to end, and why; empty where nobody does."""
-        return self._stop_request or self._link.status().stop_request
+        return self._gate.why or self._link.status().stop_request
+
+    def _act(self, observation: Observation) -> None:
+        """Give the boat its thrusts: the guard's own, a new step's, or those of the last plan."""
+        own = self._guard.own_thrusts(observation, self._weather)
+        if own is not None:
+            if own != self._thrusts:
+                self._send(observation, own)
+                self._tell_step(observation, None)
+        elif observation.time_s >= self._next_step_s - 1e-9:
+            self._steer(observation)
+        else:
+            self._follow_plan(observation)
+
+    def _ahead(self, observation: Observation) -> Schedule | None:
+        """The thrusts that the boat is going to have, as far as they are planned."""
+        if self._command is None:
+            return None
+        since, command = self._command
+        return lambda seconds: command.thrusts_at(observation.time_s - since + seconds)
+
+    @property
+    def _helm(self) -> Helm:
+        """Who steers now: the survey's helm, or the one of the way home."""
+        return self._guard.helm or self._controller
 
     @property
     def _weather(self) -> Weather:
-        return CALM if self._observer is None else self._observer.weather
+        return self._tracker.weather
 
     def _observe(self) -> Observation:
         """The next estimate that can be used, its heading unwrapped.
 
         What is not a number is reported and passed over; a boat that is blind for longer than
-        `BLIND_S` is left without thrust until it sees again.
+        `BLIND_S` is braked, as far as that can be reckoned, and left without thrust until it sees
+        again.
         """
         while True:
             observation = self._link.observe()
             if all(map(math.isfinite, observation.state)):
-                return _unwrapped(observation, self._before)
+                self._raw = unwrapped(observation, self._raw)
+                return replace(self._raw, state=self._tracker.righted(self._raw.state))
             text = f"an estimate is not a number and is passed over: {observation.state}"
             self._tell(Warned, observation, code="estimate_invalid", message=text)
             if request := self._requested_stop():
-                raise _StopRequestedError(request)
+                raise OverError(EndReason.STOPPED, request)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
-                self._thrusts = IDLE.thrusts
-                self._link.command(IDLE)
+                self._grope(self._before, observation)
+            self._ears.release()
+
+    def _grope(self, seen: Observation, now: Observation) -> None:
+        """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""
+        thrusts = self._guard.blind(seen, now, self._thrusts, self._weather)
+        if self._guard.end is not None:
+            raise OverError(*self._guard.end)
+        state = self._guard.reckoned or seen.state
+        self._send(replace(now, state=state), thrusts)
 
     def _advance(self) -> Observation:
-        before = self._before
-        observation = self._observe()
-        if before is not None and self._observer is not None:
-            seconds = observation.time_s - before.time_s
-            self._observer.update(before.state, self._thrusts, observation.state, seconds)
-        self._before = observation
+        """The next estimate, and what is learned from it of the weather and of the boat."""
+        observation = self._before = self._observe()
+        assert self._raw is not None
+        then_s = observation.time_s - observation.age_s
+        if self._tracker.see(then_s, self._raw.state):
+            self._take_for_another_boat(observation)
         return observation
+
+    def _take_for_another_boat(self, observation: Observation) -> None:
+        """Plan for the boat that it has turned out to be."""
+        vessel = self._tracker.vessel
+        for one in (self._controller, self._guard.helm, self._guard):
+            if isinstance(one, AdaptableHelm):
+                one.take_for(vessel)
+        message = f"the boat is not as its model says: {self._tracker.correction}"
+        self._tell(Warned, observation, code="model_corrected", message=message)
 
     def _visit(self, observation: Observation) -> None:
         """Count what this estimate reaches, and measure where a sample is due."""
         before = self._reached
-        ahead = self._sets[before]
+        ahead = self._sets[min(before, len(self._sets) - 1)]
         self._reached = reached_count(self._sets, before, observation.state)
         entered = self._targets[before : self._reached]
         self._controller.reached = self._reached
-        due = observation.time_s >= self._next_sample_s - 1e-9
-        if entered or due:
-            within = entered or self._containing(observation.state)
-            surge = observation.state[3]
-            if self._settings.sampling.keeps(surge, ahead, within):
-                self._measure(observation, within[0].seq if within else None)
-                self._next_sample_s = observation.time_s + self._settings.sampling.period_s
+        sample = self._sampler.take(observation, self._time(observation), entered, ahead)
+        if sample is not None:
+            self._guard.depth_m = sample.values.get(DEPTH)
+            self._tell(SampleTaken, observation, sample=sample)
         for i, target in enumerate(entered, before + 1):
             self._tell(Reached, observation, target_seq=target.seq, count=i)
         if entered:
             self._give_patience(observation)
 
-    def _containing(self, state: State) -> list[Target]:
-        point = shapely.Point(state[0], state[1])
-        places = np.sort(self._tree.query(point)).tolist()
-        return [t for t in (self._targets[i] for i in places) if t.set.contains(state)]
-
-    def _measure(self, observation: Observation, target_seq: int | None) -> None:
-        reading = dict(self._link.measure())
-        if not reading:
-            return
-        north, east, _, surge, _, _ = observation.state
-        sample = Sample(
-            time=self._time(observation),
-            north_m=north,
-            east_m=east,
-            target_seq=target_seq,
-            speed_mps=surge,
-            values=reading,
-            flags={
-                key: gross_range_flag(reading.get(key), one.span)
-                for key, one in self._quantities.items()
-            },
-        )
-        self._tell(SampleTaken, observation, sample=sample)
-
     def _steer(self, observation: Observation) -> None:
         began = self._stopwatch()
+        helm = self._helm
         elapsed = None if self._command is None else observation.time_s - self._command[0]
-        command = self._controller.step(observation.state, self._weather, elapsed)
+        then_s = observation.time_s - observation.age_s
+        state = self._tracker.ahead(then_s, observation.time_s, observation.state)
+        command = helm.step(state, self._weather, elapsed)
         solve_ms = 1e3 * (self._stopwatch() - began)
         self._command = (observation.time_s, command)
         self._apply(observation, command.thrusts_at(0.0), solve_ms)
@@ -296,7 +309,7 @@ class Mission:
                 states=command.plan.states,
                 thrusts=command.plan.thrusts,
             )
-        self._next_step_s = observation.time_s + self._controller.step_s
+        self._next_step_s = observation.time_s + helm.step_s
 
     def _follow_plan(self, observation: Observation) -> None:
         """Between two control steps: change the thrusts where the plan does."""
@@ -304,30 +317,43 @@ class Mission:
             return
         since, command = self._command
         thrusts = command.thrusts_at(observation.time_s - since)
-        if thrusts != self._thrusts:
+        if thrusts != self._thrusts or self._tracker.hurries:
             self._apply(observation, thrusts, None)
 
     def _apply(
         self, observation: Observation, thrusts: tuple[float, float], solve_ms: float | None
     ) -> None:
-        """Send thrusts, and say from which state they are sent."""
+        """Send thrusts that the boat may have, and say from which state they are sent."""
+        ahead = self._ahead(observation) or (lambda _: thrusts)
+        if not self._guard.permitted(observation, ahead, self._weather, self._reached):
+            self._next_step_s = observation.time_s
+            thrusts = self._guard.own_thrusts(observation, self._weather) or (0.0, 0.0)
+        self._send(observation, thrusts)
+        self._tell_step(observation, solve_ms)
+
+    def _send(self, observation: Observation, thrusts: tuple[float, float]) -> None:
         vessel = self._controller.vessel
         surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
-        self._link.command(Order(thrusts=thrusts, surge_mps=surge, yaw_rate_radps=yaw_rate))
+        told = self._tracker.told(observation.time_s, thrusts)
+        self._gate.command(Order(thrusts=told, surge_mps=surge, yaw_rate_radps=yaw_rate))
+        self._tracker.sent(observation.time_s, told)
         self._thrusts = thrusts
-        if self._command is None:
-            return
-        _, command = self._command
+
+    def _tell_step(self, observation: Observation, solve_ms: float | None) -> None:
+        """Say what the boat has been told: by a helm's command, or by the guard."""
+        surveys = self._guard.state is SafetyState.SURVEYING
+        command = None if self._command is None else self._command[1]
+        steered = command is not None and (surveys or self._guard.helm is not None)
         self._tell(
             Step,
             observation,
             state=observation.state,
-            thrusts=thrusts,
-            target_seq=self._targets[command.target].seq,
-            split_stage=command.split,
+            thrusts=self._thrusts,
+            target_seq=self._targets[command.target].seq if command and surveys else None,
+            split_stage=command.split if command and steered else None,
             solve_ms=solve_ms,
-            status=command.status.value,
-            solved=command.status.is_solved or solve_ms is None,
+            status=command.status.value if command and steered else self._guard.state.value,
+            solved=not (command and steered) or command.status.is_solved or solve_ms is None,
             current_north_mps=self._weather.current_north_mps,
             current_east_mps=self._weather.current_east_mps,
         )
@@ -335,40 +361,36 @@ class Mission:
     def _give_patience(self, observation: Observation) -> None:
         if self._done:
             return
-        target = self._sets[self._reached]
-        way = target.footprint_distance(observation.state[0], observation.state[1])
-        slowest = max(target.speed_min_mps, SLOWEST_MPS)
-        self._deadline_s = observation.time_s + max(
-            SHORTEST_PATIENCE_S, PATIENCE_FACTOR * way / slowest
-        )
+        longest = patience_s(self._sets[self._reached], observation.state)
+        self._deadline_s = observation.time_s + longest
 
     def _time(self, observation: Observation) -> datetime:
         return self._started + timedelta(seconds=observation.time_s)
 
     def _tell(self, kind: type[MissionEvent], observation: Observation, **what: Any) -> None:
-        self._ears.record(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))
+        self._ears.hold(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))
+
+    def _tell_change(self, time_s: float, **what: str) -> None:
+        self._tell(SafetyChanged, Observation(time_s=time_s, state=NOWHERE), **what)
 
     def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
-        """Say that the mission is over; `quietly` where the recorder itself may be what failed."""
+        """Say that the mission is over; `quietly` where the recorder itself may be what failed.
+
+        The boat is given back first: a disk that is full or slow must not keep it going. That is
+        the link's `close` and not its `stop`, for a pilot who took over has the boat already.
+        """
         last = self._before or Observation(time_s=0.0, state=NOWHERE)
         try:
+            self._link.close()
+        finally:
+            self._write_end(last, reason, message, quietly=quietly)
+
+    def _write_end(
+        self, last: Observation, reason: EndReason, message: str, *, quietly: bool
+    ) -> None:
+        try:
             self._tell(Ended, last, reason=reason, message=message)
+            self._ears.release(finally_=True)
         except Exception:
             if not quietly:
                 raise
-
-
-def _unwrapped(observation: Observation, before: Observation | None) -> Observation:
-    """The observation with its heading within half a turn of the one before.
-
-    One that is so already is left as it is, to the last digit.
-    """
-    if before is None:
-        return observation
-    north, east, heading, *velocities = observation.state
-    turns = round((heading - before.state[2]) / (2 * math.pi))
-    if turns == 0:
-        return observation
-    surge, sway, yaw_rate = velocities
-    state = (north, east, heading - 2 * math.pi * turns, surge, sway, yaw_rate)
-    return replace(observation, state=state)

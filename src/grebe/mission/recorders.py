@@ -7,7 +7,7 @@ watches: one that fails is dropped, and the mission goes on, for no display may 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from grebe.core.events import (
     Estimate,
@@ -16,6 +16,7 @@ from grebe.core.events import (
     Reached,
     SampleTaken,
     Step,
+    Warned,
     log_entry,
 )
 from grebe.io.store import SurveyFile
@@ -32,14 +33,45 @@ class Recorder(Protocol):
         ...
 
 
+@runtime_checkable
+class KeepsTogether(Recorder, Protocol):
+    """A recorder that can keep all that happened at one estimate, or nothing of it."""
+
+    def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
+        """Keep events, all or none; return what keeping them gave rise to, which is kept too."""
+        ...
+
+
 class SurveyRecorder:
-    """Writes a mission into its survey file: each event is on the disk before the next step."""
+    """Writes a mission into its survey file: each event is on the disk before the next estimate.
+
+    What happened at one estimate is one transaction: a sample, what was reached and the track
+    agree wherever the mission is cut off, and the disk is waited for once.
+    """
 
     def __init__(self, survey_file: SurveyFile) -> None:
         self._file = survey_file
 
     def record(self, event: MissionEvent) -> None:
         """See `Recorder`."""
+        self.record_together([event])
+
+    def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
+        """See `KeepsTogether`."""
+        worth = [event for event in events if not isinstance(event, Estimate | Prediction)]
+        if not worth:
+            return ()
+        with self._file.together():
+            for event in worth:
+                self._write(event)
+        last = worth[-1]
+        said = self._file.stay_safe(last.time)
+        if not said:
+            return ()
+        code = "file_replaced"
+        return (Warned(time=last.time, elapsed_s=last.elapsed_s, code=code, message=said),)
+
+    def _write(self, event: MissionEvent) -> None:
         match event:
             case Step():
                 self._file.append_track(event)
@@ -47,8 +79,6 @@ class SurveyRecorder:
                 self._file.append_samples([event.sample])
             case Reached():
                 self._file.mark_reached(event.target_seq, event.time)
-            case Estimate() | Prediction():
-                return
             case _:
                 pass
         entry = log_entry(event)
@@ -69,20 +99,3 @@ class MemoryRecorder:
     def of(self, kind: type[E]) -> list[E]:
         """Return the events of one kind."""
         return [event for event in self.events if isinstance(event, kind)]
-
-
-class Broadcast:
-    """One recorder and any number of listeners behind the recorder's page."""
-
-    def __init__(self, recorder: Recorder, listeners: Sequence[Listener] = ()) -> None:
-        self._recorder = recorder
-        self._listeners = list(listeners)
-
-    def record(self, event: MissionEvent) -> None:
-        """Keep an event, then tell it to all who listen."""
-        self._recorder.record(event)
-        for listener in tuple(self._listeners):
-            try:
-                listener(event)
-            except Exception:
-                self._listeners.remove(listener)

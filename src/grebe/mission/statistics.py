@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -19,6 +20,7 @@ from grebe.core.events import (
     SampleTaken,
     Started,
     Step,
+    Warned,
 )
 from grebe.core.vessel import Vessel
 
@@ -63,7 +65,7 @@ class Statistics:
         self._targets = targets
         self._reached = reached
         self._path_m = self._energy_wh = self._duration_s = 0.0
-        self._step_ms: list[float] = []
+        self._step_ms = array("d")  # some 2 MB in eight hours at 10 Hz
         self._unsolved = self._samples = self._in_sets = 0
         self._before: Estimate | None = None
         self._thrusts = (0.0, 0.0)
@@ -101,7 +103,7 @@ class Statistics:
 
     def report(self) -> MissionReport:
         """Return the sum so far."""
-        step_ms = self._step_ms or [0.0]
+        step_ms = np.array(self._step_ms or [0.0])
         return MissionReport(
             reached=self._reached,
             targets=self._targets,
@@ -127,6 +129,24 @@ class Progress:
     targets: int
     boat_time_s: float
     samples: int
+
+
+class Alarm:
+    """Listens to a mission and tells `say` what an operator should know, as often as is of use."""
+
+    def __init__(self, say: Callable[[str], None], every_s: float = 30.0) -> None:
+        self._say = say
+        self._every_s = every_s
+        self._said_at: dict[str, float] = {}
+
+    def __call__(self, event: MissionEvent) -> None:
+        """Take one event into account; one code is said again only after a while."""
+        if not isinstance(event, Warned):
+            return
+        before = self._said_at.get(event.code, -math.inf)
+        if event.elapsed_s - before >= self._every_s:
+            self._said_at[event.code] = event.elapsed_s
+            self._say(f"warning: {event.message}")
 
 
 class ProgressMeter:

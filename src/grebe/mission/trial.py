@@ -21,9 +21,12 @@ from grebe.core.sets import TargetSet, hull_of, rectangle
 from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.links.simulated import EXACT, EstimateErrors, SimulatedLink
-from grebe.mission.loop import Helm, Mission, MissionSettings
+from grebe.mission.helm import Helm
+from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
+from grebe.mission.safety.settings import NO_FENCE, SafetySettings
 from grebe.mission.sampling import EVERY_SECOND, Sampling
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 from grebe.simulation.changing import WeatherAt
 from grebe.simulation.plant import Plant
@@ -39,9 +42,10 @@ SOMEWHERE = LocalFrame(origin_lon_deg=0.0, origin_lat_deg=0.0)
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
     """The world of a trial: the weather, which the helm is not told, how far estimates are off,
-    the sonde, the seed of all that is random, when to give up, and whether the weather is
-    estimated on the way. `boat` is the true boat where the helm is mistaken in it, with
-    thrusters that give a share of what they are told.
+    the sonde, the seed of all that is random, when to give up, whether the weather is
+    estimated on the way, and the settings of safety: by default no fence, for there is no shore.
+    `boat` is the true boat where the helm is mistaken in it, with thrusters that give a share of
+    what they are told.
     """
 
     weather: Weather | WeatherAt = CALM
@@ -51,6 +55,7 @@ class Conditions:
     limit_s: float = 1000.0
     observes: bool = True
     sampling: Sampling = EVERY_SECOND
+    safety: SafetySettings = NO_FENCE
     boat: Vessel | None = None
     effectiveness: tuple[float, float] = (1.0, 1.0)
 
@@ -132,7 +137,12 @@ def fly(
         helm,
         link,
         recorder,
-        MissionSettings(sampling=world.sampling, limit_s=world.limit_s, observes=world.observes),
+        MissionSettings(
+            sampling=world.sampling,
+            limit_s=world.limit_s,
+            observes=world.observes,
+            safety=world.safety,
+        ),
         stopwatch=stopwatch,
     ).run()
     return Trial(report=report, recorder=recorder, track=np.array(link.truth))

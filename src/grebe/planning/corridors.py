@@ -10,6 +10,7 @@ targets, as large as the shore lets it be, to which the controller keeps.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -164,29 +165,40 @@ class Waterways:
 
     def corridors(self, footprints: list[shapely.Polygon]) -> list[shapely.Polygon]:
         """Return one convex polygon of water for each leg between consecutive footprints."""
-        shapes = np.array(footprints, dtype=object)
-        hulls = joint_hulls(shapes[:-1], shapes[1:])
-        reach = REACH_CELLS * self._cell_m
-        x0, y0, x1, y1 = shapely.bounds(hulls).T
-        boxes = shapely.box(x0 - reach, y0 - reach, x1 + reach, y1 + reach)
-        free = shapely.covers(self._allowed, boxes)
-        return [
-            box if is_free else self._cut(hull, box)
-            for hull, box, is_free in zip(hulls, boxes, free.tolist(), strict=True)
-        ]
+        return corridors_between(footprints, self._water, REACH_CELLS * self._cell_m)
 
-    def _cut(self, hull: shapely.Polygon, box: shapely.Polygon) -> shapely.Polygon:
-        """Cut land off a box around a hull, nearest first, each time along the line through
-        the land's nearest point that leaves the hull whole. Falls back to the hull.
-        """
-        region = box
-        for _ in range(MOST_CUTS):
-            land = shapely.difference(region, self._water)
-            pieces = [part for part in shapely.get_parts(land) if part.area > SPECK_M2]
-            if not pieces:
-                return region if len(region.exterior.coords) <= MOST_SIDES + 1 else hull
-            region = _clipped(region, *_separator(hull, shapely.union_all(pieces)))
-        return hull
+
+def corridors_between(
+    footprints: Sequence[shapely.Polygon], water: shapely.Polygon, reach_m: float
+) -> list[shapely.Polygon]:
+    """Return one convex polygon of water for each leg between consecutive footprints, up to
+    `reach_m` beyond their hull.
+    """
+    allowed = water.buffer(ROUNDING_M, join_style="mitre")
+    shapely.prepare(allowed)
+    shapes = np.array(footprints, dtype=object)
+    hulls = joint_hulls(shapes[:-1], shapes[1:])
+    x0, y0, x1, y1 = shapely.bounds(hulls).T
+    boxes = shapely.box(x0 - reach_m, y0 - reach_m, x1 + reach_m, y1 + reach_m)
+    free = shapely.covers(allowed, boxes)
+    return [
+        box if is_free else _cut(hull, box, water)
+        for hull, box, is_free in zip(hulls, boxes, free.tolist(), strict=True)
+    ]
+
+
+def _cut(hull: shapely.Polygon, box: shapely.Polygon, water: shapely.Polygon) -> shapely.Polygon:
+    """Cut land off a box around a hull, nearest first, each time along the line through
+    the land's nearest point that leaves the hull whole. Falls back to the hull.
+    """
+    region = box
+    for _ in range(MOST_CUTS):
+        land = shapely.difference(region, water)
+        pieces = [part for part in shapely.get_parts(land) if part.area > SPECK_M2]
+        if not pieces:
+            return region if len(region.exterior.coords) <= MOST_SIDES + 1 else hull
+        region = _clipped(region, *_separator(hull, shapely.union_all(pieces)))
+    return hull
 
 
 def widened(stops: list[Stop], corridors: list[shapely.Polygon]) -> list[Stop]:

@@ -70,7 +70,7 @@ class Travel:
 def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> Travel:
     """Return what ways cost this vessel; `PlanError` where the weather is too strong for it."""
     bearings = np.arange(BEARINGS) * (2 * math.pi / BEARINGS)
-    speeds = np.array([_ground_speed(vessel, speed[1], weather, b) for b in bearings])
+    speeds = np.array([ground_speed(vessel, speed[1], weather, b) for b in bearings])
     if speeds.min() < min(speed[0], 0.9 * vessel.speed_max_mps):
         worst = math.degrees(bearings[int(np.argmin(speeds))])
         raise PlanError(
@@ -89,7 +89,7 @@ def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> T
     )
 
 
-def _ground_speed(vessel: Vessel, wanted: float, weather: Weather, bearing: float) -> float:
+def ground_speed(vessel: Vessel, wanted: float, weather: Weather, bearing: float) -> float:
     """Speed over ground along a bearing: the wanted one, or what the weather leaves."""
     north, east = math.cos(bearing), math.sin(bearing)
     along = weather.current_north_mps * north + weather.current_east_mps * east

@@ -44,6 +44,17 @@ class Plant:
         """The weather now."""
         return self._weather if isinstance(self._weather, Weather) else self._weather(self.time_s)
 
+    @weather.setter
+    def weather(self, weather: Weather) -> None:
+        self._weather = weather
+
+    @property
+    def _given(self) -> tuple[float, float]:
+        return (
+            self.thrusts[0] * self.effectiveness[0],
+            self.thrusts[1] * self.effectiveness[1],
+        )
+
     def command(self, thrusts: tuple[float, float]) -> None:
         """Set the thrusts (F_1, F_2) [N]; beyond the limits they are clipped."""
         self._commanded = (self._possible(thrusts[0]), self._possible(thrusts[1]))
@@ -60,8 +71,9 @@ class Plant:
         weather = self.weather.as_tuple()
         for _ in range(steps):
             self.thrusts = self._lagged(step)
-            given = self.thrusts[0] * self.effectiveness[0], self.thrusts[1] * self.effectiveness[1]
-            self.state = rk4(lambda z: rates(self.vessel, z, given, weather), self.state, step, 1)
+            self.state = rk4(
+                lambda z: rates(self.vessel, z, self._given, weather), self.state, step, 1
+            )
         self.time_s += duration_s
 
     def _lagged(self, step_s: float) -> tuple[float, float]:

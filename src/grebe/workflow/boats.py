@@ -1,5 +1,6 @@
 """Boats by their URL: `sim:` is the simulated one, `mavlink:ADDRESS` one with an autopilot,
-`python:FILE.py` one of the user's own.
+`nmea:ADDRESS` one that speaks NMEA 0183, `replay:FILE` a recorded one, `python:FILE.py` one of the
+user's own.
 """
 
 from __future__ import annotations
@@ -77,6 +78,20 @@ def _from_file(rest: str, harbour: Harbour) -> BoatAt:  # noqa: ARG001
     return found
 
 
+def _nmea(rest: str, harbour: Harbour) -> BoatAt:
+    """A boat that speaks NMEA 0183, once somebody has confirmed it."""
+    from grebe.workflow.nmea import nmea_boat
+
+    return nmea_boat(rest, harbour.confirm)
+
+
+def _replay(rest: str, harbour: Harbour) -> BoatAt:  # noqa: ARG001
+    """A recorded survey; nobody is moved by it."""
+    from grebe.workflow.replay import replay_boat
+
+    return replay_boat(rest)
+
+
 def _mavlink(rest: str, harbour: Harbour) -> BoatAt:
     """An autopilot's link: opened, confirmed by somebody, and armed."""
     address, settings = mavlink_address(rest)
@@ -142,5 +157,7 @@ MAVLINK_SCHEME = "mavlink"
 SCHEMES: dict[str, Scheme] = {
     "sim": _simulated,
     MAVLINK_SCHEME: _mavlink,
+    "nmea": _nmea,
+    "replay": _replay,
     "python": _from_file,
 }

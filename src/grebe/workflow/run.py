@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import gc
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
+from pathlib import Path
 
 from grebe.control.controller import Controller
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
+from grebe.core.events import Warned
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, ModelledLink
+from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
-from grebe.mission.loop import Helm, Mission, MissionSettings
+from grebe.mission.helm import Helm
+from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
+from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
+from grebe.mission.watchdog import guarded, journal_beside, taken_notes
 
 BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]
@@ -42,38 +50,70 @@ def run_survey(
     resume: bool = False,
     force: bool = False,
     listeners: Sequence[Listener] = (),
+    on_ready: Callable[[Mission], None] | None = None,
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
-    mission sets out and what the link knows of the boat; `listeners` hear its events. A recorded
-    mission is forgotten (`force`) only once all that the new one needs is there.
+    mission sets out and what the link knows of the boat; `listeners` hear its events; `on_ready`
+    is handed the mission before it begins, to stop it or call it home. A recorded mission is
+    forgotten (`force`) only once all that the new one needs is there.
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
     departure = prepare(survey_file, now, resume=resume, force=force)
     survey_file.claim()
     link = boat_at(departure)
+    recorder = SurveyRecorder(survey_file)
+    known = _as_known_to(link, departure)
     try:
-        mission = Mission(
-            departure.survey,
-            helm_of(_as_known_to(link, departure)),
-            link,
-            SurveyRecorder(survey_file),
-            settings,
-            quantities=departure.quantities,
-            listeners=listeners,
-            started=departure.started,
-            reached=departure.reached,
-        )
+        helm = helm_of(known)
         if departure.clears:
             survey_file.clear_mission()
         survey_file.set_meta("water", link.source)
+        survey_file.begin_session(now)
+        _say_first(departure, journal_beside(survey_file.path), Broadcast(recorder, listeners))
     except BaseException:
         link.close()
         raise
-    return mission.run()
+    with guarded(link, journal_beside(survey_file.path)) as guards, _no_long_pauses():
+        mission = Mission(
+            departure.survey,
+            helm,
+            link,
+            recorder,
+            settings,
+            quantities=departure.quantities,
+            listeners=[*guards, *listeners],
+            started=departure.started,
+            reached=departure.reached,
+            pilot=lambda way: helm_of(replace(known, survey=way, reached=0)),
+        )
+        if on_ready is not None:
+            on_ready(mission)
+        return mission.run()
 
 
 def _as_known_to(link: BoatLink, departure: Departure) -> Departure:
     """The departure with the boat as its link knows it."""
     return replace(departure, vessel=link.model) if isinstance(link, ModelledLink) else departure
+
+
+@contextmanager
+def _no_long_pauses() -> Generator[None]:
+    """Spare the loop the collector's walks over all that was imported and compiled: each takes
+    some 100 ms, in which the boat hears nothing. What a mission makes itself is collected still.
+    """
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+def _say_first(departure: Departure, journal: Path, ears: Broadcast) -> None:
+    """What is to be known before a mission: doubts, and what a watchdog had to do before."""
+    said = [(doubt.code, doubt.message) for doubt in departure.doubts]
+    said += [("watchdog_acted", note) for note in taken_notes(journal)]
+    for code, message in said:
+        ears.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
+    ears.release(finally_=True)

@@ -17,6 +17,7 @@ from grebe.io.readers.track import read_track
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EXACT, EstimateErrors, SimulatedLink
 from grebe.mission.departure import Departure
+from grebe.simulation.faults import NO_FAULTS, Faults, FaultyPlant
 from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water, conditioned_water, free_water
@@ -35,7 +36,8 @@ class SimulatedWorld:
 
     `weather`; `mismatch`, the share by which the boat may differ from its model; `errors` of the
     state estimates; `water_from` a survey file or a CSV track whose samples condition the water
-    (None: free fields); `seed`. Called with a departure it is the boat in that world.
+    (None: free fields); `seed`; `faults` of the boat.
+    Called with a departure it is the boat in that world.
     """
 
     weather: Weather = CALM
@@ -43,6 +45,7 @@ class SimulatedWorld:
     errors: EstimateErrors = EXACT
     water_from: Path | None = None
     seed: int = 1
+    faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
         if not 0 <= self.mismatch < 1:
@@ -52,10 +55,15 @@ class SimulatedWorld:
         """Put the boat where it sets out, and return the link to it."""
         water = true_water(departure.survey, self.water_from, self.seed, departure.quantities)
         boat = mismatched(departure.vessel, self.mismatch, self.seed)
-        plant = Plant(boat, departure.state, self.weather)
+        plant = (
+            Plant(boat, departure.state, self.weather)
+            if self.faults == NO_FAULTS
+            else FaultyPlant(boat, departure.state, self.weather, self.faults)
+        )
         fields = self.water_from.name if self.water_from else "free fields"
         source = f"simulated, {fields}, seed {self.seed}"
-        return SimulatedLink(plant, Sonde(water, self.seed), self.errors, self.seed, source)
+        sonde = Sonde(water, self.seed)
+        return SimulatedLink(plant, sonde, self.errors, self.seed, source, self.faults)
 
 
 def true_water(

@@ -16,6 +16,7 @@ from grebe.core.survey import Survey
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import RawTrack, TrackColumns, read_track
 from grebe.io.store import SurveyFile
+from grebe.io.store.survey_file import new_file
 from grebe.mapping.quality import Quality
 from grebe.planning.region import clean_region
 from grebe.workflow.files import write_survey
@@ -60,11 +61,12 @@ def import_track(
     survey = survey_of_track(raw, track.stem)
     samples = samples_of_track(raw, survey, known)
     held = known.subset(raw.values)
-    write_survey(to, survey, quantities=held, force=force, note=f"Imported from {track.name}.")
-    with SurveyFile.open(to) as file:
-        file.extend_samples(samples)
-        file.set_meta("water", f"measured, {track.name}")
-        quality = check_samples(file)
+    with new_file(to, force=force) as part:
+        write_survey(part, survey, quantities=held, note=f"Imported from {track.name}.")
+        with SurveyFile.open(part) as file:
+            file.extend_samples(samples)
+            file.set_meta("water", f"measured, {track.name}")
+            quality = check_samples(file)
     return ImportedTrack(
         survey=survey, raw=raw, quantities=held, quality=quality, samples=len(samples)
     )

@@ -6,6 +6,7 @@ A lock on a file of its own beside it, which the system lifts when the process e
 from __future__ import annotations
 
 import fcntl
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,18 +17,23 @@ from grebe.core.errors import SurveyFileError
 
 def take(path: Path) -> TextIO | None:
     """Claim a survey file; None where another process has it."""
-    lock = _lock_path(path).open("w")
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    while True:
+        lock = _lock_path(path).open("w")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            return None
+        if _is_at(path, lock):
+            return lock
+        # Who had it gave it up and removed it between the two lines above.
         lock.close()
-        return None
-    return lock
 
 
 def drop(path: Path, lock: TextIO) -> None:
     """Give a claim up."""
-    _lock_path(path).unlink(missing_ok=True)
+    if _is_at(path, lock):
+        _lock_path(path).unlink(missing_ok=True)
     lock.close()
 
 
@@ -50,5 +56,15 @@ def claimed(path: Path, why: str) -> Generator[None]:
         drop(path, lock)
 
 
+def _is_at(path: Path, lock: TextIO) -> bool:
+    """Whether a lock's file is the one that others will find."""
+    try:
+        return os.path.samestat(_lock_path(path).stat(), os.fstat(lock.fileno()))
+    except OSError:
+        return False
+
+
 def _lock_path(path: Path) -> Path:
+    """Beside the file itself, whatever link leads to it: one file has one lock."""
+    path = path.resolve()
     return path.with_name(path.name + ".lock")

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 VERSION = 3
+# What SQLite says where there is no room, be it for the journal's index in memory.
+NO_ROOM = ("SQLITE_FULL", "SQLITE_IOERR_WRITE", "SQLITE_IOERR_SHM", "SQLITE_IOERR_FSYNC")
 STATE_COLUMNS = STATE_NAMES
 
 _LAYERS: dict[str, tuple[str | None, str]] = {
@@ -226,6 +228,10 @@ def unavailable(path: Path, error: sqlite3.OperationalError) -> SurveyFileError:
     """Return the error for a file that is sound but cannot be had: locked, or read-only."""
     if "locked" in str(error):
         return SurveyFileError(f"{path} is being written by another program; close it there first.")
+    if error.sqlite_errorname.startswith(NO_ROOM):
+        return SurveyFileError(
+            f"{path} cannot be opened: the disk is full or fails ({error}); make room on it first."
+        )
     if "readonly" in str(error):
         return SurveyFileError(f"{path} is read-only; make it and its folder writable.")
     return damaged(path, str(error))

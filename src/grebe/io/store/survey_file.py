@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -24,10 +24,11 @@ from grebe.core.events import LogEntry, Step
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.samples import Sample, Samples
 from grebe.core.survey import Survey
-from grebe.io.store import claims, geopackage, schema
+from grebe.io.store import claims, geopackage, rescue, schema, sessions
 from grebe.io.store.migrations import migrate
 from grebe.io.store.tables import (
     Progress,
+    TrackEnd,
     TrackTable,
     row_of,
     rows_of,
@@ -45,15 +46,22 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = schema.VERSION
 # Rows that are turned into columns, and columns into rows, at a time: memory stays in bounds.
 ROWS_AT_ONCE = 50_000
+JOURNAL_BYTES = 8_000_000
 
 
 class SurveyFile:
     """An open survey file; use it in a `with` statement."""
 
-    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+    def __init__(
+        self, path: Path, connection: sqlite3.Connection, *, journal_missing: bool = False
+    ) -> None:
         self.path = path
+        self.journal_missing = journal_missing
         self._connection = connection
         self._lock: TextIO | None = None
+        self._together = _Transaction(path, connection)
+        self._in_session = False
+        self._identity: rescue.Identity | None = None
         self.survey = schema.read_survey(connection)
         self._quantities = schema.read_quantities(connection)
 
@@ -85,16 +93,12 @@ class SurveyFile:
         An existing file is left alone unless `force`; then it is replaced only once the new
         one is complete. Raises `SurveyFileError`.
         """
-        if path.exists() and not force:
-            raise SurveyFileError(
-                f"{path} exists already; give another name, or replace it by force.",
-                settings=("force",),
-            )
-        with written_whole(path, sqlite3.Error, error=SurveyFileError) as part:
-            with closing(sqlite3.connect(part)) as connection, connection:
-                schema.create(connection, survey, meta, quantities)
-            for suffix in ("-wal", "-shm"):
-                path.with_name(path.name + suffix).unlink(missing_ok=True)
+        with (
+            new_file(path, force=force) as part,
+            closing(sqlite3.connect(part)) as connection,
+            connection,
+        ):
+            schema.create(connection, survey, meta, quantities)
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -108,14 +112,14 @@ class SurveyFile:
             raise SurveyFileError(f"{path}: there is no such survey file.")
         if path.stat().st_size == 0:
             raise SurveyFileError(f"{path} is empty: not a survey file.")
+        journal = sessions.has_journal(path)
         try:
-            connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
+            connection = _connect(path)
             try:
                 schema.check(path, connection)
                 migrate(path, connection, schema.VERSION)
-                connection.execute("PRAGMA journal_mode = WAL")
-                connection.execute("PRAGMA synchronous = FULL")
-                return cls(path, connection)
+                _make_durable(connection)
+                return cls(path, connection, journal_missing=_is_bare(connection, journal=journal))
             except BaseException:
                 connection.close()
                 raise
@@ -125,6 +129,31 @@ class SurveyFile:
             raise SurveyFileError(f"{path} cannot be read: {error.strerror}.") from None
         except (sqlite3.Error, LookupError, TypeError, ValueError, shapely.GEOSException) as error:
             raise schema.damaged(path, str(error)) from None
+
+    def stay_safe(self, now: datetime) -> str:
+        """Look whether the file is still there; where it was taken away, go on in a new one.
+
+        Returns what there is to say, which the new file's log holds too; nothing as a rule.
+        """
+        if self._identity is None or rescue.identity(self.path) == self._identity:
+            return ""
+        lost = self.path
+        self._move(rescue.copy_out(lost, self._connection, now))
+        said = f"{lost} was moved, deleted or replaced; the mission goes on in {self.path}"
+        self.append_event(LogEntry(time=now, level="error", code="file_replaced", message=said))
+        return said
+
+    def _move(self, path: Path) -> None:
+        """Write into another file from here on, which holds all that this one does."""
+        connection = _connect(path)
+        _make_durable(connection)
+        self._connection.close()
+        if self._lock is not None:
+            claims.drop(self.path, self._lock)
+        self.path, self._connection = path, connection
+        self._together = _Transaction(path, connection)
+        self._lock = claims.take(path)
+        self._identity = rescue.identity(path)
 
     def __enter__(self) -> Self:
         return self
@@ -145,10 +174,25 @@ class SurveyFile:
         if self._lock is None:
             raise SurveyFileError(f"{self.path} is being written by another mission.")
 
+    def begin_session(self, now: datetime) -> None:
+        """Note in the file that a mission writes it, until it is closed.
+
+        A copy of the file alone, without the journal beside it, is then known for one.
+        """
+        self.claim()
+        self._in_session = True
+        with self._transaction():
+            sessions.enter(self._connection, now)
+        with suppress(sqlite3.Error):
+            sessions.fold(self._connection)
+        self._identity = rescue.identity(self.path)
+
     def close(self) -> None:
         """Fold the write-ahead log into the file and close it."""
         with suppress(sqlite3.Error):
-            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            if self._in_session:
+                sessions.leave(self._connection)
+            sessions.fold(self._connection)
         self._connection.close()
         if self._lock is not None:
             claims.drop(self.path, self._lock)
@@ -160,6 +204,10 @@ class SurveyFile:
         return self._quantities
 
     # -- writing ---------------------------------------------------------------------
+
+    def together(self) -> AbstractContextManager[None]:
+        """Write what is written within as one: all of it is on the disk at the end, or nothing."""
+        return self._together
 
     def declare(self, quantities: Quantities) -> None:
         """Declare more quantities; those that are declared are defined anew, in the same unit."""
@@ -319,6 +367,31 @@ class SurveyFile:
             target_seq=np.array([row[2] or 0 for row in rows], dtype=np.int64),
         )
 
+    def track_ends(self) -> tuple[TrackEnd, TrackEnd] | None:
+        """Return the first and the last row of the track; None where there is none."""
+        columns = ", ".join(schema.STATE_COLUMNS)
+        rows = self._query(
+            f"SELECT time, {columns} FROM track WHERE fid IN "
+            "((SELECT min(fid) FROM track), (SELECT max(fid) FROM track)) ORDER BY fid"
+        )
+        if not rows:
+            return None
+        first, last = (
+            TrackEnd(time=parse_time(row[0]), state=row[1:]) for row in (rows[0], rows[-1])
+        )
+        return first, last
+
+    def last_time(self) -> datetime | None:
+        """Return when the recorded mission was last heard of; None where there is none."""
+        rows = self._query(
+            "SELECT max(reached_at) FROM targets UNION ALL "
+            + " UNION ALL ".join(
+                f"SELECT time FROM {table} WHERE fid = (SELECT max(fid) FROM {table})"
+                for table in ("track", "samples", "events")
+            )
+        )
+        return max((parse_time(text) for (text,) in rows if text), default=None)
+
     def samples(self) -> Samples:
         """Return all samples in the order in which they were written."""
         columns = ", ".join(sample_columns(self._quantities))
@@ -370,7 +443,7 @@ class SurveyFile:
         self._execute(f"INSERT INTO {table} ({names}) VALUES ({marks})", tuple(row.values()))
 
     def _transaction(self) -> _Transaction:
-        return _Transaction(self.path, self._connection)
+        return self._together
 
     def _execute(self, sql: str, values: tuple[Any, ...] = ()) -> None:
         try:
@@ -400,15 +473,54 @@ class SurveyFile:
             raise schema.damaged(self.path, str(error)) from None
 
 
+@contextmanager
+def new_file(path: Path, *, force: bool) -> Generator[Path]:
+    """Give the path at which a survey file is made that then takes `path`'s place, whole.
+
+    Raises `SurveyFileError` where that cannot be written, or is there already and not forced.
+    """
+    if path.exists() and not force:
+        raise SurveyFileError(
+            f"{path} exists already; give another name, or replace it by force.",
+            settings=("force",),
+        )
+    with written_whole(path, sqlite3.Error, UnwrittenError, error=SurveyFileError) as part:
+        try:
+            yield part
+        except UnwrittenError:
+            raise
+        except SurveyFileError as error:
+            named = str(error).replace(str(part), str(path))
+            raise SurveyFileError(named, settings=error.settings) from None
+        for suffix in ("-wal", "-shm"):
+            path.with_name(path.name + suffix).unlink(missing_ok=True)
+
+
+class UnwrittenError(SurveyFileError):
+    """The disk would not take it; `strerror` says why, as the system's own errors do."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"{path} cannot be written ({reason}); what was recorded before is kept.")
+        self.strerror = reason
+
+
 class _Transaction:
-    """All or nothing, with the disk's complaints turned into ours."""
+    """All or nothing, with the disk's complaints turned into ours; one within another joins it."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path = path
         self._connection = connection
+        self._depth = 0
 
     def __enter__(self) -> None:
+        if self._depth == 0:
+            self._begin()
+        self._depth += 1
+
+    def _begin(self) -> None:
         try:
+            if self._connection.in_transaction:  # left open by an interruption
+                self._connection.execute("ROLLBACK")
             self._connection.execute("BEGIN IMMEDIATE")
         except sqlite3.Error as failure:
             raise _unwritten(self._path, failure) from None
@@ -419,6 +531,9 @@ class _Transaction:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._depth -= 1
+        if self._depth > 0:
+            return
         if error is not None:
             with suppress(sqlite3.Error):
                 self._connection.execute("ROLLBACK")
@@ -431,5 +546,23 @@ class _Transaction:
             raise _unwritten(self._path, failure) from None
 
 
-def _unwritten(path: Path, error: sqlite3.Error) -> SurveyFileError:
-    return SurveyFileError(f"{path} cannot be written ({error}); what was recorded before is kept.")
+def _connect(path: Path) -> sqlite3.Connection:
+    """Open for one thread at a time: a mission writes in another than the one it was opened in."""
+    return sqlite3.connect(path, isolation_level=None, timeout=10.0, check_same_thread=False)
+
+
+def _make_durable(connection: sqlite3.Connection) -> None:
+    """What is committed is on the disk, also after a power cut, and readers are not in the way."""
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    # It grows while another program holds on to what it reads, and shrinks to this afterwards.
+    connection.execute(f"PRAGMA journal_size_limit = {JOURNAL_BYTES}")
+
+
+def _is_bare(connection: sqlite3.Connection, *, journal: bool) -> bool:
+    """Whether a mission did not come to close the file, and its `journal` is not there either."""
+    return not journal and sessions.is_left_open(connection)
+
+
+def _unwritten(path: Path, error: sqlite3.Error) -> UnwrittenError:
+    return UnwrittenError(path, str(error))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import shapely
 
+from grebe.core.events import State
 from grebe.core.frames import LocalFrame
 from grebe.core.quantities import Quantities
 from grebe.core.samples import Flag, Sample, Samples
@@ -31,6 +32,14 @@ class Progress:
     def reached(self) -> int:
         """Number of reached targets."""
         return sum(moment is not None for moment in self.reached_at)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackEnd:
+    """One end of the recorded track: the state (6,) there, and when."""
+
+    time: datetime
+    state: State
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -207,9 +207,13 @@ class MavlinkLink:
         )
 
     def stop(self) -> None:
-        """See `BoatLink`: no motion is asked for, and the autopilot holds without thrust."""
+        """See `BoatLink`: no motion is asked for, and the autopilot holds without thrust.
+
+        A boat that somebody else has taken over stays in the mode of their choice.
+        """
         self.command(IDLE)
-        self._ask_mode(self._station.vehicle.dialect.holds)
+        if self._in_command:
+            self._ask_mode(self._station.vehicle.dialect.holds)
 
     def close(self) -> None:
         """See `BoatLink`; the boat is left in its hold mode, armed or not as it is."""

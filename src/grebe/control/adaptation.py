@@ -1,0 +1,317 @@
+"""The boat as it turns out to be: its model corrected on the way, where the data reject it.
+
+Over the last half minute the model of Eq. (9) is rolled out in short pieces from measured states
+under the thrusts that were sent, and what it misses is explained by a few numbers: the share that
+each thruster gives, surge drag, inertia and drag of yaw, how late orders act (a dead time and a
+lag), by how much the compass is off, and the weather. They are found by Gauss and Newton's method
+with a prior at the model (a maximum a posteriori estimate; Ljung 1999, ch. 7). A correction is
+accepted only where it explains the data far better than the model in its best weather does: a
+boat that is as its model says is never corrected, and its missions stay as they are.
+
+Mass cannot be told from thrust by how a boat moves: a boat that is heavier by a share has
+thrusters and drag that are weaker by it, and is corrected so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.control.rollout import lagged, pieces_ends
+from grebe.control.solvers.fast.model import parameter_vector
+from grebe.core.dynamics import Weather
+from grebe.core.vessel import Vessel
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# What is looked at, how long a piece is, and how often [s].
+WINDOW_S, PIECE_S, EVERY_S = 40.0, 1.5, 2.0
+# The first look is taken after so long: a boat that is unlike its model is soon lost [s].
+LEAST_S = 8.0
+FEWEST_PIECES = 5
+# Standard deviations of what a piece ends with: position [m], heading [rad], velocities [m/s],
+# yaw rate [rad/s].
+END_SD = np.array([0.15, 0.15, 0.03, 0.05, 0.05, 0.03])
+# Of the prior: logarithms of thrusters, drag of surge and sway, inertia and drag of yaw; dead time
+# and lag [s]; compass [rad]; current [m/s]; wind as a share of full thrust; how fast the current changes
+# [m/s^2].
+PRIOR_SD = np.array([0.4, 0.4, 0.6, 0.6, 0.4, 0.6, 0.6, 0.6, 0.15, 0.3, 0.3, 0.1, 0.1, 0.01, 0.01])
+LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -1.5, -1.5, -0.5, -0.5, -0.05, -0.05])
+HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 1.5, 1.5, 0.5, 0.5, 0.05, 0.05])
+PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
+COUNT = len(PRIOR_SD)
+BOAT, WEATHER, DRIFT, ALL = slice(0, 9), slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)
+ITERATIONS = 6
+# Dead times from which the search begins anew [s]: what a few turns explain has several minima.
+OTHER_STARTS_S = (0.5, 1.0)
+# The boat's own numbers must explain this much more than weather alone: in halves of chi squared,
+# and as a share of all that is left unexplained.
+LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
+# What is left of a lag that is made up for, as a share of it: found by flying.
+LAG_LEFT = 0.3
+# A correction is followed where it moved by more than this in any of its numbers.
+WORTH_A_CHANGE = np.array([0.08, 0.08, 0.12, 0.2, 0.12, 0.12, 0.1, 0.15, 0.03])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """How the boat differs from its model.
+
+    `port`, `starboard`: the share of its order that a thruster gives. `drag` of surge,
+    `sway_drag`, `yaw_inertia`, `yaw_drag`: factors on the model's. `dead_s` and `lag_s`: how late orders act, or estimates
+    come. `heading_rad`: by how much the compass shows too much.
+    """
+
+    port: float = 1.0
+    starboard: float = 1.0
+    drag: float = 1.0
+    sway_drag: float = 1.0
+    yaw_inertia: float = 1.0
+    yaw_drag: float = 1.0
+    dead_s: float = 0.0
+    lag_s: float = 0.0
+    heading_rad: float = 0.0
+
+    @property
+    def late_s(self) -> float:
+        """How long it takes until an order has its effect [s], where thrusters with a lag are told
+        more than they are to give.
+        """
+        return self.dead_s + LAG_LEFT * self.lag_s
+
+    def vessel(self, model: Vessel) -> Vessel:
+        """Return the boat that a controller should plan for: what both thrusters can give."""
+        weaker = min(self.port, self.starboard)
+        return replace(
+            model,
+            m33_kgm2=self.yaw_inertia * model.m33_kgm2,
+            x_u=self.drag * model.x_u,
+            x_uu=self.drag * model.x_uu,
+            y_v=self.sway_drag * model.y_v,
+            y_vv=self.sway_drag * model.y_vv,
+            n_r=self.yaw_drag * model.n_r,
+            n_rr=self.yaw_drag * model.n_rr,
+            thrust_max_n=weaker * model.thrust_max_n,
+            thrust_min_n=weaker * model.thrust_min_n,
+            thruster_dead_band_n=0.0,
+        )
+
+    def __str__(self) -> str:
+        return (
+            f"thrusters give {self.port:.2f} and {self.starboard:.2f} of their orders, drag x "
+            f"{self.drag:.2f}, sway drag x {self.sway_drag:.2f}, yaw inertia x {self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
+            f"{self.dead_s:.1f} s late with a lag of {self.lag_s:.1f} s, compass off by "
+            f"{math.degrees(self.heading_rad):.0f} deg"
+        )
+
+
+AS_MODELLED = Correction()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown:
+    """What is looked at: times (n,) [s], states (n, 6), and the integral over time of the thrusts
+    that were sent, known at `order_times` (m,) as `impulses` (m, 2) [N s].
+    """
+
+    times: Array
+    states: Array
+    order_times: Array
+    impulses: Array
+
+    def thrusts(self, dead_s: float, lag_s: float) -> Array:
+        """Mean thrusts that acted between successive states, (n - 1, 2) [N]."""
+        acting = self.times - dead_s
+        impulse = np.column_stack(
+            [np.interp(acting, self.order_times, column) for column in self.impulses.T]
+        )
+        steps = np.diff(self.times)
+        means = np.diff(impulse, axis=0) / steps[:, None]
+        return means if lag_s < 1e-3 else lagged(means, 1.0 - np.exp(-steps / lag_s))
+
+
+Found = tuple[Correction, Weather]
+
+
+def fitting(
+    model: Vessel, flown: Flown, followed: Correction
+) -> Generator[None, None, Found | None]:
+    """Find the correction that the data ask for and the weather with it; None where the model
+    explains them well enough. `followed` is the correction that was followed so far.
+
+    A generator, for a boat's small computer must not think for long at once: it yields after
+    every roll-out of the model and returns what it found.
+    """
+    problem = _Problem.of(model, flown)
+    if problem is None:
+        return None
+    plain, plain_cost = yield from problem.solve(np.zeros(COUNT), WEATHER)
+    if plain_cost < LEAST_GAIN:
+        return None
+    others = OTHER_STARTS_S if followed == AS_MODELLED else ()
+    starts = [followed, *(replace(AS_MODELLED, dead_s=dead_s) for dead_s in others)]
+    best, cost = plain, plain_cost
+    for start in starts:
+        begin = _numbers(start)
+        begin[WEATHER] = plain[WEATHER]
+        numbers, its_cost = yield from problem.solve(begin, ALL)
+        if its_cost < cost:
+            best, cost = numbers, its_cost
+        if problem.is_better(plain_cost, cost):
+            break
+    return (
+        (_correction(best), _weather(model, best)) if problem.is_better(plain_cost, cost) else None
+    )
+
+
+def fitted(model: Vessel, flown: Flown, followed: Correction = AS_MODELLED) -> Found | None:
+    """Find the correction at once; see `fitting`."""
+    work = fitting(model, flown, followed)
+    while True:
+        try:
+            next(work)
+        except StopIteration as done:
+            return done.value
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Problem:
+    model: Vessel
+    flown: Flown
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, model: Vessel, flown: Flown) -> _Problem | None:
+        """Cut what was flown into pieces; None where there are too few."""
+        edges = np.arange(flown.times[0], flown.times[-1], PIECE_S)
+        cuts = np.unique(np.searchsorted(flown.times, edges))
+        first, last = cuts[:-1], cuts[1:]
+        whole = flown.times[last] - flown.times[first] < 2 * PIECE_S
+        if whole.sum() < FEWEST_PIECES:
+            return None
+        return cls(model=model, flown=flown, first=first[whole], last=last[whole])
+
+    def is_better(self, plain_cost: float, cost: float) -> bool:
+        """Whether a boat unlike its model explains far more than weather alone does.
+
+        What is left over scales what counts as much, where the data are noisier than assumed.
+        """
+        unit = max(1.0, 2 * cost / (6 * len(self.first)))
+        return plain_cost - cost > max(LEAST_GAIN * unit, LEAST_SHARE * plain_cost)
+
+    def residuals(self, numbers: Array) -> Array:
+        """What the pieces' ends miss, in standard deviations, and the prior's pull."""
+        correction, weather = _correction(numbers), _weather(self.model, numbers)
+        boat = replace(correction.vessel(self.model), name="")
+        thrusts = self.flown.thrusts(correction.dead_s, correction.lag_s)
+        thrusts = thrusts * (correction.port, correction.starboard)
+        states = turned(self.flown.states, -correction.heading_rad)
+        p = parameter_vector(boat, np.array(weather.as_tuple()))
+        times = self.flown.times
+        ends = pieces_ends(p, numbers[DRIFT], times, states, thrusts, self.first, self.last)
+        missed = (ends - states[self.last]) / END_SD
+        return np.concatenate([missed.ravel(), numbers / PRIOR_SD])
+
+    def solve(self, start: Array, free: slice) -> Generator[None, None, tuple[Array, float]]:
+        """Gauss and Newton from `start`, with some numbers free; the best ones and their cost."""
+        numbers = np.clip(start, LOW, HIGH)
+        residuals = _bounded(self.residuals(numbers))
+        cost, damping = 0.5 * float(residuals @ residuals), 1e-2
+        which = np.arange(COUNT)[free]
+        for _ in range(ITERATIONS):
+            slopes = yield from self._slopes(numbers, residuals, which)
+            normal = slopes.T @ slopes
+            step = np.linalg.solve(
+                normal + damping * np.diag(np.diag(normal) + 1e-9), -slopes.T @ residuals
+            )
+            tried = numbers.copy()
+            tried[which] += step
+            tried = np.clip(tried, LOW, HIGH)
+            there = _bounded(self.residuals(tried))
+            yield
+            its_cost = 0.5 * float(there @ there)
+            if not its_cost < cost:
+                damping *= 10
+                continue
+            done = cost - its_cost < 1e-3 * cost
+            numbers, residuals, cost = tried, there, its_cost
+            damping = max(damping / 10, 1e-6)
+            if done:
+                break
+        return numbers, cost
+
+    def _slopes(
+        self, numbers: Array, residuals: Array, which: NDArray[np.int64]
+    ) -> Generator[None, None, Array]:
+        slopes = np.empty((len(residuals), len(which)))
+        for column, i in enumerate(which):
+            moved = numbers.copy()
+            probe = PROBE[i] if numbers[i] + PROBE[i] <= HIGH[i] else -PROBE[i]
+            moved[i] += probe
+            slopes[:, column] = (_bounded(self.residuals(moved)) - residuals) / probe
+            yield
+        return slopes
+
+
+def _bounded(residuals: Array) -> Array:
+    """Residuals of which a single one, an estimate that jumps, does not decide (pseudo-Huber)."""
+    return np.sign(residuals) * np.sqrt(2 * 9.0 * (np.sqrt(1 + (residuals / 3.0) ** 2) - 1))
+
+
+def turned(states: Array, angle_rad: float) -> Array:
+    """States (n, 6) whose compass shows `angle_rad` more: the same velocities over ground."""
+    if angle_rad == 0.0:
+        return states
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    out = states.copy()
+    out[:, 2] += angle_rad
+    out[:, 3] = cos * states[:, 3] + sin * states[:, 4]
+    out[:, 4] = cos * states[:, 4] - sin * states[:, 3]
+    return out
+
+
+def moved_enough(before: Correction, after: Correction) -> bool:
+    """Whether a correction differs so much from the one that is followed that it is worth it."""
+    change = np.abs(_numbers(after) - _numbers(before))[BOAT]
+    return bool(np.any(change > WORTH_A_CHANGE))
+
+
+def _numbers(correction: Correction) -> Array:
+    c = correction
+    factors = (c.port, c.starboard, c.drag, c.sway_drag, c.yaw_inertia, c.yaw_drag)
+    return np.array([*map(math.log, factors), c.dead_s, c.lag_s, c.heading_rad, *[0.0] * 6])
+
+
+def _correction(numbers: Array) -> Correction:
+    port, starboard, drag, sway_drag, inertia, yaw_drag = np.exp(numbers[:6]).tolist()
+    dead_s, lag_s, heading_rad = numbers[6:9].tolist()
+    return Correction(
+        port=port,
+        starboard=starboard,
+        drag=drag,
+        sway_drag=sway_drag,
+        yaw_inertia=inertia,
+        yaw_drag=yaw_drag,
+        dead_s=dead_s,
+        lag_s=lag_s,
+        heading_rad=heading_rad,
+    )
+
+
+def _weather(model: Vessel, numbers: Array) -> Weather:
+    north, east, force_north, force_east = numbers[9:13].tolist()
+    full = 2 * model.thrust_max_n
+    return Weather(
+        current_north_mps=north,
+        current_east_mps=east,
+        wind_force_north_n=full * force_north,
+        wind_force_east_n=full * force_east,
+    )

@@ -1,0 +1,47 @@
+"""The model rolled out under thrusts that were sent: to now, and to where pieces of a track end."""
+
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import numpy as np
+
+from grebe.control.solvers.fast.model import advance
+from grebe.core.kernels import machine_code
+
+SUBSTEPS_PER_S = 20.0
+
+
+@machine_code
+def lagged(thrusts, shares):
+    """Thrusts (n, 2) behind a first-order lag that goes `shares` (n,) of the way in each step."""
+    out = np.empty_like(thrusts)
+    port, starboard = thrusts[0]
+    for i in range(len(thrusts)):
+        port += shares[i] * (thrusts[i, 0] - port)
+        starboard += shares[i] * (thrusts[i, 1] - starboard)
+        out[i, 0], out[i, 1] = port, starboard
+    return out
+
+
+@machine_code
+def pieces_ends(p, drift, times, states, thrusts, first, last):
+    """Where the model ends, (k, 6), from `states[first]` at `times[last]`, under the mean thrusts
+    (n - 1, 2) between successive times. The current of `p` is that of the last time, and `drift`
+    (2,) how it has changed until then.
+    """
+    ends = np.empty((len(first), 6))
+    z = np.empty(6)
+    q = p.copy()
+    for k in range(len(first)):
+        z[:] = states[first[k]]
+        before = times[-1] - 0.5 * (times[first[k]] + times[last[k]])
+        q[11] = p[11] - before * drift[0]
+        q[12] = p[12] - before * drift[1]
+        for i in range(first[k], last[k]):
+            duration = times[i + 1] - times[i]
+            substeps = max(2, int(np.ceil(duration * SUBSTEPS_PER_S)))
+            advance(q, z, thrusts[i], duration, substeps, ends[k])
+            z[:] = ends[k]
+    return ends

@@ -1,0 +1,43 @@
+"""A mission that writes a survey file: noted in it from its beginning until it is closed.
+
+What is written goes into a journal beside the file first (`-wal`), and is folded into the file from
+time to time. The file alone is sound without it, but older: the note tells such a copy.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from datetime import datetime
+from pathlib import Path
+
+from grebe.io.store.timestamps import time_text
+
+_KEY = "mission_open"
+
+
+def has_journal(path: Path) -> bool:
+    """Whether a journal that holds something lies beside a survey file."""
+    journal = path.with_name(path.name + "-wal")
+    return journal.is_file() and journal.stat().st_size > 0
+
+
+def enter(connection: sqlite3.Connection, now: datetime) -> None:
+    """Note that a mission has begun to write."""
+    connection.execute("DELETE FROM meta WHERE key = ?", (_KEY,))
+    connection.execute("INSERT INTO meta (key, value) VALUES (?, ?)", (_KEY, time_text(now)))
+
+
+def leave(connection: sqlite3.Connection) -> None:
+    """Take the note away."""
+    connection.execute("DELETE FROM meta WHERE key = ?", (_KEY,))
+
+
+def is_left_open(connection: sqlite3.Connection) -> bool:
+    """Whether a mission writes the file, or did not come to close it."""
+    row = connection.execute("SELECT 1 FROM meta WHERE key = ?", (_KEY,)).fetchone()
+    return row is not None
+
+
+def fold(connection: sqlite3.Connection) -> None:
+    """Bring all of the journal into the file itself."""
+    connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")

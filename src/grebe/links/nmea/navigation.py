@@ -1,0 +1,141 @@
+"""The boat's state out of positions, velocities, headings and turns that come one by one.
+
+Three small Kalman filters, one each for north, east and heading: a value whose rate is pushed
+about by white noise (Bar-Shalom, Li & Kirubarajan 2001, sec. 6.2.2), as strong as the boat can
+push. What is measured is the value or the rate.
+"""
+
+from __future__ import annotations
+
+import math
+
+from grebe.core.events import State
+from grebe.core.frames import LocalFrame
+from grebe.core.vessel import Vessel
+from grebe.links.nmea.sentences import PLAIN_ERROR_M, Bow, Motion, Place, Turn
+
+# Standard deviations of what receivers and compasses say beside the position [m/s, rad, rad/s].
+VELOCITY_ERROR_MPS, HEADING_ERROR_RAD, TURN_ERROR_RADPS = 0.05, 0.015, 0.01
+# How long the boat pushes one way before it pushes another, for the strength of the noise [s].
+PUSH_S = 0.2
+# A magnetic heading is not heeded while a true one is that young [s].
+TRUE_FOR_S = 3.0
+
+
+class Track:
+    """One value and its rate; `push` is the largest second derivative that the boat can give it.
+
+    Times that run back are taken as no time at all: what comes late counts as of the newest.
+    """
+
+    def __init__(self, push: float) -> None:
+        self._density = push**2 * PUSH_S
+        self.time_s = math.nan
+        self.value = self.rate = 0.0
+        self._pvv = self._pvr = 0.0
+        self._prr = (2 * push) ** 2
+
+    def measure_value(self, time_s: float, value: float, error: float) -> None:
+        """Take a measurement of the value into account."""
+        if math.isnan(self.time_s):
+            self.time_s, self.value, self._pvv = time_s, value, error**2
+            return
+        self._predict(time_s)
+        scale = self._pvv + error**2
+        self._correct(value - self.value, self._pvv / scale, self._pvr / scale, of_rate=False)
+
+    def measure_rate(self, time_s: float, rate: float, error: float) -> None:
+        """Take a measurement of the rate into account; before any value there is nothing to do."""
+        if math.isnan(self.time_s):
+            return
+        self._predict(time_s)
+        scale = self._prr + error**2
+        self._correct(rate - self.rate, self._pvr / scale, self._prr / scale, of_rate=True)
+
+    def at(self, time_s: float) -> float:
+        """Return the value at a time near the last measurement, before or after it."""
+        return self.value + self.rate * (time_s - self.time_s)
+
+    def _predict(self, time_s: float) -> None:
+        step = max(0.0, time_s - self.time_s)
+        self.time_s += step
+        self.value += self.rate * step
+        self._pvv += step * (2 * self._pvr + step * self._prr) + self._density * step**3 / 3
+        self._pvr += step * self._prr + self._density * step**2 / 2
+        self._prr += self._density * step
+
+    def _correct(self, error: float, to_value: float, to_rate: float, *, of_rate: bool) -> None:
+        self.value += to_value * error
+        self.rate += to_rate * error
+        if of_rate:
+            self._pvv -= to_value * self._pvr
+            self._pvr -= to_value * self._prr
+            self._prr -= to_rate * self._prr
+        else:
+            self._prr -= to_rate * self._pvr
+            self._pvr -= to_rate * self._pvv
+            self._pvv -= to_value * self._pvv
+
+
+class Navigator:
+    """Where the boat is, in a survey's frame; `variation_rad` where no sentence tells it."""
+
+    def __init__(
+        self, frame: LocalFrame, vessel: Vessel, variation_rad: float | None = None
+    ) -> None:
+        self._frame = frame
+        push = 2 * vessel.thrust_max_n / vessel.m11_kg
+        turn = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n) / vessel.m33_kgm2
+        self._north, self._east, self._bow = Track(push), Track(push), Track(turn)
+        self.variation_rad = variation_rad
+        # When the last position came and the last heading that could be used [s].
+        self.placed_s = self.headed_s = math.nan
+        self._true_s = -math.inf
+        self._error_m = PLAIN_ERROR_M
+
+    def place(self, time_s: float, place: Place) -> bool:
+        """Take a position into account; whether it is newer than the last. Where it does not tell
+        its error it is as good as those that did.
+        """
+        self._error_m = self._error_m if place.error_m is None else place.error_m
+        if time_s <= self.placed_s:
+            return False
+        north, east = self._frame.to_local(place.lonlat).tolist()
+        self._north.measure_value(time_s, north, self._error_m)
+        self._east.measure_value(time_s, east, self._error_m)
+        self.placed_s = time_s
+        return True
+
+    def move(self, time_s: float, motion: Motion) -> None:
+        """Take a velocity over ground into account."""
+        for track, rate in zip((self._north, self._east), motion.velocity, strict=True):
+            track.measure_rate(time_s, rate, VELOCITY_ERROR_MPS)
+
+    def head(self, time_s: float, bow: Bow) -> bool:
+        """Take a heading into account; whether it could be used: a magnetic one only where the
+        variation is known and no true one is heard.
+        """
+        heading = bow.heading_rad
+        if bow.true:
+            self._true_s = time_s
+        elif self.variation_rad is None or time_s - self._true_s < TRUE_FOR_S:
+            return False
+        else:
+            heading += self.variation_rad
+        believed = heading if math.isnan(self.headed_s) else self._bow.at(time_s)
+        near = believed + math.remainder(heading - believed, 2 * math.pi)
+        self._bow.measure_value(time_s, near, HEADING_ERROR_RAD)
+        self.headed_s = time_s
+        return True
+
+    def turn(self, time_s: float, turn: Turn) -> None:
+        """Take a yaw rate into account."""
+        self._bow.measure_rate(time_s, turn.rate_radps, TURN_ERROR_RADPS)
+
+    def state(self, time_s: float) -> State:
+        """Return the state at a time near the last sentences; not numbers before there is one."""
+        north, east, heading = (track.at(time_s) for track in (self._north, self._east, self._bow))
+        forth, across = self._north.rate, self._east.rate
+        cos, sin = math.cos(heading), math.sin(heading)
+        surge, sway = cos * forth + sin * across, cos * across - sin * forth
+        return north, east, heading, surge, sway, self._bow.rate

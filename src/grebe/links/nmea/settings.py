@@ -1,0 +1,96 @@
+"""Where a boat of NMEA is, as its URL says: `udp:0.0.0.0:10110?out=udp:127.0.0.1:5005`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from urllib.parse import parse_qsl
+
+from grebe.core.errors import LinkError, UsageError
+from grebe.links.mavlink.wires import SerialWire, UdpWire, Wire
+
+USUAL_BAUD = 4800
+ADDRESSES = "udp:HOST:PORT or serial:DEVICE@BAUD"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NmeaSettings:
+    """`source` and `out` are addresses: where sentences come from and where thrusts go to; an
+    empty `out` is the line that sentences come from. `late_s`: the receiver's own latency;
+    `variation_deg`: of the compass, positive to the east, where no sentence tells it. `find_s`:
+    how long a first position and heading are waited for; `silence_s`: without any sentence for
+    so long the boat counts as lost.
+
+    Raises `UsageError`.
+    """
+
+    source: str
+    out: str = ""
+    late_s: float = 0.0
+    variation_deg: float | None = None
+    find_s: float = 60.0
+    silence_s: float = 15.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.late_s <= 5:
+            raise UsageError(f"A receiver is late by 0 to 5 s, not by {self.late_s:g} s.")
+        if self.variation_deg is not None and not abs(self.variation_deg) <= 180:
+            raise UsageError(f"A compass's variation is no {self.variation_deg:g} degrees.")
+        if not (0 < self.find_s < math.inf and 0 < self.silence_s < math.inf):
+            raise UsageError("An NMEA line's silence and the search on it last longer than 0 s.")
+        if not self.out and self.source.startswith("udp:"):
+            raise UsageError(
+                "Where do the thrusts go? A boat heard by udp: needs ?out=udp:HOST:PORT or "
+                "?out=serial:DEVICE@BAUD."
+            )
+        _parts(self.source)
+        if self.out:
+            _parts(self.out)
+
+
+NUMBERS = {"late": "late_s", "variation": "variation_deg", "find": "find_s", "silence": "silence_s"}
+
+
+def settings_of(rest: str) -> NmeaSettings:
+    """Read what follows `nmea:` in a URL; `LinkError` or `UsageError` says what is wrong."""
+    source, _, query = rest.partition("?")
+    out, numbers = "", {}
+    for key, value in parse_qsl(query, keep_blank_values=True):
+        if key == "out":
+            out = value
+        elif key in NUMBERS:
+            numbers[NUMBERS[key]] = _number(key, value)
+        else:
+            known = ", ".join(["out", *NUMBERS])
+            raise LinkError(f"nmea: knows no {key!r}; it takes {known}.")
+    return NmeaSettings(source=source, out=out, **numbers)
+
+
+def open_wire(address: str, *, speaks_first: bool) -> Wire:
+    """Open an address, to listen there or to speak to it; `LinkError` where that cannot be."""
+    kind, place, number = _parts(address)
+    if kind == "serial":
+        return SerialWire(place, number)
+    return UdpWire(place, number, speaks_first=speaks_first)
+
+
+def _number(key: str, value: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise LinkError(f"nmea: {key}={value} is not a number.") from None
+
+
+def _parts(address: str) -> tuple[str, str, int]:
+    """The kind, the host or device, and the port or speed of an address."""
+    kind, _, rest = address.partition(":")
+    if kind == "serial" and rest:
+        device, at, baud = rest.rpartition("@")
+        if not at:
+            return kind, rest, USUAL_BAUD
+        if device and baud.isdigit() and int(baud) > 0:
+            return kind, device, int(baud)
+    host, _, port = rest.rpartition(":")
+    if kind == "udp" and host and port.isdigit() and 0 < int(port) < 65_536:
+        return kind, host, int(port)
+    raise LinkError(f"There is no NMEA line {address!r}; give {ADDRESSES}.")

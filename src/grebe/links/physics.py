@@ -1,0 +1,95 @@
+"""The socket below ArduPilot's firmware: UDP packets in, lines of JSON back to who sent them."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from grebe.core.errors import LinkError
+from grebe.simulation.physics import Physics, ServoPacket, read_packet
+
+PORT = 9002
+LARGEST_PACKET = 2048
+# How often a quiet server looks whether it is to stop [s].
+LOOK_S = 0.2
+# Another firmware is heard only when the one before has been silent for so long [s], or begins.
+SILENT_S = 2.0
+
+Address = tuple[str, int]
+
+
+class PhysicsServer:
+    """Serves one firmware at a time; `tell` hears, in words, who comes and starts afresh.
+
+    Foreign packets, late copies, and a second firmware beside the first get no answer.
+    `LinkError` where the port is taken.
+    """
+
+    def __init__(
+        self,
+        physics: Physics,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        tell: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._physics = physics
+        self._tell = tell
+        self._firmware: Address | None = None
+        self._heard_s = 0.0
+        self.foreign = 0
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise LinkError(
+                f"Physics cannot be served at {host}:{port} ({error.strerror or error}); another "
+                "program may have the port."
+            ) from error
+        self._socket.settimeout(LOOK_S)
+
+    @property
+    def address(self) -> Address:
+        """Where it listens."""
+        host, port = self._socket.getsockname()
+        return host, port
+
+    def serve(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Answer packets until `stopped` says so, or an exception comes; then close the port."""
+        with self._socket:
+            while not stopped():
+                try:
+                    data, sender = self._socket.recvfrom(LARGEST_PACKET)
+                except OSError:
+                    # A time-out, or word that the firmware's port is closed by now.
+                    continue
+                self._take(data, sender)
+
+    def _take(self, data: bytes, sender: Address) -> None:
+        packet = read_packet(data)
+        if packet is None or not self._admits(packet, sender):
+            self.foreign += 1
+            return
+        starts = self._physics.starts
+        answer = self._physics.answer(packet)
+        if self._physics.starts > starts:
+            rate = packet.frame_rate_hz
+            self._tell(f"the firmware at {sender[0]}:{sender[1]} begins ({rate} frames a second)")
+        if answer is not None:
+            with suppress(OSError):
+                self._socket.sendto(answer, sender)
+
+    def _admits(self, packet: ServoPacket, sender: Address) -> bool:
+        """Whether a packet is of the firmware that is served, or of one that takes its place."""
+        now_s = time.monotonic()
+        if sender != self._firmware:
+            quiet = now_s - self._heard_s > SILENT_S
+            if self._firmware is not None and packet.frame > 0 and not quiet:
+                return False
+            if self._firmware is not None:
+                self._physics.restart()
+            self._firmware = sender
+        self._heard_s = now_s
+        return True

@@ -1,0 +1,48 @@
+"""One recorder and any number of listeners behind one page: what a mission speaks to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from grebe.core.events import MissionEvent
+from grebe.mission.recorders import KeepsTogether, Listener, Recorder
+from grebe.mission.writer import Writer
+
+
+class Broadcast:
+    """One recorder and any number of listeners.
+
+    Events are held while the loop decides what the boat is to do, and released once it is told.
+    """
+
+    def __init__(self, recorder: Recorder, listeners: Sequence[Listener] = ()) -> None:
+        self._recorder = recorder
+        self._writer = Writer(recorder) if isinstance(recorder, KeepsTogether) else None
+        self._listeners = list(listeners)
+        self._held: list[MissionEvent] = []
+
+    def hold(self, event: MissionEvent) -> None:
+        """Take an event, to be kept and told with the next `release`."""
+        self._held.append(event)
+
+    def release(self, *, finally_: bool = False) -> None:
+        """Keep what is held, then tell what is kept to all who listen; `finally_` waits for it all.
+
+        It is held no longer where keeping fails: what is tried again might be kept twice.
+        """
+        events, self._held = self._held, []
+        if self._writer is not None:
+            kept = self._writer.keep(events)
+            for event in kept if not finally_ else (*kept, *self._writer.finish()):
+                self._announce(event)
+            return
+        for event in events:
+            self._recorder.record(event)
+            self._announce(event)
+
+    def _announce(self, event: MissionEvent) -> None:
+        for listener in tuple(self._listeners):
+            try:
+                listener(event)
+            except Exception:
+                self._listeners.remove(listener)

@@ -1,0 +1,387 @@
+"""The guard: asks the state machine at every estimate, and steers where the survey does not.
+
+What the machine may not know - the survey's water, the way home, the battery's report - is found
+out here; what it decides is told as an event, and done.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Protocol
+
+from grebe.control.controller import Controller
+from grebe.control.rules.base import reached_count
+from grebe.control.station import brake, keep
+from grebe.core.dynamics import Weather, drive_power_w
+from grebe.core.errors import PlanError
+from grebe.core.events import EndReason, State
+from grebe.core.survey import Survey
+from grebe.core.vessel import Vessel
+from grebe.links.base import BoatStatus, Observation
+from grebe.mission.helm import AdaptableHelm, Helm
+from grebe.mission.patience import patience_s
+from grebe.mission.safety.fence import STEP_S, Escape, Fence, Schedule, escape, fence_of, reckoned
+from grebe.mission.safety.machine import (
+    Asked,
+    Memory,
+    Request,
+    advised,
+    at_the_fence,
+    blinded,
+    without_way_home,
+)
+from grebe.mission.safety.reserve import way_home_s
+from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
+from grebe.planning.homeward import Homeward, homeward, transit_survey
+
+Thrusts = tuple[float, float]
+Pilot = Callable[[Survey], Helm]
+# The way home is measured again so often; its length changes no faster than the boat moves [s].
+HOME_PERIOD_S = 5.0
+# A blind boat that is reckoned to be slower than this is not braked any more [m/s].
+LEAST_WAY_MPS = 0.05
+# What is known of a boat that has not said anything.
+NOTHING_SAID = BoatStatus(mode="", armed=False)
+# Share of reverse thrust with which a boat is freed.
+ASTERN_SHARE = 0.8
+
+
+class Tells(Protocol):
+    """Whoever hears of a change: when, the states, the cause's code, a sentence."""
+
+    def __call__(self, time_s: float, *, before: str, after: str, code: str, message: str) -> None:
+        """Hear of a change."""
+        ...
+
+
+@dataclass(kw_only=True)
+class _WayHome:
+    """The way home that is being sailed."""
+
+    helm: Helm
+    survey: Survey
+    deadline_s: float
+
+
+def default_pilot(vessel: Vessel) -> Pilot:
+    """Return what makes Grebe's controller for a way home."""
+
+    def pilot(survey: Survey) -> Helm:
+        return Controller(vessel, survey.sets, corridors=survey.corridors)
+
+    return pilot
+
+
+def home_of(survey: Survey, settings: SafetySettings) -> Place:
+    """Return where home is (north, east): the place that was given, or the survey's start.
+
+    Raises `InputError` for one far from the water and `PlanError` for a survey without a start.
+    """
+    if settings.home is not None:
+        return survey.frame.place_near(survey.water, settings.home, "home")
+    if survey.start is None:
+        raise PlanError("The survey has no start, and no home was given.", settings=("home",))
+    return survey.start.north_m, survey.start.east_m
+
+
+class Guard:
+    """Watches over one mission; `tell` hears of every change of state."""
+
+    def __init__(
+        self,
+        survey: Survey,
+        vessel: Vessel,
+        settings: SafetySettings,
+        tell: Tells,
+        started: datetime,
+        pilot: Pilot | None = None,
+    ) -> None:
+        self._survey, self._vessel, self._settings = survey, vessel, settings
+        self._tell = tell
+        # When the boat must be home for the light's sake, on the link's clock.
+        until = settings.until
+        self._dark_s = math.inf if until is None else (until - started).total_seconds()
+        self._pilot = pilot or default_pilot(vessel)
+        self._memory = Memory()
+        self._asked: Asked | None = None
+        if settings.comes_home:
+            self.ask(Request.HOME, settings.comes_home)
+        self._fence: Fence | None = None
+        # A boat that is launched from land is fenced in once it is on the water.
+        self._fenced = False
+        self._ways: Homeward | None = None
+        self._no_way = ""
+        self._home_cost: tuple[float, float] | None = None
+        self._home_asked_s = -math.inf
+        self._way: _WayHome | None = None
+        self._escape: tuple[float, Escape] | None = None
+        self._reckoned: tuple[float, State] | None = None
+        self._began_s: float | None = None
+        self._before_s = 0.0
+        self._used_wh = 0.0
+        self.depth_m: float | None = None
+
+    def take_for(self, vessel: Vessel) -> None:
+        """Judge another boat from now on: it is not what it was said to be."""
+        self._vessel = vessel
+
+    def ask(self, request: Request, why: str) -> None:
+        """Ask something; it is answered at the next estimate. Safe from any thread."""
+        self._asked = Asked(request=request, why=why)
+
+    @property
+    def state(self) -> SafetyState:
+        """What the boat does."""
+        return self._memory.state
+
+    @property
+    def end(self) -> tuple[EndReason, str] | None:
+        """Why the mission ends; None while it goes on."""
+        reason = self._memory.end
+        return None if reason is None else (reason, self._memory.message)
+
+    @property
+    def helm(self) -> Helm | None:
+        """Who steers the way home; None while the survey is steered, or nobody has to."""
+        return self._way.helm if self._way and self.state is SafetyState.RETURNING else None
+
+    def look(
+        self,
+        observation: Observation,
+        weather: Weather,
+        thrusts: Thrusts,
+        reached: int,
+        status: BoatStatus = NOTHING_SAID,
+        ahead: Schedule | None = None,
+    ) -> None:
+        """Judge an estimate, to which `thrusts` have led; `ahead` are those that the boat is going
+        to have, the same without them.
+        """
+        if self._began_s is None:
+            self._begin(observation)
+        self._reckoned = None
+        self._spend(observation, thrusts)
+        self._follow_way(observation)
+        facts = self._facts(observation, weather, thrusts, reached, status)
+        asked, self._asked = self._asked, None
+        self.depth_m = None
+        after = advised(self._memory, facts, self._settings, self._vessel, asked)
+        self._become(after, observation)
+        own = self.own_thrusts(observation, weather)
+        if own is not None or ahead is None:
+            held = own or thrusts
+            ahead = lambda _: held  # noqa: E731
+        self.permitted(observation, ahead, weather, reached)
+
+    def permitted(
+        self, observation: Observation, ahead: Schedule, weather: Weather, reached: int
+    ) -> bool:
+        """Whether the boat may have the thrusts that are ahead of it, until the next estimate;
+        where it may not, the guard steers from now on.
+        """
+        drives = self.state not in (SafetyState.HOLDING, SafetyState.STOPPED)
+        if self._fence is None or not self._fenced or not drives:
+            return True
+        way_out = escape(
+            self._fence,
+            self._vessel,
+            observation.state,
+            ahead,
+            weather,
+            reaction_s=self._settings.reaction_s + observation.age_s,
+            weaker_share=self._settings.weaker_share,
+        )
+        if way_out is not None:
+            self._escape = (observation.time_s, way_out)
+            return True
+        facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
+        refuge = self._fence.refuge(facts.place)
+        self._become(at_the_fence(self._memory, facts, self._settings, refuge), observation)
+        return False
+
+    def own_thrusts(self, observation: Observation, weather: Weather) -> Thrusts | None:
+        """Return what the guard itself steers with; None where a helm does."""
+        vessel, share = self._vessel, self._settings.weaker_share
+        if self.state is SafetyState.STOPPED:
+            return 0.0, 0.0
+        if self.state is SafetyState.HOLDING:
+            left = self._left_of_escape(observation.time_s)
+            return left or keep(vessel, observation.state, weather, self._memory.place, share)
+        if self.state is SafetyState.FREEING:
+            each = ASTERN_SHARE * vessel.thrust_min_n
+            return each, each
+        return None
+
+    def _left_of_escape(self, time_s: float) -> Thrusts | None:
+        """The thrusts now of the way out that was found last, while it is one of a plan."""
+        if self._memory.cause is not Cause.FENCE or self._escape is None:
+            return None
+        since, way_out = self._escape
+        step = round((time_s - since) / STEP_S)
+        reaction = math.ceil(self._settings.reaction_s / STEP_S)
+        planned = len(way_out.thrusts) > reaction + 1
+        return way_out.thrusts[step] if planned and step < len(way_out.thrusts) else None
+
+    @property
+    def reckoned(self) -> State | None:
+        """Where a boat that sees nothing is by dead reckoning."""
+        return self._reckoned and self._reckoned[1]
+
+    def blind(
+        self, seen: Observation, now: Observation, thrusts: Thrusts, weather: Weather
+    ) -> Thrusts:
+        """Return what takes a blind boat's way off, which was last `seen` and has had `thrusts`
+        since the last call; nothing once it must have stopped.
+        """
+        seconds = now.time_s - seen.time_s
+        self._say(blinded(self._memory, now.time_s, seconds, self._settings))
+        since, state = self._reckoned or (seen.time_s, seen.state)
+        state = reckoned(self._vessel, state, thrusts, weather, now.time_s - since)
+        self._reckoned = (now.time_s, state)
+        if state[3] < LEAST_WAY_MPS:
+            return 0.0, 0.0
+        return brake(self._vessel, state, weather, self._settings.weaker_share)
+
+    def _begin(self, observation: Observation) -> None:
+        self._began_s = self._before_s = observation.time_s
+        if self._settings.fence:
+            place = (observation.state[0], observation.state[1])
+            self._fence = fence_of(self._survey.water, self._survey.no_go, place)
+
+    def _spend(self, observation: Observation, thrusts: Thrusts) -> None:
+        seconds = observation.time_s - self._before_s
+        self._before_s = observation.time_s
+        surge = observation.state[3]
+        self._used_wh += drive_power_w(self._vessel, thrusts, surge) * seconds / 3600
+
+    def _facts(
+        self,
+        observation: Observation,
+        weather: Weather,
+        thrusts: Thrusts,
+        reached: int,
+        status: BoatStatus,
+    ) -> Facts:
+        place = (observation.state[0], observation.state[1])
+        inside = self._fence is None or self._fence.holds(place)
+        self._fenced = self._fenced or inside
+        home_s, home_wh = self._cost_home(observation, weather, status)
+        way = self._way if self.state is SafetyState.RETURNING else None
+        return Facts(
+            time_s=observation.time_s,
+            elapsed_s=observation.time_s - (self._began_s or 0.0),
+            state=observation.state,
+            weather=weather,
+            thrusts=thrusts,
+            reached=reached,
+            home_s=home_s,
+            home_wh=home_wh,
+            at_home=way is not None and way.helm.reached == len(way.survey.targets),
+            home_given_up=way is not None and observation.time_s > way.deadline_s,
+            battery_share=status.battery_share,
+            used_wh=self._used_wh,
+            depth_m=self.depth_m,
+            light_s=self._dark_s - observation.time_s,
+            outside=self._fenced and not inside,
+        )
+
+    def _cost_home(
+        self, observation: Observation, weather: Weather, status: BoatStatus
+    ) -> tuple[float | None, float]:
+        """Time [s] and energy [Wh] home; None, 0 where nobody must know them."""
+        memory = self._memory
+        asks = self._settings.watches_home or status.battery_share is not None
+        asks = asks or self._asked is not None
+        asks = asks or memory.against_s is not None or memory.tired_s is not None
+        if not asks:
+            return None, 0.0
+        if observation.time_s - self._home_asked_s >= HOME_PERIOD_S or self._home_cost is None:
+            self._home_asked_s = observation.time_s
+            self._home_cost = self._measured_home(observation, weather)
+        return self._home_cost
+
+    def _measured_home(self, observation: Observation, weather: Weather) -> tuple[float, float]:
+        ways = self._ways_home()
+        if ways is None:
+            return math.inf, math.inf
+        try:
+            way = ways.way_from((observation.state[0], observation.state[1]))
+        except PlanError as error:
+            self._no_way = str(error)
+            return math.inf, math.inf
+        return way_home_s(self._vessel, way, weather, self._homeward_mps)
+
+    @property
+    def _homeward_mps(self) -> float:
+        """How fast the boat goes home: as the survey's windows let it."""
+        fastest = max((one.speed_max_mps for one in self._survey.sets), default=1.0)
+        return min(fastest, 0.8 * self._vessel.speed_max_mps)
+
+    def _ways_home(self) -> Homeward | None:
+        """The ways home, worked out when they are first asked for; None where there is none."""
+        if self._ways is None and not self._no_way:
+            try:
+                home = home_of(self._survey, self._settings)
+                water = fence_of(self._survey.water, self._survey.no_go, home).water
+                self._ways = homeward(water, home)
+            except PlanError as error:
+                self._no_way = str(error)
+        return self._ways
+
+    def _follow_way(self, observation: Observation) -> None:
+        """Count the transits that the boat has reached."""
+        way = self._way
+        if way is None or self.state is not SafetyState.RETURNING:
+            return
+        before = way.helm.reached
+        way.helm.reached = reached_count(way.survey.sets, before, observation.state)
+        if way.helm.reached > before:
+            way.deadline_s = self._patience(way.survey, way.helm.reached, observation)
+
+    def _become(self, after: Memory, observation: Observation) -> None:
+        """Take a new state; who is sent home is given a way."""
+        before = self.state
+        self._say(after)
+        if after.state is SafetyState.RETURNING and before is not SafetyState.RETURNING:
+            self._set_out_for_home(observation)
+
+    def _say(self, after: Memory) -> None:
+        before, self._memory = self._memory, after
+        if after.cause is not None and (after.state, after.cause) != (before.state, before.cause):
+            self._tell(
+                after.since_s,
+                before=before.state.value,
+                after=after.state.value,
+                code=after.cause.value,
+                message=after.message,
+            )
+
+    def _set_out_for_home(self, observation: Observation) -> None:
+        ways = self._ways_home()
+        try:
+            survey = ways and transit_survey(
+                self._survey, ways, observation.state, self._homeward_mps
+            )
+        except PlanError as error:
+            survey, self._no_way = None, str(error)
+        if survey is None:
+            self._way = None
+            self._say(without_way_home(self._memory, observation.time_s, self._no_way))
+            return
+        helm = self._pilot(survey)
+        helm.reached = 0
+        if helm.vessel != self._vessel and isinstance(helm, AdaptableHelm):
+            helm.take_for(self._vessel)
+        self._way = _WayHome(
+            helm=helm, survey=survey, deadline_s=self._patience(survey, 0, observation)
+        )
+
+    @staticmethod
+    def _patience(survey: Survey, reached: int, observation: Observation) -> float:
+        if reached >= len(survey.targets):
+            return math.inf
+        return observation.time_s + patience_s(survey.targets[reached].set, observation.state)

@@ -1,0 +1,42 @@
+"""Whoever steers: the port that a mission has for its controller."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from grebe.control.controller import Command
+from grebe.core.dynamics import Weather
+from grebe.core.events import State
+from grebe.core.vessel import Vessel
+
+
+class Helm(Protocol):
+    """Whoever steers: Grebe's `Controller`, or a peer.
+
+    The mission sets `reached` (Definition 5) before it asks; `step` is asked every `step_s`.
+    """
+
+    reached: int
+
+    @property
+    def vessel(self) -> Vessel:
+        """The boat as it is believed to be."""
+        ...
+
+    @property
+    def step_s(self) -> float:
+        """Time between two steps [s]."""
+        ...
+
+    def step(self, state: State, weather: Weather, elapsed_s: float | None) -> Command:
+        """Return what to do from `state` in `weather`, so long after the last step."""
+        ...
+
+
+@runtime_checkable
+class AdaptableHelm(Protocol):
+    """Who can go on with another boat than the one that it began with."""
+
+    def take_for(self, vessel: Vessel) -> None:
+        """Plan for another boat from now on."""
+        ...

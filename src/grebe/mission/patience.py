@@ -1,0 +1,20 @@
+"""How long a boat is given to reach a target."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from grebe.core.sets import TargetSet
+
+# A target that is not reached within this time, or ten times the straight way at the lowest
+# speed of its window, ends the mission as incomplete.
+SHORTEST_PATIENCE_S = 180.0
+PATIENCE_FACTOR = 10.0
+SLOWEST_MPS = 0.2
+
+
+def patience_s(target: TargetSet, state: Sequence[float]) -> float:
+    """Return the time [s] within which a target must be reached from a state."""
+    way = target.footprint_distance(state[0], state[1])
+    slowest = max(target.speed_min_mps, SLOWEST_MPS)
+    return max(SHORTEST_PATIENCE_S, PATIENCE_FACTOR * way / slowest)

@@ -1,0 +1,252 @@
+"""The fence: a boat may go on as long as it could still stop inside.
+
+At every estimate the boat's motion is foreseen: the thrusts that it has, or is about to have, for
+the time that a reaction takes; then the law of `grebe.control.station`, which brakes with what the
+weaker thruster gives astern and, in a current or a wind, turns and holds. Where that leads out of
+the water, the law takes over at once. One estimate earlier the law would have stayed inside, so it
+does now: the braking distance is computed from Eq. (9) for this hull, speed, turn, current and
+wind, and nowhere assumed. (Safety by a backup policy: Gurriet et al. 2020, IEEE Access 8.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from grebe.control.solvers.fast.model import advance, parameter_vector
+from grebe.control.station import APPROACH_MPS, brake, drift_mps, keep
+from grebe.core.dynamics import Weather
+from grebe.core.events import State
+from grebe.core.vessel import Vessel
+from grebe.mission.safety.states import Place
+
+STEP_S = 0.1
+# Nothing is foreseen further than this: a boat that is still under way then is on its way in.
+LONGEST_S = 12.0
+# Slower than this the boat has stopped [m/s].
+STOPPED_MPS = 0.1
+# What a boat needs to turn against a drift [s]; less drift than this needs no turn [m/s].
+TURN_S, NO_DRIFT_MPS = 4.0, 0.05
+# On its way to the refuge: the cosine of the angle off it.
+STRAIGHT = 0.5
+# What the outline, and a position in it, are rounded to [m].
+ROUNDING_M = 0.02
+# How far inside the fence the boat goes back to, the first that it can see [m].
+REFUGES_M = (2.0, 1.0, 0.5, 0.2, 0.0)
+# Drift is given so long to be answered, where no foresight is asked for because the fence is far.
+TURN_ROUND_S = 8.0
+
+
+# A plan is followed for so long more before the boat is braked, where braking at once will not do.
+PLANS_S = (1.0, 2.5, 5.0)
+
+# Thrusts [N] so many seconds from now.
+Schedule = Callable[[float], tuple[float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Escape:
+    """How a boat stops inside its fence: thrusts [N] for so many steps of `STEP_S`, then
+    `station.keep` to a refuge; None where the fence is far.
+    """
+
+    thrusts: tuple[tuple[float, float], ...]
+    refuge: Place | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fence:
+    """The water that the boat stays in: a local polygon (x north, y east), no-go zones cut out."""
+
+    water: shapely.Polygon
+
+    @cached_property
+    def _allowed(self) -> shapely.Polygon:
+        allowed = self.water.buffer(ROUNDING_M)
+        shapely.prepare(allowed)
+        return allowed
+
+    @cached_property
+    def _line(self) -> shapely.Geometry:
+        line = shapely.boundary(self._allowed)
+        shapely.prepare(line)
+        return line
+
+    @cached_property
+    def _inner(self) -> list[shapely.Geometry]:
+        inner = [self.water.buffer(-margin) for margin in REFUGES_M]
+        return [one for one in inner if not one.is_empty]
+
+    def holds(self, place: Place) -> bool:
+        """Whether a place is inside."""
+        return bool(shapely.intersects_xy(self._allowed, *place))
+
+    def holds_way(self, places: np.ndarray) -> bool:
+        """Whether a way (n, 2) stays inside."""
+        return bool(shapely.covers(self._allowed, shapely.linestrings(places)))
+
+    def is_far(self, place: Place, distance_m: float) -> bool:
+        """Whether the fence is farther than this from a place inside it."""
+        point = shapely.Point(place)
+        return self.holds(place) and not shapely.dwithin(self._line, point, distance_m)
+
+    def refuge(self, place: Place) -> Place:
+        """The nearest place well inside to which the way is water; the nearest of all without."""
+        point = shapely.Point(place)
+        nearest = place
+        for inner in self._inner:
+            ends = shapely.get_coordinates(shapely.shortest_line(point, inner))
+            north, east = ends[1].tolist()
+            nearest = (north, east)
+            if nearest == place or self.holds_way(ends):
+                return nearest
+        return nearest
+
+
+def fence_of(water: shapely.Polygon, no_go: Sequence[shapely.Polygon], place: Place) -> Fence:
+    """Return the fence of a survey: its water less its no-go zones, the part nearest to a place."""
+    left = water.difference(shapely.union_all(list(no_go))) if no_go else water
+    parts = [p for p in shapely.get_parts(left) if isinstance(p, shapely.Polygon) and p.area > 0]
+    point = shapely.Point(place)
+    return Fence(water=min(parts, key=lambda part: part.distance(point), default=water))
+
+
+def escape(
+    fence: Fence,
+    vessel: Vessel,
+    state: State,
+    ahead: Schedule,
+    weather: Weather,
+    *,
+    reaction_s: float,
+    weaker_share: float,
+) -> Escape | None:
+    """Return how the boat could stop inside if it went on now; None where it could not.
+
+    `ahead` are the thrusts that it is about to have. It could brake after the reaction time; or, in
+    the middle of a turn along the shore, after it has followed its plan for a little longer.
+    """
+    place = (state[0], state[1])
+    reaction = math.ceil((reaction_s + vessel.thruster_lag_s) / STEP_S - 1e-9)
+    if fence.is_far(
+        place, _surely_enough_m(vessel, state, weather, reaction * STEP_S, weaker_share)
+    ):
+        return Escape(thrusts=(), refuge=None)
+    refuge = fence.refuge(place)
+    for steps in (reaction, *(reaction + round(s / STEP_S) for s in PLANS_S)):
+        thrusts = tuple(ahead(STEP_S * min(k, steps)) for k in range(steps))
+        way = foreseen(fence, vessel, state, thrusts, weather, refuge, weaker_share)
+        if fence.holds_way(way[:, :2]):
+            return Escape(thrusts=thrusts, refuge=refuge)
+    return None
+
+
+def foreseen(
+    fence: Fence,
+    vessel: Vessel,
+    state: State,
+    thrusts: Sequence[tuple[float, float]],
+    weather: Weather,
+    refuge: Place,
+    weaker_share: float,
+) -> np.ndarray:
+    """Return the states (n, 6), `STEP_S` apart, of a boat that has some thrusts, one for each step,
+    and then follows `station.keep` to a refuge until it has stopped or is on its way there.
+    """
+    wind = np.asarray(weather.as_tuple())
+    parameters = parameter_vector(vessel, wind)
+    substeps = max(2, math.ceil(STEP_S * vessel.fastest_rate_hz))
+    drift = drift_mps(vessel, weather)
+    states = [np.asarray(state, dtype=float)]
+    for k in range(len(thrusts) + round(LONGEST_S / STEP_S)):
+        here = states[-1]
+        if k < len(thrusts):
+            inputs = thrusts[k]
+        elif _has_stopped(here, drift, fence) or _arrives(here, refuge):
+            break
+        else:
+            inputs = keep(vessel, here.tolist(), weather, refuge, weaker_share)
+        ahead = np.empty(6)
+        advance(parameters, here, np.asarray(inputs, dtype=float), STEP_S, substeps, ahead)
+        states.append(ahead)
+    return np.array([*states, states[-1]] if len(states) == 1 else states)
+
+
+def reckoned(
+    vessel: Vessel, state: State, thrusts: tuple[float, float], weather: Weather, seconds: float
+) -> State:
+    """Return where Eq. (9) has the boat after so long under the same thrusts."""
+    ahead = np.empty(6)
+    substeps = max(2, math.ceil(seconds * vessel.fastest_rate_hz))
+    parameters = parameter_vector(vessel, np.asarray(weather.as_tuple()))
+    start, inputs = np.asarray(state, dtype=float), np.asarray(thrusts, dtype=float)
+    advance(parameters, start, inputs, seconds, substeps, ahead)
+    north, east, heading, surge, sway, yaw_rate = ahead.tolist()
+    return north, east, heading, surge, sway, yaw_rate
+
+
+def braking_distance_m(
+    vessel: Vessel,
+    surge_mps: float,
+    weather: Weather,
+    *,
+    reaction_s: float = 0.3,
+    weaker_share: float = 0.9,
+) -> float:
+    """Return how far [m] a boat that heads north at a surge comes before it stops over ground, with
+    its thrusts held for the reaction time.
+    """
+    each = 0.5 * vessel.surge_drag_n(surge_mps)
+    parameters = parameter_vector(vessel, np.asarray(weather.as_tuple()))
+    state = np.array([0.0, 0.0, 0.0, surge_mps, 0.0, 0.0])
+    steps = math.ceil((reaction_s + vessel.thruster_lag_s) / STEP_S - 1e-9)
+    substeps = max(2, math.ceil(STEP_S * vessel.fastest_rate_hz))
+    farthest, k = 0.0, 0
+    while state[3] > 0.01 and k < 600:
+        held = (each, each) if k < steps else brake(vessel, state.tolist(), weather, weaker_share)
+        ahead = np.empty(6)
+        advance(parameters, state, np.asarray(held), STEP_S, substeps, ahead)
+        state, k = ahead, k + 1
+        farthest = max(farthest, float(state[0]))
+    return farthest
+
+
+def _has_stopped(state: np.ndarray, drift_mps: float, fence: Fence) -> bool:
+    """Whether the boat lies still, with room to drift in until it has turned against the drift."""
+    north, east, _, surge, sway, _ = state.tolist()
+    if abs(surge) > STOPPED_MPS or math.hypot(surge, sway) > STOPPED_MPS + drift_mps:
+        return False
+    return drift_mps < NO_DRIFT_MPS or fence.is_far((north, east), drift_mps * TURN_S)
+
+
+def _arrives(state: np.ndarray, refuge: Place) -> bool:
+    """Whether the boat is on its way to the refuge, or there."""
+    north, east, heading, surge, sway, _ = state.tolist()
+    speed = math.hypot(surge, sway)
+    to_north, to_east = refuge[0] - north, refuge[1] - east
+    over_north = surge * math.cos(heading) - sway * math.sin(heading)
+    over_east = surge * math.sin(heading) + sway * math.cos(heading)
+    away = math.hypot(to_north, to_east)
+    nearing = over_north * to_north + over_east * to_east
+    return nearing > STRAIGHT * speed * away and STOPPED_MPS < 2 * speed < 2 * APPROACH_MPS
+
+
+def _surely_enough_m(
+    vessel: Vessel, state: State, weather: Weather, reaction_s: float, weaker_share: float
+) -> float:
+    """A distance that no braking needs: beyond it nothing has to be foreseen."""
+    speed = math.hypot(state[3], state[4])
+    held = reaction_s + STEP_S
+    gained = held * 2 * vessel.thrust_max_n / vessel.m11_kg
+    fastest = min(speed + gained, speed + vessel.speed_max_mps)
+    drag = vessel.surge_drag_n(0.5 * fastest) if fastest > 0 else 0.0
+    force = -2 * weaker_share * vessel.thrust_min_n + drag
+    drift = math.hypot(weather.current_north_mps, weather.current_east_mps)
+    wind = math.hypot(weather.wind_force_north_n, weather.wind_force_east_n)
+    slowing = max(force - wind, 0.05 * vessel.thrust_max_n) / vessel.m11_kg
+    return fastest * held + fastest**2 / slowing + (drift + wind * 0.05) * TURN_ROUND_S + 0.5

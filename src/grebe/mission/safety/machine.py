@@ -1,0 +1,309 @@
+"""The state machine: what the boat may do from an estimate on, from what is remembered and known.
+
+`advised` is a pure function. What stops the boat is asked first, then what it must get out of, then
+what sends it home; somebody's request comes before the boat's own judgement of time and battery.
+Each cause has its row in docs/safety.md.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, field, replace
+
+from grebe.control.station import reach_mps
+from grebe.core.events import EndReason
+from grebe.core.vessel import Vessel
+from grebe.mission.safety.reserve import Battery, must_go_home, watched_battery
+from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.safety.states import ENDS, Cause, Facts, Finding, Place, SafetyState
+from grebe.mission.safety.stuck import Motion, held_fast, watched_motion
+from grebe.mission.safety.thrusters import Turning, dead_thruster, watched_turning
+
+# A boat that is braked at the fence goes on when it has been braked for so long [s], is slower than
+# this [m/s] and as near to its refuge [m]; or after a time, for a wind may keep it off that [s].
+BRAKED_S, SLOW_MPS, BACK_M, LONGEST_S = 1.0, 0.4, 1.6, 20.0
+# A boat that is outside its fence for so long cannot keep it [s].
+OUTSIDE_S = 60.0
+# A boat to which current and wind leave less than this share of its speed goes home, after so long
+# [s]: what rises may rise further.
+TIRED_SHARE, TIRED_S = 0.35, 5.0
+# A boat that has fallen no further behind its thrust moves freely [m].
+UNHELD_M = 1.0
+# What the boat must be faster than its current by to be going anywhere [m/s].
+LEAST_REACH_MPS = 0.05
+
+
+class Request(enum.Enum):
+    """What somebody may ask of a mission, beside the end."""
+
+    HOME = "home"
+    HOLD = "hold"
+    GO_ON = "go on"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """A request and its reason."""
+
+    request: Request
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Memory:
+    """What the machine knows from before.
+
+    `state` since `since_s` for `cause`, and `message` says why; `resumes` is the state that a
+    passing one goes back to; `place` the one that is held. `fenced` and `astern` count what was
+    tried since `reached` targets. `against_s`: since when the boat is carried off
+    (`carried`: by a current or a wind that is stronger than it) or outside its fence;
+    `tired_s`: since when it is little faster than what carries it.
+    """
+
+    state: SafetyState = SafetyState.SURVEYING
+    cause: Cause | None = None
+    message: str = ""
+    since_s: float = 0.0
+    resumes: SafetyState = SafetyState.SURVEYING
+    homeward: str = ""
+    place: Place = (0.0, 0.0)
+    fenced: int = 0
+    astern: int = 0
+    reached: int = 0
+    against_s: float | None = None
+    carried: bool = False
+    tired_s: float | None = None
+    motion: Motion = field(default_factory=Motion)
+    turning: Turning = field(default_factory=Turning)
+    battery: Battery = field(default_factory=Battery)
+
+    @property
+    def end(self) -> EndReason | None:
+        """What the mission ends with; None while it goes on."""
+        stopped = self.state is SafetyState.STOPPED and self.cause is not None
+        return ENDS[self.cause] if stopped and self.cause is not None else None
+
+
+def advised(
+    memory: Memory,
+    facts: Facts,
+    settings: SafetySettings,
+    vessel: Vessel,
+    asked: Asked | None = None,
+) -> Memory:
+    """Return what the boat does from this estimate on, and why."""
+    seen = _watched(memory, facts, settings, vessel)
+    for judge in (_stops, _frees):
+        changed = judge(seen, facts, settings)
+        if changed is not None:
+            return changed
+    if asked is not None:
+        return _answered(seen, facts, asked)
+    if seen.state is SafetyState.SURVEYING:
+        finding = must_go_home(seen.battery, facts, settings) or _tired(seen, facts)
+        return seen if finding is None else _sent_home(seen, facts, finding)
+    if seen.state is SafetyState.HOLDING:
+        return _held(seen, facts)
+    if seen.state is SafetyState.RETURNING and facts.at_home:
+        text = f"the boat is home: {seen.homeward}"
+        return _stopped(seen, facts, Finding(cause=Cause.HOME, message=text))
+    return seen
+
+
+def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge: Place) -> Memory:
+    """Return what the boat does that could not stop inside any more if it went on: it is braked
+    and goes back to a refuge, a few times; then it goes home, or ends.
+    """
+    if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
+        return memory
+    going = memory.resumes if memory.state is SafetyState.FREEING else memory.state
+    tried = memory.fenced + 1
+    if tried > settings.fence_tries:
+        text = f"braked at the fence {memory.fenced} times on the way to one place"
+        finding = Finding(cause=Cause.FENCE, message=text)
+        if going is SafetyState.RETURNING:
+            return _stopped(memory, facts, finding)
+        memory, going = replace(memory, homeward=text), SafetyState.RETURNING
+        tried = 0
+    text = "it could not stop inside the fence any more if it went on"
+    held = _changed(memory, facts, SafetyState.HOLDING, Finding(cause=Cause.FENCE, message=text))
+    return replace(held, resumes=going, place=refuge, fenced=tried)
+
+
+def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySettings) -> Memory:
+    """Return what the boat does without an estimate for so long: it is stopped where it is, as far
+    as that can be reckoned, and after a time the mission ends.
+    """
+    if memory.state is SafetyState.STOPPED:
+        return memory
+    if seconds > settings.blind_s:
+        text = f"no usable estimate for {seconds:.0f} s"
+        return replace(
+            memory, state=SafetyState.STOPPED, cause=Cause.BLIND, message=text, since_s=time_s
+        )
+    if memory.cause is Cause.BLIND:
+        return memory
+    passing = memory.state in (SafetyState.HOLDING, SafetyState.FREEING)
+    return replace(
+        memory,
+        state=SafetyState.HOLDING,
+        cause=Cause.BLIND,
+        message="no usable estimate: the boat is braked and left without thrust",
+        since_s=time_s,
+        resumes=memory.resumes if passing else memory.state,
+    )
+
+
+def without_way_home(memory: Memory, time_s: float, why: str) -> Memory:
+    """Return the end of a mission whose boat was sent home where no way leads there."""
+    return replace(
+        memory,
+        state=SafetyState.STOPPED,
+        cause=Cause.NO_WAY_HOME,
+        message=f"{memory.homeward}, but: {why}",
+        since_s=time_s,
+    )
+
+
+def _watched(memory: Memory, facts: Facts, settings: SafetySettings, vessel: Vessel) -> Memory:
+    """What is remembered, with this estimate in it."""
+    drives = memory.state in (SafetyState.SURVEYING, SafetyState.RETURNING)
+    motion = watched_motion(memory.motion, facts, vessel, settings.least_depth_m)
+    if memory.reached != facts.reached:
+        memory = replace(memory, fenced=0, astern=0, reached=facts.reached)
+    left = reach_mps(vessel, facts.weather)
+    strong = left < LEAST_REACH_MPS
+    tired = left < TIRED_SHARE * vessel.speed_max_mps
+    tired_since = memory.tired_s if memory.tired_s is not None else facts.time_s
+    astray = memory.cause is Cause.FENCE and facts.outside
+    since = memory.against_s if memory.against_s is not None else facts.time_s
+    return replace(
+        memory,
+        motion=motion if drives else Motion(),
+        turning=watched_turning(memory.turning, facts, vessel),
+        battery=watched_battery(memory.battery, facts),
+        against_s=since if strong or astray else None,
+        carried=strong,
+        tired_s=tired_since if tired else None,
+    )
+
+
+def _stops(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
+    """What ends the mission at once."""
+    dead = dead_thruster(memory.turning)
+    if dead is not None:
+        return _stopped(memory, facts, dead)
+    carried = _carried_off(memory, facts, settings)
+    if carried is not None:
+        return carried
+    if memory.state is SafetyState.RETURNING and facts.home_given_up:
+        text = f"home was not reached: {memory.homeward}"
+        return _stopped(memory, facts, Finding(cause=Cause.NO_WAY_HOME, message=text))
+    return None
+
+
+def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
+    """What a boat does that has been carried off, or is outside its fence, for too long."""
+    seconds = 0.0 if memory.against_s is None else facts.time_s - memory.against_s
+    if seconds <= (settings.against_s if memory.carried else OUTSIDE_S):
+        return None
+    if not memory.carried:
+        text = f"the boat has been outside its fence for {seconds:.0f} s"
+        return _stopped(memory, facts, Finding(cause=Cause.FENCE, message=text))
+    speed = math.hypot(facts.weather.current_north_mps, facts.weather.current_east_mps)
+    text = f"a current of {speed:.1f} m/s, with the wind, is more than the boat can make"
+    finding = Finding(cause=Cause.CURRENT, message=text)
+    carries_home = facts.home_s is not None and math.isfinite(facts.home_s)
+    if memory.state is SafetyState.RETURNING and carries_home:
+        return None
+    if memory.state is SafetyState.SURVEYING and carries_home:
+        return _sent_home(memory, facts, finding)
+    return _stopped(memory, facts, finding)
+
+
+def _tired(memory: Memory, facts: Facts) -> Finding | None:
+    """A current that is still weaker than the boat, but no longer by enough to stay out in it."""
+    knows_home = facts.home_s is not None and math.isfinite(facts.home_s)
+    # A boat that weeds hold looks, to the observer, like one in a current.
+    held = memory.motion.behind_m > UNHELD_M
+    if memory.tired_s is None or held or not knows_home:
+        return None
+    if facts.time_s - memory.tired_s < TIRED_S:
+        return None
+    text = "the current, with the wind, leaves the boat too little speed"
+    return Finding(cause=Cause.CURRENT, message=text)
+
+
+def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
+    """What the boat must get out of astern, and when it has tried."""
+    if memory.state is SafetyState.FREEING:
+        if facts.time_s - memory.since_s < settings.astern_s:
+            return None
+        text = f"astern for {settings.astern_s:g} s, try {memory.astern} of {settings.tries}"
+        return _changed(memory, facts, memory.resumes, Finding(cause=Cause.FREE, message=text))
+    held = held_fast(memory.motion, settings)
+    # A boat that may have lost a thruster is not freed by going astern with the other.
+    if held is None or memory.turning.side:
+        return None
+    if memory.astern >= settings.tries:
+        text = f"{held.message}, and going astern {memory.astern} times has not freed the boat"
+        return _stopped(memory, facts, Finding(cause=held.cause, message=text))
+    freeing = _changed(memory, facts, SafetyState.FREEING, held)
+    return replace(freeing, resumes=memory.state, astern=memory.astern + 1)
+
+
+def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
+    """What the boat does that somebody has asked of it."""
+    if asked.request is Request.HOME:
+        if SafetyState.RETURNING in (memory.state, memory.resumes):
+            return memory
+        return _sent_home(memory, facts, Finding(cause=Cause.COME_HOME, message=asked.why))
+    if asked.request is Request.HOLD:
+        if memory.state is SafetyState.HOLDING:
+            return replace(memory, cause=Cause.HOLD, message=asked.why)
+        finding = Finding(cause=Cause.HOLD, message=asked.why)
+        held = _changed(memory, facts, SafetyState.HOLDING, finding)
+        going = memory.resumes if memory.state is SafetyState.FREEING else memory.state
+        return replace(held, resumes=going, place=facts.place)
+    if memory.cause is not Cause.HOLD:
+        return memory
+    finding = Finding(cause=Cause.GO_ON, message=asked.why)
+    return _changed(memory, facts, memory.resumes, finding)
+
+
+def _held(memory: Memory, facts: Facts) -> Memory:
+    """Whether a boat that holds its place may go on."""
+    if memory.cause is Cause.BLIND:
+        finding = Finding(cause=Cause.SEES, message="estimates come again")
+        return _changed(memory, facts, memory.resumes, finding)
+    if memory.cause is not Cause.FENCE or facts.outside:
+        return memory
+    held_s = facts.time_s - memory.since_s
+    away = math.hypot(facts.place[0] - memory.place[0], facts.place[1] - memory.place[1])
+    slow = math.hypot(facts.state[3], facts.state[4]) < SLOW_MPS
+    if held_s < BRAKED_S or not ((slow and away < BACK_M) or held_s > LONGEST_S):
+        return memory
+    finding = Finding(cause=Cause.INSIDE_AGAIN, message="the boat has been braked inside the fence")
+    return _changed(memory, facts, memory.resumes, finding)
+
+
+def _sent_home(memory: Memory, facts: Facts, finding: Finding) -> Memory:
+    sent = _changed(memory, facts, SafetyState.RETURNING, finding)
+    return replace(sent, homeward=finding.message, resumes=SafetyState.RETURNING)
+
+
+def _stopped(memory: Memory, facts: Facts, finding: Finding) -> Memory:
+    return _changed(memory, facts, SafetyState.STOPPED, finding)
+
+
+def _changed(memory: Memory, facts: Facts, state: SafetyState, finding: Finding) -> Memory:
+    return replace(
+        memory,
+        state=state,
+        cause=finding.cause,
+        message=finding.message,
+        since_s=facts.time_s,
+        motion=Motion(),
+        against_s=None,
+    )

@@ -1,0 +1,91 @@
+"""How careful a mission is: frozen settings with the reasons for their defaults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import datetime
+
+from grebe.core.errors import UsageError
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetySettings:
+    """What the boat's safety is judged by.
+
+    `fence`: whether the boat is kept in the survey's water; `reaction_s` is the time from an
+    estimate to the thrust that answers it, beside the estimate's own age and the thrusters' lag:
+    a period of the loop, a step's computing, the way over the link. `weaker_share` of its full
+    thrust is what the weaker thruster is trusted with for braking. After `fence_tries` times at
+    the fence on the way to one target the boat goes home.
+
+    `home` is (longitude, latitude), the survey's start without it. `max_s` [s] after the mission's
+    first estimate, and at the instant `until`, the boat must be home. `battery_reserve` is the
+    share of the battery that must be left there, `battery_wh` its capacity where the boat does not
+    report its share. A way home is reckoned `home_share` longer than predicted, and by
+    `home_slack_s`. `comes_home` says why the mission is nothing but a way home, empty where it is a
+    survey.
+
+    A boat that sees nothing for `blind_s` ends its mission. Less water than `least_depth_m` below
+    the sonar is too little. Astern `tries` times for `astern_s` each; `against_s` is how long a
+    current may be stronger than the boat. A place is held within `hold_radius_m`.
+    """
+
+    fence: bool = True
+    reaction_s: float = 0.3
+    weaker_share: float = 0.9
+    fence_tries: int = 3
+    home: tuple[float, float] | None = None
+    max_s: float = math.inf
+    until: datetime | None = None
+    battery_reserve: float = 0.2
+    battery_wh: float | None = None
+    home_share: float = 0.25
+    home_slack_s: float = 30.0
+    comes_home: str = ""
+    blind_s: float = 60.0
+    least_depth_m: float = 0.3
+    tries: int = 3
+    astern_s: float = 5.0
+    against_s: float = 20.0
+    hold_radius_m: float = 3.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.battery_reserve < 1:
+            raise UsageError(
+                f"A battery reserve of {self.battery_reserve:g} is none; give a share from 0 to "
+                "less than 1.",
+                settings=("battery_reserve",),
+            )
+        if self.battery_wh is not None and not 0 < self.battery_wh < math.inf:
+            raise UsageError(
+                f"A battery of {self.battery_wh:g} Wh is none; give more than 0.",
+                settings=("battery_wh",),
+            )
+        if not self.max_s > 0:
+            raise UsageError(
+                f"A mission of {self.max_s / 60:g} minutes is none; give more than 0.",
+                settings=("max_minutes",),
+            )
+        if self.until is not None and self.until.tzinfo is None:
+            raise UsageError(
+                f"{self.until} names no time zone; give an instant in UTC.", settings=("until",)
+            )
+        if not 0 < self.weaker_share <= 1:
+            raise UsageError(f"A thruster gives 0 to 1 of its thrust, not {self.weaker_share:g}.")
+        lengths = (self.reaction_s, self.home_share, self.home_slack_s, self.least_depth_m)
+        if not min(lengths) >= 0:
+            raise UsageError("Reaction, reserves and the least depth must not be negative.")
+        spans = (self.blind_s, self.astern_s, self.against_s, self.hold_radius_m)
+        if not min(spans) > 0 or min(self.tries, self.fence_tries) < 1:
+            raise UsageError("Times, tries and the radius of safety settings must be positive.")
+
+    @property
+    def watches_home(self) -> bool:
+        """Whether the way home must be known without being asked for."""
+        return self.max_s < math.inf or self.until is not None or self.battery_wh is not None
+
+
+CAREFUL = SafetySettings()
+# For trials in open water that no survey describes.
+NO_FENCE = SafetySettings(fence=False)

@@ -1,0 +1,68 @@
+"""What a mission would do, before it does anything: for who stands at the shore with a file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from grebe.core.dynamics import CALM
+from grebe.core.sets import footprints_of
+from grebe.mission.departure import Departure
+from grebe.planning.taut import taut_way
+from grebe.planning.travel import travel_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preview:
+    """`reached` of `targets` are done and `next_target` is ahead (None: nothing is left).
+
+    The boat is expected at `lat_deg`, `lon_deg`, `distance_m` in a straight line from that target;
+    the rest takes `remaining_s` by the taut way in the weather that was planned for. `forgets`
+    says whether a recorded mission would be forgotten; `doubts` is what to look at first.
+    """
+
+    reached: int
+    targets: int
+    next_target: int | None
+    lat_deg: float
+    lon_deg: float
+    heading_deg: float
+    distance_m: float
+    remaining_s: float
+    forgets: bool
+    doubts: tuple[str, ...]
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the preview as plain values, by name."""
+        return asdict(self)
+
+
+def preview_of(departure: Departure) -> Preview:
+    """Return what a mission from `departure` has before it; nothing is opened or changed."""
+    survey, (north, east, heading, *_) = departure.survey, departure.state
+    lon, lat = survey.frame.to_wgs84((north, east)).tolist()
+    ahead = survey.targets[departure.reached :]
+    return Preview(
+        reached=departure.reached,
+        targets=len(survey.targets),
+        next_target=ahead[0].seq if ahead else None,
+        lat_deg=round(lat, 7),
+        lon_deg=round(lon, 7),
+        heading_deg=round(math.degrees(heading) % 360.0, 1),
+        distance_m=round(ahead[0].set.footprint_distance(north, east), 1) if ahead else 0.0,
+        remaining_s=round(_remaining_s(departure), 1),
+        forgets=departure.clears,
+        doubts=tuple(doubt.message for doubt in departure.doubts),
+    )
+
+
+def _remaining_s(departure: Departure) -> float:
+    ahead = [target.set for target in departure.survey.targets[departure.reached :]]
+    if not ahead:
+        return 0.0
+    speed = (min(s.speed_min_mps for s in ahead), max(s.speed_max_mps for s in ahead))
+    settings = departure.survey.settings
+    weather = CALM if settings is None else settings.weather
+    way = taut_way(departure.state[:2], footprints_of(ahead))
+    return travel_of(departure.vessel, speed, weather).path_s(way)

@@ -1,0 +1,146 @@
+"""The fence: what is foreseen is what happens, and the boat stays inside."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grebe.control.station import keep
+from grebe.core.dynamics import CALM, Weather
+from grebe.core.vessel import PRESETS, vessel_named
+from grebe.mission.safety.fence import (
+    Fence,
+    braking_distance_m,
+    escape,
+    fence_of,
+    foreseen,
+    reckoned,
+)
+from grebe.mission.safety.settings import CAREFUL
+from grebe.simulation.plant import Plant
+
+POND = Fence(water=shapely.box(-15, -15, 15, 15))
+SHARE, REACTION_S = CAREFUL.weaker_share, CAREFUL.reaction_s
+BOATS = pytest.mark.parametrize("boat", PRESETS.values(), ids=lambda boat: boat.name)
+
+
+def test_without_drag_the_braking_distance_is_that_of_the_textbook():
+    """u^2 / 2 a for a hull with next to no drag, and u t for the reaction."""
+    boat = vessel_named("tianjin")
+    free = type(boat)(**{**vars_of(boat), "x_u": -1e-6, "x_uu": 0.0, "thruster_lag_s": 0.0})
+    found = braking_distance_m(free, 1.0, CALM, reaction_s=0.5, weaker_share=0.4)
+    slowing = 2 * 0.4 * 100.0 / free.m11_kg
+    # The last centimetres per second are taken off softly.
+    assert found == pytest.approx(0.5 + 1 / (2 * slowing), abs=0.25)
+    assert found > 0.5 + 1 / (2 * slowing)
+
+
+def vars_of(boat):
+    return {name: getattr(boat, name) for name in boat.__dataclass_fields__}
+
+
+@BOATS
+def test_the_braking_distance_grows_with_speed_with_the_wind_and_with_the_weaker_thruster(boat):
+    slow, fast = (braking_distance_m(boat, speed, CALM) for speed in (0.5, 1.0))
+    pushed = braking_distance_m(boat, 1.0, Weather(wind_force_north_n=3.0))
+    weak = braking_distance_m(boat, 1.0, CALM, weaker_share=0.4)
+    assert 0.5 * REACTION_S < slow < fast < pushed
+    assert fast < weak
+
+
+@BOATS
+def test_what_is_foreseen_is_what_the_boat_does(boat):
+    weather = Weather(current_north_mps=0.2, wind_force_east_n=2.0)
+    state, refuge = (0.0, 0.0, 0.3, 0.9, 0.1, 0.05), (-3.0, 1.0)
+    thrusts = [(4.0, 2.0)] * 5
+    states = foreseen(POND, boat, state, thrusts, weather, refuge, SHARE)
+    plant = Plant(boat if boat.thruster_lag_s == 0 else without_lag(boat), state, weather)
+    for k, ahead in enumerate(states[1:-1]):
+        given = thrusts[k] if k < 5 else keep(boat, plant.state, weather, refuge, SHARE)
+        plant.command(given)
+        plant.advance(0.1)
+        assert plant.state[:2] == pytest.approx(ahead[:2], abs=0.01)
+
+
+def without_lag(boat):
+    return type(boat)(**{**vars_of(boat), "thruster_lag_s": 0.0})
+
+
+@BOATS
+@pytest.mark.parametrize("weather", [CALM, Weather(current_east_mps=0.3)], ids=["calm", "current"])
+def test_whoever_steers_at_full_speed_at_the_shore_is_kept_in(boat, weather):
+    """Full ahead from every bearing; the guard's law takes over and the boat never leaves."""
+    boat, refused = without_lag(boat), 0
+    for bearing in np.arange(0.0, 2 * math.pi, math.pi / 3):
+        plant = Plant(boat, (0.0, 0.0, bearing, 0.0, 0.0, 0.0), weather)
+        full = (boat.thrust_max_n, boat.thrust_max_n)
+        refuge = None
+        for _ in range(250):
+            state = tuple(plant.state)
+            if refuge is None and not may(boat, state, full, weather):
+                refuge = POND.refuge(state[:2])
+            thrusts = full if refuge is None else keep(boat, state, weather, refuge, SHARE)
+            plant.command(thrusts)
+            plant.advance(0.1)
+            assert POND.holds(tuple(plant.state[:2]))
+        refused += refuge is not None
+    # In the current some hulls turn round and round at full thrust, and come to no shore.
+    assert refused == 6 or weather is not CALM
+
+
+def may(boat, state, thrusts, weather):
+    way_out = escape(
+        POND,
+        boat,
+        state,
+        lambda _: thrusts,
+        weather,
+        reaction_s=REACTION_S,
+        weaker_share=SHARE,
+    )
+    return way_out is not None
+
+
+@given(
+    north=st.floats(-14, 14),
+    east=st.floats(-14, 14),
+    heading=st.floats(-3, 3),
+    surge=st.floats(-0.5, 2.5),
+)
+def test_where_nothing_is_foreseen_because_the_fence_is_far_nothing_had_to_be(
+    north, east, heading, surge
+):
+    boat = vessel_named("benchmark")
+    state = (north, east, heading, surge, 0.0, 0.0)
+    full = (boat.thrust_max_n, boat.thrust_max_n)
+    way_out = escape(
+        POND, boat, state, lambda _: full, CALM, reaction_s=REACTION_S, weaker_share=SHARE
+    )
+    if way_out is not None and way_out.refuge is None:
+        way = foreseen(POND, boat, state, [full] * 3, CALM, POND.refuge(state[:2]), SHARE)
+        assert POND.holds_way(way[:, :2])
+
+
+def test_no_go_zones_are_outside():
+    fence = fence_of(POND.water, [shapely.box(-2, -15, 2, 15)], (-8.0, 0.0))
+    assert fence.holds((-8.0, 0.0))
+    assert not fence.holds((0.0, 0.0))
+    assert not fence.holds((8.0, 0.0))
+
+
+def test_a_refuge_lies_inside_and_in_sight():
+    bay = Fence(water=shapely.Polygon([(0, 0), (30, 0), (30, 30), (1, 30), (1, 1), (0, 1)]))
+    for place in ((0.5, 0.5), (29.5, 29.5), (1.2, 20.0)):
+        refuge = bay.refuge(place)
+        assert bay.holds_way(np.array([place, refuge]))
+
+
+def test_dead_reckoning_is_the_model():
+    boat, state = vessel_named("spyboat"), (1.0, 2.0, 0.5, 1.0, 0.0, 0.1)
+    plant = Plant(boat, state)
+    plant.command((3.0, 2.0))
+    plant.advance(1.0)
+    assert reckoned(boat, state, (3.0, 2.0), CALM, 1.0) == pytest.approx(plant.state, abs=1e-3)
