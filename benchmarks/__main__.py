@@ -16,6 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from benchmarks.agreement import agreement
 from benchmarks.autopilot import autopilot
 from benchmarks.cores import cores
+from benchmarks.identification import identification
 from benchmarks.mapping import mapping
 from benchmarks.mismatch import mismatch
 from benchmarks.missions import missions
@@ -40,6 +41,7 @@ BENCHMARKS = {
         cores,
         routes,
         mapping,
+        identification,
         mismatch,
         autopilot,
         soak,

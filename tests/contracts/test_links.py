@@ -20,6 +20,7 @@ from grebe.links.nmea.link import NmeaLink
 from grebe.links.nmea.pretend import PretendBoat, PretendWire
 from grebe.links.nmea.settings import NmeaSettings
 from grebe.links.replay import Recording, ReplayLink
+from grebe.links.recording import RecordingLink
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
@@ -121,6 +122,16 @@ def replayed():
     return ReplayLink(Recording(name="lake", seconds=seconds, states=states, readings=readings))
 
 
+class Deaf:
+    """Keeps nothing of a drive."""
+
+    def state(self, time_s, state):
+        pass
+
+    def order(self, time_s, order):
+        pass
+
+
 LINKS = {
     "simulated": simulated,
     "wrapping": lambda: simulated(Wrapping),
@@ -128,6 +139,7 @@ LINKS = {
     "mavlink, by motion": lambda: linked(standin(SURVEY, **EXACT), survey=SURVEY),
     "mavlink, by sticks": lambda: linked(standin(SURVEY, **EXACT), survey=SURVEY, drive="sticks"),
     "nmea": nmea,
+    "recorded": lambda: RecordingLink(simulated(), Deaf()),
 }
 # Boats that follow thrusts without a lag of their own: on them a mission is the same.
 BARE = ("simulated", "wrapping", "socket")

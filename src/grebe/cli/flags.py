@@ -5,6 +5,7 @@ from __future__ import annotations
 from grebe.core.errors import GrebeError
 
 FLAGS = {
+    "bollard_n": "--bollard",
     "battery_reserve": "--battery-reserve",
     "battery_wh": "--battery-wh",
     "cell_m": "--cell",
@@ -20,13 +21,16 @@ FLAGS = {
     "max_minutes": "--max-minutes",
     "minutes": "--minutes",
     "pattern": "--pattern",
+    "piece_s": "--piece",
     "quantities": "--quantities",
+    "radius_m": "--radius",
     "rate_hz": "--rate",
     "resume": "--resume",
     "servos": "--servos",
     "shape": "--shape",
     "shore_margin_m": "--shore-margin",
     "speed": "--speed",
+    "speed_max_mps": "--speed-limit",
     "until": "--until",
 }
 

@@ -17,6 +17,7 @@ COMMANDS = {
     "plan": "mesh a region into target sets and put them in order",
     "export": "hand a plan to a ground station, a GPS receiver or a map",
     "run": "steer a boat through every target set of a survey",
+    "identify": "know a boat from a drive: masses, drags, thrusters, with standard errors",
     "doctor": "check the computer, the survey and the boat before they go out",
     "autopilot": "stand in for a boat's autopilot, to rehearse without a boat",
     "physics": "be the water and the hull under ArduPilot's real firmware",

@@ -62,6 +62,16 @@ def fail(text: str) -> None:
     click.echo(f"grebe: {text}", err=True)
 
 
+def confirmation(*, yes: bool) -> Callable[[str], bool]:
+    """How the operator is asked before a real boat is armed: a word is typed, not a key hit."""
+
+    def confirm(text: str) -> bool:
+        note(text)
+        return yes or click.prompt("Type ARM to go on", default="", show_default=False) == "ARM"
+
+    return confirm
+
+
 def compile_once() -> None:
     """Compile the controller where that is still to be done, and say why it takes a while."""
     from grebe.core.kernels import is_compiled

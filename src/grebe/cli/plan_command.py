@@ -11,9 +11,10 @@ import click
 from grebe.cli import options, output
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, Pattern, PlanSettings, Shape
-from grebe.core.vessel import PRESETS, vessel_named
+from grebe.core.vessel import PRESETS
 from grebe.planning.planner import Planned
 from grebe.workflow.plans import plan_region, plan_warnings, read_region, write_plan
+from grebe.workflow.vessels import vessel_of
 
 DEFAULT_CELL_M = 5.0
 DEFAULT_MARGIN_M = 1.0
@@ -112,7 +113,7 @@ DEFAULT_MARGIN_M = 1.0
     "--vessel",
     default="spyboat",
     show_default=True,
-    help=f"One of {', '.join(sorted(PRESETS))}.",
+    help=f"One of {', '.join(sorted(PRESETS))}, or a TOML file of your own.",
 )
 @click.option("--start", type=options.LON_LAT, help="Where the boat starts [deg].")
 @click.option("--feature", metavar="NAME|N", help="Which of several lakes in REGION.")
@@ -156,7 +157,7 @@ def command(
     it goes around land by transit sets, within corridors that the file holds.
     """
     options.refuse_same(region, options.checked_output(path))
-    boat = vessel_named(vessel)
+    boat = vessel_of(vessel)
     water, notes = read_region(
         region,
         columns=options.track_columns(columns, named),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NoReturn
@@ -191,7 +190,7 @@ def command(
         survey_file.set_meta("run", json.dumps(kept, default=str))
         report = run_survey(
             survey_file,
-            boat_named(url, Harbour(world=world, confirm=_confirmation(yes=yes))),
+            boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=yes))),
             steered_by(rule, solver),
             now,
             MissionSettings(
@@ -209,16 +208,6 @@ def command(
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
     if not report.complete and not came_home:
         _explain(report, file, moved=moved)
-
-
-def _confirmation(*, yes: bool) -> Callable[[str], bool]:
-    """How the operator is asked before a real boat is armed: a word is typed, not a key hit."""
-
-    def confirm(text: str) -> bool:
-        output.note(text)
-        return yes or click.prompt("Type ARM to go on", default="", show_default=False) == "ARM"
-
-    return confirm
 
 
 def _show_preview(file: Path, *, resume: bool, force: bool, as_json: bool) -> None:

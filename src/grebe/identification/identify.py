@@ -1,0 +1,242 @@
+"""Know a boat from a drive: fit, hold out, fit again with all, and say how sure all of it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.errors import InputError, UsageError
+from grebe.core.vessel import Vessel
+from grebe.identification.drive_log import DriveLog
+from grebe.identification.estimator import Descent, Fit
+from grebe.identification.open_loop import course_of, tried
+from grebe.identification.parameters import Candidate, Model, model_of
+from grebe.identification.result import TOLD_SHARE, Identification, Told
+from grebe.identification.segments import Segments, segments_of
+from grebe.identification.uncertainty import covariance
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# Every fourth piece is held out.
+HELD_OUT_EVERY = 4
+# Longer logs are told from so many pieces, spread evenly.
+MOST_PIECES = 240
+# A drag that the preset has none of is believed beyond so many standard errors.
+BELIEVED_SD = 3.0
+# A thruster that is stronger than the other by this share is told of.
+UNEVEN = 0.03
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifySettings:
+    """`piece_s`: how long each piece is predicted. `bollard_n`: the pull of one thruster at full
+    command ahead where it was measured; the preset's `thrust_max_n` otherwise.
+    """
+
+    piece_s: float = 10.0
+    bollard_n: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 5.0 <= self.piece_s <= 60.0:
+            raise UsageError(
+                f"Pieces of {self.piece_s:g} s: give between 5 and 60.", settings=("piece_s",)
+            )
+        if self.bollard_n is not None and not 0 < self.bollard_n < math.inf:
+            raise UsageError(
+                f"A pull of {self.bollard_n:g} N is impossible; give one thruster's at "
+                "full command ahead.",
+                settings=("bollard_n",),
+            )
+
+
+DEFAULT = IdentifySettings()
+
+
+def identify(log: DriveLog, preset: Vessel, settings: IdentifySettings = DEFAULT) -> Identification:
+    """Tell a boat from a drive; where the drive says nothing, the preset stands, and is named.
+
+    Commands in newtons are read as `preset` gave them. Raises `InputError` for a log that tells
+    nothing.
+    """
+    log = log.in_throttles(preset)
+    base = _pulling(preset, settings.bollard_n)
+    pieces = _at_most(segments_of(log, settings.piece_s))
+    held = pieces.used % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
+    if held.all() or not held.any():
+        held = np.arange(len(pieces.used)) == len(pieces.used) - 1
+    model = model_of(base)
+    blind = _fit(log, pieces.choose(~held), model)
+    fit = Descent(log, pieces, blind.model).run(blind.theta, blind)
+    if not math.isfinite(fit.cost):
+        raise InputError(f"{log.name}: no boat moves as this log says; are the units as they are?")
+    spread = covariance(fit, pieces)
+    hold_out = tried(log, pieces, held, blind, _as_believed(base, blind))
+    return Identification(
+        vessel=_vessel(fit, log.name),
+        latency_s=fit.model.values(fit.theta)["latency_s"],
+        parameters=_parameters(fit, spread),
+        derived=_derived(fit, spread, log),
+        noise=fit.noise,
+        hold_out=hold_out,
+        course=course_of(log, pieces, held, blind),
+        notes=_notes(fit, spread, settings),
+    )
+
+
+def _pulling(preset: Vessel, bollard_n: float | None) -> Vessel:
+    """The preset with another thrust; astern in proportion."""
+    if bollard_n is None:
+        return preset
+    factor = bollard_n / preset.thrust_max_n
+    return replace(
+        preset,
+        thrust_max_n=bollard_n,
+        thrust_min_n=preset.thrust_min_n * factor,
+        thruster_dead_band_n=preset.thruster_dead_band_n * factor,
+    )
+
+
+def _at_most(pieces: Segments) -> Segments:
+    count = len(pieces.used)
+    if count <= MOST_PIECES:
+        return pieces
+    keep = np.zeros(count, dtype=bool)
+    keep[np.linspace(0, count - 1, MOST_PIECES).astype(int)] = True
+    return pieces.choose(keep)
+
+
+def _fit(log: DriveLog, pieces: Segments, model: Model) -> Fit:
+    """Fit, with those of the drags that the preset has none of that the log asks for."""
+    first = Descent(log, pieces, model).run()
+    wide = first.model.with_missing_drags()
+    if len(wide.parameters) == len(model.parameters):
+        return first
+    start = np.concatenate([first.theta, np.zeros(len(wide.parameters) - len(first.theta))])
+    tried_out = Descent(log, pieces, wide).run(start, first)
+    sd = np.sqrt(np.diag(covariance(tried_out, pieces)))
+    missing = range(len(first.theta), len(wide.parameters))
+    idle = [wide.names[i] for i in missing if tried_out.theta[i] < BELIEVED_SD * sd[i]]
+    if len(idle) == len(missing):
+        return first
+    chosen = wide.without(idle)
+    keep = [name not in idle for name in wide.names]
+    return Descent(log, pieces, chosen).run(tried_out.theta[keep], tried_out)
+
+
+def _as_believed(preset: Vessel, fit: Fit) -> Candidate:
+    """The preset's boat on the day that the fit tells: what a plan would have reckoned with."""
+    known = fit.model.candidate(fit.theta)
+    thrusters = replace(
+        known.thrusters,
+        full_ahead_n=preset.thrust_max_n,
+        full_astern_n=-preset.thrust_min_n,
+        exponent=preset.throttle_exponent,
+        lag_s=preset.thruster_lag_s,
+        latency_s=0.0,
+        trim=0.0,
+    )
+    return replace(known, vessel=preset, thrusters=thrusters)
+
+
+def _vessel(fit: Fit, name: str) -> Vessel:
+    boat = fit.model.candidate(fit.theta).vessel
+    return replace(boat, source=f"Identified from {name}, beginning from {boat.name}.")
+
+
+def _parameters(fit: Fit, spread: Array) -> tuple[Told, ...]:
+    sd = np.sqrt(np.diag(spread))
+    out: list[Told] = []
+    for one, theta, error in zip(fit.model.parameters, fit.theta, sd, strict=True):
+        value = one.value(float(theta))
+        own = float(error) * (value if one.log else 1.0)
+        # A lag of nothing is known as well as one of a second.
+        is_told = float(error) < TOLD_SHARE * (1.0 if one.log else one.prior_sd)
+        out.append(
+            Told(
+                name=one.name,
+                unit=one.unit,
+                value=value,
+                sd=own,
+                before=fit.model.before(one.name),
+                is_told=is_told,
+                of_the_day=one.of_the_day,
+            )
+        )
+    return tuple(out)
+
+
+def _derived(fit: Fit, spread: Array, log: DriveLog) -> tuple[Told, ...]:
+    """Drags at the velocities of the log, and the top speed: what pairs of drags tell together."""
+    moving = np.abs(log.states[:, 3:])
+    usual = [
+        float(np.nanpercentile(one, 90)) if np.isfinite(one).any() else 0.5 for one in moving.T
+    ]
+
+    def top_speed(boat: Vessel) -> float:
+        return boat.speed_max_mps
+
+    kinds: list[tuple[str, str, Callable[[Vessel], float]]] = [
+        (f"surge drag at {usual[0]:.2g} m/s", "N", lambda b: b.surge_drag_n(usual[0])),
+        (
+            f"sway drag at {usual[1]:.2g} m/s", "N",
+            lambda b: -(b.y_v + b.y_vv * usual[1]) * usual[1],
+        ),
+        (
+            f"yaw drag at {math.degrees(usual[2]):.2g} deg/s", "N m",
+            lambda b: -(b.n_r + b.n_rr * usual[2]) * usual[2],
+        ),
+        ("top speed", "m/s", top_speed),
+    ]  # fmt: skip
+    return tuple(_delta(fit, spread, *kind) for kind in kinds)
+
+
+def _delta(
+    fit: Fit, spread: Array, name: str, unit: str, number: Callable[[Vessel], float]
+) -> Told:
+    """A number of the boat with its standard error, by the delta method."""
+
+    def of(theta: Array) -> float:
+        return number(fit.model.candidate(theta).vessel)
+
+    value = of(fit.theta)
+    probe = 1e-5 * np.eye(len(fit.theta))
+    slope = np.array([(of(fit.theta + one) - value) / 1e-5 for one in probe])
+    sd = float(np.sqrt(slope @ spread @ slope))
+    return Told(
+        name=name, unit=unit, value=value, sd=sd, before=number(fit.model.base),
+        is_told=sd < TOLD_SHARE * abs(value),
+    )  # fmt: skip
+
+
+def _notes(fit: Fit, spread: Array, settings: IdentifySettings) -> tuple[str, ...]:
+    boat = fit.model.candidate(fit.theta).vessel
+    whence = "as measured" if settings.bollard_n else "as the preset has it"
+    notes = [
+        "motion alone tells masses, drags and thrusts up to a common factor: it is set by "
+        f"{boat.thrust_max_n:g} N of one thruster at full command ahead, {whence}; in yaw by the "
+        f"arm of {boat.arm_m:g} m"
+    ]
+    told = _parameters(fit, spread)
+    vague = [one.name for one in told if not one.is_told and not one.of_the_day]
+    if vague:
+        notes.append(f"this drive says little of {', '.join(vague)}: the preset stands")
+    trim = next(one for one in told if one.name == "trim")
+    if abs(trim.value) > max(UNEVEN, 2 * trim.sd):
+        side = "port" if trim.value > 0 else "starboard"
+        notes.append(
+            f"the {side} thruster gives {100 * (math.exp(abs(trim.value)) - 1):.0f} % more than "
+            "the other at the same command; a vessel has one curve for both"
+        )
+    compass = next(one for one in told if one.name == "compass_rad")
+    if abs(compass.value) > max(math.radians(2), 2 * compass.sd):
+        notes.append(
+            f"the compass is off by {math.degrees(compass.value):+.1f} deg against the way made"
+        )
+    return tuple(notes)
