@@ -19,8 +19,8 @@ from grebe.links.base import IDLE, BoatStatus, Observation, Order
 from grebe.links.nmea.link import NmeaLink
 from grebe.links.nmea.pretend import PretendBoat, PretendWire
 from grebe.links.nmea.settings import NmeaSettings
-from grebe.links.replay import Recording, ReplayLink
 from grebe.links.recording import RecordingLink
+from grebe.links.replay import Recording, ReplayLink
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder

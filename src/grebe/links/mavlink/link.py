@@ -20,15 +20,13 @@ from grebe.core.frames import LocalFrame
 from grebe.core.inner_loop import under_speed_control
 from grebe.core.vessel import Vessel
 from grebe.links.base import IDLE, BoatStatus, Observation, Order
+from grebe.links.emergency import EmergencyStop
 from grebe.links.mavlink.navigation import Fix, Navigator
+from grebe.links.mavlink.orders import motion_order, sticks_order, sticks_released
 from grebe.links.mavlink.station import Station
 from grebe.links.mavlink.wires import Wire
 
 Drive = Literal["motion", "sticks"]
-# Use vx and the yaw rate, ignore all else; coordinates of the body.
-MOTION_MASK = 1479
-STICK_SPAN_US, STICK_MIDDLE_US = 400, 1500
-STICK_STEERING, STICK_THROTTLE = 1, 3
 # Messages by their number and how often they are asked for [Hz].
 STREAMS = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 10.0,
@@ -115,6 +113,22 @@ class MavlinkLink:
         vehicle = self._station.vehicle
         known = (vehicle.parameters.get(name) for name in vehicle.dialect.speed_limits)
         return next((value for value in known if value), math.inf)
+
+    @property
+    def emergency(self) -> EmergencyStop | None:
+        """See `StopsInEmergency`; None on a wire that nobody else can speak on."""
+        address, vehicle = self._wire.for_others, self._station.vehicle
+        if not address:
+            return None
+        return EmergencyStop(
+            action="grebe.links.mavlink.emergency:stop",
+            settings={
+                "address": address,
+                "system": float(vehicle.system),
+                "component": float(vehicle.component),
+                "drive": self._settings.drive,
+            },
+        )
 
     @property
     def model(self) -> Vessel:
@@ -355,40 +369,16 @@ class MavlinkLink:
 
     def _send(self, order: Order) -> None:
         self._sent_s = self._wire.now_s()
+        boat = self._station.vehicle.numbers
         if self.drives_motion:
-            self._station.send(self._motion(order))
+            time_ms = round(1e3 * (self._sent_s - self._opened_s)) % 2**32
+            self._station.send(motion_order(boat, order, time_ms))
         else:
-            self._station.send(self._sticks(order.thrusts))
-
-    def _motion(self, order: Order) -> Any:
-        vehicle = self._station.vehicle
-        return mavlink.MAVLink_set_position_target_local_ned_message(
-            round(1e3 * (self._wire.now_s() - self._opened_s)) % 2**32,
-            vehicle.system, vehicle.component, mavlink.MAV_FRAME_BODY_NED, MOTION_MASK,
-            0, 0, 0, order.surge_mps, 0, 0, 0, 0, 0, 0, order.yaw_rate_radps,
-        )  # fmt: skip
-
-    def _sticks(self, thrusts: tuple[float, float]) -> Any:
-        """Throttle and steering whose mixture gives each thruster its own command."""
-        port, starboard = (self._hull.throttle_of(one) for one in thrusts)
-        channels = [65_535] * 8
-        channels[STICK_STEERING - 1] = _pulse((port - starboard) / 2)
-        channels[STICK_THROTTLE - 1] = _pulse((port + starboard) / 2)
-        return self._override(channels)
+            self._station.send(sticks_order(boat, order, self._hull))
 
     def _release_sticks(self) -> None:
         if not self.drives_motion and self._station.vehicle.system:
-            self._station.send(self._override([0] * 8))
-
-    def _override(self, channels: list[int]) -> Any:
-        vehicle = self._station.vehicle
-        return mavlink.MAVLink_rc_channels_override_message(
-            vehicle.system, vehicle.component, *channels
-        )
-
-
-def _pulse(share: float) -> int:
-    return STICK_MIDDLE_US + round(STICK_SPAN_US * min(max(share, -1.0), 1.0))
+            self._station.send(sticks_released(self._station.vehicle.numbers))
 
 
 def open_link(

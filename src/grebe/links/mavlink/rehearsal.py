@@ -60,6 +60,11 @@ class MemoryWire:
         self._to_boat: list[tuple[float, int, bytes]] = []
         self._count = 0
 
+    @property
+    def for_others(self) -> str:
+        """See `Wire`: nobody else is in this memory."""
+        return ""
+
     def now_s(self) -> float:
         """See `Wire`."""
         return self._standin.autopilot.time_s

@@ -45,6 +45,11 @@ class Vehicle:
         return DIALECTS.get(self.autopilot, ARDUROVER)
 
     @property
+    def numbers(self) -> tuple[int, int]:
+        """System and component."""
+        return self.system, self.component
+
+    @property
     def mode_name(self) -> str:
         """The present mode in the autopilot's words."""
         return self.dialect.mode_name(self.mode)

@@ -19,7 +19,16 @@ USUAL_BAUD = 57_600
 
 
 class Wire(Protocol):
-    """Bytes to and from a boat, and the clock by which they come."""
+    """Bytes to and from a boat, and the clock by which they come.
+
+    `for_others` is the address by which another process can speak to the same boat while this
+    wire is held; empty where none can.
+    """
+
+    @property
+    def for_others(self) -> str:
+        """See the class."""
+        ...
 
     def now_s(self) -> float:
         """Time [s] on a clock that never runs back."""
@@ -54,6 +63,11 @@ class UdpWire:
                 "may have it."
             ) from error
         self._socket.setblocking(False)
+
+    @property
+    def for_others(self) -> str:
+        """See `Wire`: a datagram may come from anybody, to who has spoken last."""
+        return "" if self._peer is None else f"udpout:{self._peer[0]}:{self._peer[1]}"
 
     def now_s(self) -> float:
         """See `Wire`."""
@@ -96,6 +110,11 @@ class TcpWire:
             raise LinkError(f"Nothing answers at tcp:{host}:{port} ({error}).") from error
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    @property
+    def for_others(self) -> str:
+        """See `Wire`: an autopilot's port takes one client."""
+        return ""
 
     def now_s(self) -> float:
         """See `Wire`."""
@@ -141,6 +160,12 @@ class SerialWire:
             self._port: Any = serial.Serial(device, baud, timeout=0, write_timeout=0.1)
         except (serial.SerialException, ValueError) as error:
             raise LinkError(f"The serial line {device} cannot be opened ({error}).") from error
+        self._address = f"serial:{device}:{baud}"
+
+    @property
+    def for_others(self) -> str:
+        """See `Wire`: a serial device can be opened twice."""
+        return self._address
 
     def now_s(self) -> float:
         """See `Wire`."""
