@@ -14,7 +14,7 @@ from grebe.control.rules.lookahead import Lookahead
 from grebe.core.errors import UsageError, VesselError
 from grebe.core.vessel import PRESETS, vessel_named
 from grebe.io.store import SurveyFile
-from grebe.links.base import IDLE, Observation
+from grebe.links.base import Observation
 from grebe.links.simulated import EstimateErrors, SimulatedLink
 from grebe.mission.loop import BLIND_S, Mission
 from grebe.mission.recorders import SurveyRecorder
@@ -103,7 +103,8 @@ class Blinking(SimulatedLink):
 
     def command(self, order):
         if self.first <= self.seen < self.last and self.stopped_at is None:
-            assert order == IDLE
+            # Braked by dead reckoning, with nothing ahead.
+            assert max(order.thrusts) <= 0
             self.stopped_at = self.seen
         super().command(order)
 

@@ -102,6 +102,8 @@ class Guard:
     ) -> None:
         self._survey, self._vessel, self._settings = survey, vessel, settings
         self._tell = tell
+        # Faults show beside the boat as it was said to be, not as its faults have made it.
+        self._as_said = vessel
         # When the boat must be home for the light's sake, on the link's clock.
         until = settings.until
         self._dark_s = math.inf if until is None else (until - started).total_seconds()
@@ -158,8 +160,8 @@ class Guard:
         status: BoatStatus = NOTHING_SAID,
         ahead: Schedule | None = None,
     ) -> None:
-        """Judge an estimate, to which `thrusts` have led; `ahead` are those that the boat is going
-        to have, the same without them.
+        """Judge an estimate, to which orders of `thrusts` have led; `ahead` are the thrusts that the
+        boat is going to have, the same without them.
         """
         if self._began_s is None:
             self._begin(observation)
@@ -169,7 +171,7 @@ class Guard:
         facts = self._facts(observation, weather, thrusts, reached, status)
         asked, self._asked = self._asked, None
         self.depth_m = None
-        after = advised(self._memory, facts, self._settings, self._vessel, asked)
+        after = advised(self._memory, facts, self._settings, self._as_said, asked)
         self._become(after, observation)
         own = self.own_thrusts(observation, weather)
         if own is not None or ahead is None:

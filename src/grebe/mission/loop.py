@@ -108,7 +108,7 @@ class Mission:
         self._raw: Observation | None = None
         self._before: Observation | None = None
         self._command: tuple[float, Command] | None = None
-        self._thrusts = (0.0, 0.0)
+        self._thrusts = self._told = (0.0, 0.0)
 
     def stop(self, why: str) -> None:
         """Take the boat's thrust away at once and end the mission. Safe from any thread."""
@@ -172,7 +172,7 @@ class Mission:
         """Let the guard judge the estimate; what goes on after a change begins with a new step."""
         before = self._guard.state
         status, ahead = self._link.status(), self._ahead(observation)
-        self._guard.look(observation, self._weather, self._thrusts, self._reached, status, ahead)
+        self._guard.look(observation, self._weather, self._told, self._reached, status, ahead)
         if self._guard.state is not before:
             self._next_step_s = observation.time_s
             self._give_patience(observation)
@@ -337,7 +337,7 @@ class Mission:
         told = self._tracker.told(observation.time_s, thrusts)
         self._gate.command(Order(thrusts=told, surge_mps=surge, yaw_rate_radps=yaw_rate))
         self._tracker.sent(observation.time_s, told)
-        self._thrusts = thrusts
+        self._thrusts, self._told = thrusts, told
 
     def _tell_step(self, observation: Observation, solve_ms: float | None) -> None:
         """Say what the boat has been told: by a helm's command, or by the guard."""

@@ -1,0 +1,46 @@
+"""The options of a mission's safety."""
+
+import json
+from datetime import UTC, datetime, timedelta
+
+import click
+import pytest
+from click.testing import CliRunner
+from conftest import NOON, simulate, square_survey
+
+from grebe.cli.run_command import command
+from grebe.cli.safety_options import next_instant, safety_of
+from grebe.io.store import SurveyFile
+from grebe.mission.settings import MissionSettings
+
+
+def test_a_time_of_day_is_the_next_such_instant_in_utc():
+    assert next_instant("19:30", NOON) == datetime(2026, 5, 1, 19, 30, tzinfo=UTC)
+    assert next_instant("11:59", NOON) == datetime(2026, 5, 2, 11, 59, tzinfo=UTC)
+    assert next_instant("12:00", NOON) - NOON == timedelta(days=1)
+
+
+@pytest.mark.parametrize("clock", ["25:00", "noon", "7"])
+def test_what_is_no_time_of_day_is_refused(clock):
+    with pytest.raises(click.BadParameter, match="no time of day"):
+        next_instant(clock, NOON)
+
+
+def test_options_become_settings():
+    run = {"max_minutes": 30.0, "home": [3.0, 50.0], "no_fence": True, "battery_reserve": 0.3}
+    settings = safety_of(run, NOON)
+    assert (settings.max_s, settings.home, settings.fence) == (1800.0, (3.0, 50.0), False)
+    assert settings.battery_reserve == 0.3
+    assert settings.comes_home == ""
+
+
+def test_a_boat_is_brought_home_and_that_is_a_success(tmp_path):
+    path = tmp_path / "s.gpkg"
+    with SurveyFile.create(path, square_survey(side_m=30.0), meta={}, force=True) as file:
+        simulate(file, settings=MissionSettings(limit_s=15.0))
+    ran = CliRunner().invoke(command, [str(path), "--return", "--json"])
+    assert ran.exit_code == 0, ran.output
+    assert json.loads(ran.stdout)["ended"] == "came_home"
+    with SurveyFile.open(path) as file:
+        # A later run that goes on with it is a survey again.
+        assert "returns" not in json.loads(file.meta()["run"])
