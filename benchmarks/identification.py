@@ -30,7 +30,8 @@ BOATS = {
 }
 PLANT_STEP_S = 0.01
 NUMBERS = (
-    "m11_kg", "m22_kg", "m33_kgm2", "x_u", "x_uu", "y_v", "y_vv", "n_r", "n_rr", "thrust_min_n",
+    "m11_kg", "m22_kg", "m33_kgm2", "x_u", "x_uu", "y_v", "y_vv", "n_r", "n_rr", "arm_m",
+    "thrust_min_n",
     "throttle_exponent", "thruster_lag_s", "latency_s",
 )  # fmt: skip
 

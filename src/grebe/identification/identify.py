@@ -221,7 +221,7 @@ def _notes(fit: Fit, spread: Array, settings: IdentifySettings) -> tuple[str, ..
     notes = [
         "motion alone tells masses, drags and thrusts up to a common factor: it is set by "
         f"{boat.thrust_max_n:g} N of one thruster at full command ahead, {whence}; in yaw by the "
-        f"arm of {boat.arm_m:g} m"
+        f"arm, {fit.model.base.arm_m:g} m by the tape, and what the boat sways"
     ]
     told = _parameters(fit, spread)
     vague = [one.name for one in told if not one.is_told and not one.of_the_day]

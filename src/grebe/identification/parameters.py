@@ -1,9 +1,10 @@
 """What is told of a boat, and in which coordinates: positive numbers by their logarithm.
 
 Motion alone tells masses, drags and thrusts up to one common factor, so the thrust at full command
-ahead is taken as known (the vessel's `thrust_max_n`, or a pull measured at a bollard); in yaw the
-same holds for arm, moment of inertia and drag, so the arm is taken as known, for a tape measures
-it. Beside the boat's own numbers there are those of the day: current, wind, a compass that is
+ahead is taken as known (the vessel's `thrust_max_n`, or a pull measured at a bollard). In yaw
+the same would hold for arm, moment of inertia and drag, but for the moment (m11 - m22) u v, which
+has the scale of surge and sway: the arm is believed as a tape has it, to a few per cent, and told
+where a boat sways enough. Beside the boat's own numbers there are those of the day: current, wind, a compass that is
 off; they are told so that the boat's are not blamed for them.
 """
 
@@ -28,6 +29,8 @@ MASSES = ("m11_kg", "m22_kg", "m33_kgm2")
 DRAGS = ("x_u", "x_uu", "y_v", "y_vv", "n_r", "n_rr")
 # What a preset is trusted to, as a standard deviation of the logarithm: a factor of e.
 PRIOR_LOG_SD = 1.0
+# An arm is taken with a tape; only a wake on the hull makes it act as another.
+ARM_LOG_SD = 0.03
 # A first guess at a lag where the vessel has none [s].
 FIRST_LAG_S = 0.15
 LEAST_TOLD_LAG_S = 0.05
@@ -128,6 +131,7 @@ class Model:
             self.base,
             **{name: told[name] for name in MASSES},
             **{name: -told[name] for name in DRAGS if name in told},
+            arm_m=told["arm_m"],
             thrust_min_n=-astern,
             throttle_exponent=told["throttle_exponent"],
             thruster_lag_s=told["thruster_lag_s"],
@@ -202,6 +206,9 @@ def _drive(preset: Vessel) -> list[Parameter]:
     """The thrusters and the time that passes until they act."""
     astern = max(-preset.thrust_min_n, 0.05 * preset.thrust_max_n)
     return [
+        Parameter(
+            name="arm_m", unit="m", start=math.log(preset.arm_m), prior_sd=ARM_LOG_SD, log=True
+        ),
         Parameter(name="thrust_min_n", unit="N", start=math.log(astern), prior_sd=0.7, log=True),
         Parameter(
             name="throttle_exponent",
