@@ -4,8 +4,8 @@ Motion alone tells masses, drags and thrusts up to one common factor, so the thr
 ahead is taken as known (the vessel's `thrust_max_n`, or a pull measured at a bollard). In yaw
 the same would hold for arm, moment of inertia and drag, but for the moment (m11 - m22) u v, which
 has the scale of surge and sway: the arm is believed as a tape has it, to a few per cent, and told
-where a boat sways enough. Beside the boat's own numbers there are those of the day: current, wind, a compass that is
-off; they are told so that the boat's are not blamed for them.
+where a boat sways enough. Beside the boat's own numbers there are those of the day: current, wind,
+a compass that is off; they are told so that the boat's are not blamed for them.
 """
 
 from __future__ import annotations

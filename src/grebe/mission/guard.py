@@ -160,8 +160,8 @@ class Guard:
         status: BoatStatus = NOTHING_SAID,
         ahead: Schedule | None = None,
     ) -> None:
-        """Judge an estimate, to which orders of `thrusts` have led; `ahead` are the thrusts that the
-        boat is going to have, the same without them.
+        """Judge an estimate, to which orders of `thrusts` have led; `ahead` are the thrusts that
+        the boat is going to have, the same without them.
         """
         if self._began_s is None:
             self._begin(observation)
