@@ -144,8 +144,8 @@ Found = tuple[Correction, Weather]
 def fitting(
     model: Vessel, flown: Flown, followed: Correction
 ) -> Generator[None, None, Found | None]:
-    """Find the correction that the data ask for and the weather with it; None where the model
-    explains them well enough. `followed` is the correction that was followed so far.
+    """Find the correction that the data ask for and the weather with it; None where the model, or
+    the correction that was followed so far explains them well enough.
 
     A generator, for a boat's small computer must not think for long at once: it yields after
     every roll-out of the model and returns what it found.
@@ -156,20 +156,23 @@ def fitting(
     plain, plain_cost = yield from problem.solve(np.zeros(COUNT), WEATHER)
     if plain_cost < LEAST_GAIN:
         return None
-    others = OTHER_STARTS_S if followed == AS_MODELLED else ()
-    starts = [followed, *(replace(AS_MODELLED, dead_s=dead_s) for dead_s in others)]
-    best, cost = plain, plain_cost
-    for start in starts:
-        begin = _numbers(start)
-        begin[WEATHER] = plain[WEATHER]
-        numbers, its_cost = yield from problem.solve(begin, ALL)
+    best, cost, kept_cost = plain, plain_cost, plain_cost
+    if followed == AS_MODELLED:
+        starts = [(plain, dead_s) for dead_s in (0.0, *OTHER_STARTS_S)]
+    else:
+        kept, kept_cost = yield from problem.solve(_numbers(followed), WEATHER)
+        if kept_cost < LEAST_GAIN:
+            return None
+        starts = [(kept, followed.dead_s)]
+    for begin, dead_s in starts:
+        numbers, its_cost = yield from problem.solve(_with_dead_time(begin, dead_s), ALL)
         if its_cost < cost:
             best, cost = numbers, its_cost
         if problem.is_better(plain_cost, cost):
             break
-    return (
-        (_correction(best), _weather(model, best)) if problem.is_better(plain_cost, cost) else None
-    )
+    if not (problem.is_better(plain_cost, cost) and problem.is_better(kept_cost, cost)):
+        return None
+    return _correction(best), _weather(model, best)
 
 
 def fitted(model: Vessel, flown: Flown, followed: Correction = AS_MODELLED) -> Found | None:
@@ -283,6 +286,12 @@ def moved_enough(before: Correction, after: Correction) -> bool:
     """Whether a correction differs so much from the one that is followed that it is worth it."""
     change = np.abs(_numbers(after) - _numbers(before))[BOAT]
     return bool(np.any(change > WORTH_A_CHANGE))
+
+
+def _with_dead_time(numbers: Array, dead_s: float) -> Array:
+    out = numbers.copy()
+    out[6] = dead_s
+    return out
 
 
 def _numbers(correction: Correction) -> Array:
