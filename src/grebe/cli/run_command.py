@@ -169,8 +169,10 @@ def command(
     if (resume or run["returns"]) and force:
         raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
     now = datetime.now(UTC)
+    # What was typed is judged before the file is opened.
     boat_named(url)
     safety_of(run, now)
+    _settings(run)
     goes_on = resume or run["returns"]
     if preview:
         _show_preview(file, resume=goes_on, force=force, as_json=as_json)

@@ -43,8 +43,8 @@ END_SD = np.array([0.15, 0.15, 0.03, 0.05, 0.05, 0.03])
 # and lag [s]; compass [rad]; current [m/s]; wind as a share of full thrust; how fast the current
 # changes [m/s^2].
 PRIOR_SD = np.array([0.4, 0.4, 0.6, 0.6, 0.4, 0.6, 0.6, 0.6, 0.15, 0.3, 0.3, 0.1, 0.1, 0.01, 0.01])
-LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -1.5, -1.5, -0.5, -0.5, -0.05, -0.05])
-HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 1.5, 1.5, 0.5, 0.5, 0.05, 0.05])
+LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -3.0, -3.0, -0.5, -0.5, -0.05, -0.05])
+HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 3.0, 3.0, 0.5, 0.5, 0.05, 0.05])
 PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
 COUNT = len(PRIOR_SD)
 BOAT, WEATHER, DRIFT, ALL = slice(0, 9), slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)

@@ -122,3 +122,15 @@ class ModelledLink(Protocol):
     def model(self) -> Vessel:
         """The boat as whoever steers should take it to be."""
         ...
+
+    @property
+    def drives_motion(self) -> bool:
+        """Whether an autopilot holds the speed and yaw rate of an order, whatever its thrusts."""
+        ...
+
+
+def drives_thrusts(link: BoatLink) -> bool:
+    """Whether the thrusts of an order reach the thrusters, so that the boat can be judged by
+    what they do; an autopilot's inner loops give other ones.
+    """
+    return not (isinstance(link, ModelledLink) and link.drives_motion)

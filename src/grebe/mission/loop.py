@@ -40,7 +40,7 @@ from grebe.core.events import (
 from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.survey import Survey
-from grebe.links.base import BoatLink, Observation, Order
+from grebe.links.base import BoatLink, Observation, Order, drives_thrusts
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard, Pilot
@@ -97,8 +97,9 @@ class Mission:
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
         self._ears = Broadcast(recorder, [self._statistics, *listeners])
         self._sampler = Sampler(self._targets, link, self._settings.sampling, quantities)
-        observes, adapts = self._settings.observes, isinstance(controller, AdaptableHelm)
-        self._tracker = Tracker(controller.vessel, observes=observes, corrects=observes and adapts)
+        observes = self._settings.observes
+        corrects = observes and isinstance(controller, AdaptableHelm) and drives_thrusts(link)
+        self._tracker = Tracker(controller.vessel, observes=observes, corrects=corrects)
         self._reached = controller.reached = reached
         self._gate = Gate(link)
         safety = self._settings.safety

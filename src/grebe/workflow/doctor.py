@@ -71,7 +71,7 @@ def _survey(path: Path) -> Generator[Check, None, Survey]:
     name = "none" if survey.vessel is None else survey.vessel.name
     yield check(
         "vessel", name, holds=survey.vessel is not None,
-        advice="plan the survey for a boat: grebe plan --vessel",
+        advice="plan the survey again, and name the vessel",
     )  # fmt: skip
     return survey
 
