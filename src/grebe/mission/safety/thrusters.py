@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 # Time constants of the filter and of the least squares [s].
 FILTER_S, AVERAGE_S = 1.5, 8.0
 # Of the shares of port, starboard and drag, before anything is seen.
-PRIOR_SD = np.array([0.5, 0.5, 1.0])
+AS_SAID, PRIOR_SD = np.ones(3), np.array([0.5, 0.5, 1.0])
 # Smallest root mean square that counts, as a share of one thruster's full moment.
 FLOOR_SHARE = 0.04
 # A dead thruster surely gives less than the first of its order, by so many standard deviations, and
@@ -119,14 +119,16 @@ def _dead_side(products: Array, vessel: Vessel) -> int:
     prior = np.diag(PRIOR_SD**-2)
     # What is seen within the filter's time constant counts once.
     count = AVERAGE_S / FILTER_S
-    shares = np.ones(3)
-    noise = floor
-    # The first pass tells how well the second may be trusted.
-    for _ in range(2):
+
+    def fitted(noise: float) -> tuple[Array, Array]:
         information = count * normal / noise + prior
-        shares = np.linalg.solve(information, count * right / noise + prior @ np.ones(3))
-        missed = square - 2 * shares @ right + shares @ normal @ shares
-        noise = max(floor, float(missed))
+        weighed: Array = count * right / noise + prior @ AS_SAID
+        return np.linalg.solve(information, weighed), information
+
+    # The first fit tells how well the second may be trusted.
+    shares, _ = fitted(floor)
+    missed = square - 2 * shares @ right + shares @ normal @ shares
+    shares, information = fitted(max(floor, float(missed)))
     sd = np.sqrt(np.diag(np.linalg.inv(information)))
     for side, at, other in ((1, 0, 1), (2, 1, 0)):
         if shares[at] + SURE * sd[at] < DEAD and shares[other] > ALIVE:
