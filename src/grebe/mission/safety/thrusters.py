@@ -23,7 +23,7 @@ from grebe.mission.safety.states import Cause, Facts, Finding
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    Array = NDArray[np.floating]
 
 # Time constants of the filter and of the least squares [s].
 FILTER_S, AVERAGE_S = 1.5, 8.0
