@@ -23,7 +23,7 @@ COLOURS = {Verdict.GOOD: "green", Verdict.DOUBTFUL: "yellow", Verdict.BAD: "red"
 def command(link: str | None, survey_file: Path | None, as_json: bool) -> None:
     """Check this computer, a survey, and the boat behind LINK (mavlink:udp:HOST:PORT).
 
-    Nothing is armed, moved or written. Leaves with 7 when a line says NOT.
+    Nothing is armed, moved or written. Exits with 7 when a line says NOT.
     """
     found: list[Check] = []
     for line in diagnose(link, survey_file, datetime.now(UTC)):

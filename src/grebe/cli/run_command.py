@@ -163,7 +163,7 @@ def command(
 ) -> None:
     """Steer the boat through every target set of FILE and record what it measures.
 
-    With --resume, what is not said again is as it was in the run that is gone on with. A
+    With --resume, options that are not given again are taken from the run that is resumed. A
     terminal that closes does not end the mission; Ctrl-C and SIGTERM do.
     """
     if (resume or run["returns"]) and force:

@@ -115,7 +115,7 @@ class BoatLink(Protocol):
 @runtime_checkable
 class ModelledLink(Protocol):
     """A link that knows the boat better than the survey does: the hull under an autopilot's inner
-    loops is another plant than the hull.
+    loops is a different plant from the hull.
     """
 
     @property

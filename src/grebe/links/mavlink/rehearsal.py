@@ -1,7 +1,8 @@
 """Lines to a stand-in autopilot: one in memory with a time of its own and faults on the air, and
 one over UDP in real time.
 
-In memory a line is deterministic: who waits on it lets the stand-in sail on until something comes.
+In memory a line is deterministic: whoever waits on it lets the stand-in sail on until something
+comes.
 """
 
 from __future__ import annotations

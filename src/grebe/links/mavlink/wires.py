@@ -66,7 +66,7 @@ class UdpWire:
 
     @property
     def for_others(self) -> str:
-        """See `Wire`: a datagram may come from anybody, to who has spoken last."""
+        """See `Wire`: a datagram may come from anybody, to whoever spoke last."""
         return "" if self._peer is None else f"udpout:{self._peer[0]}:{self._peer[1]}"
 
     def now_s(self) -> float:
