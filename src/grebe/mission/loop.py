@@ -278,7 +278,7 @@ class Mission:
         for one in (self._controller, self._guard.helm, self._guard):
             if isinstance(one, AdaptableHelm):
                 one.take_for(vessel)
-        message = f"the boat is not as its model says: {self._tracker.correction}"
+        message = str(self._tracker.correction)
         self._tell(Warned, observation, code="model_corrected", message=message)
 
     def _visit(self, observation: Observation) -> None:
