@@ -74,7 +74,7 @@ def _after_falls(t: Array, level: Array, others: Sequence[Array]) -> Mask:
         end = int(np.searchsorted(t, t[first] + 2 * EDGE_S))
         steepest = first + int(np.argmin(change[first : max(end, first + 1)]))
         around = slice(*np.searchsorted(t, (t[steepest] - EDGE_S, t[steepest] + EDGE_S)))
-        back = _back(t, level, steepest)
+        back = _back(t, level, int(steepest))
         place = steepest + 1
         if back is None or shared[around].any():
             continue

@@ -54,8 +54,8 @@ SETTLED_SHARE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Approach:
-    """An exponential approach at the start of a record: time constant `tau_s` [s]; `beyond`, how far
-    the first reading lies beyond all that follow the approach, in their range; `times_usual`, its
+    """An exponential approach at the start of a record: time constant `tau_s` [s]; `beyond`, how
+    far the first reading lies beyond all that follow the approach, in their range; `times_usual`, its
     size over what the sensor usually shows in as long a time. Both are NaN where the record is
     too short to tell.
     """
@@ -75,20 +75,18 @@ def settling_times(
 ) -> dict[str, float]:
     """How long each sensor settled [s after the first sample]; only those that did.
 
-    `columns` (n,) by sensor, NaN for gaps; `times` (n,) [s], not descending; `positions` (n, 2) [m].
+    `columns` (n,) by sensor, NaN for gaps; `times` (n,) [s], in order; `positions` (n, 2) [m].
     """
     if len(times) < FEWEST_SAMPLES or not np.all(np.diff(times) >= 0):
         return {}
     since = times - times[0]
     still_s = _still_for(since, positions)
-    found: dict[str, Approach] = {}
-    for key, column in columns.items():
-        there = np.isfinite(column)
-        if there.sum() < FEWEST_SAMPLES:
-            continue
-        approach = _approach(since[there], _calm(column[there]))
-        if approach is not None:
-            found[key] = approach
+    found = {
+        key: approach
+        for key, column in columns.items()
+        if (there := np.isfinite(column)).sum() >= FEWEST_SAMPLES
+        and (approach := _approach(since[there], _calm(column[there]))) is not None
+    }
     clear = {
         key: one
         for key, one in found.items()
@@ -97,9 +95,11 @@ def settling_times(
         or (still_s >= max(2 * one.tau_s, STILL_S) and not one.times_usual < STILL_TIMES)
     }
     sure = {SENSORS.get(key, key) for key in clear}
-    for key, one in found.items():
-        if one.beyond > TOGETHER and sure - {SENSORS.get(key, key)}:
-            clear[key] = one
+    clear |= {
+        key: one
+        for key, one in found.items()
+        if one.beyond > TOGETHER and sure - {SENSORS.get(key, key)}
+    }
     return {key: one.settled_s for key, one in clear.items()}
 
 

@@ -104,8 +104,8 @@ def _written(cells: Sequence[str], header: str) -> list[datetime | None]:
     rivals = [form for form in read if read[form] == read[best] and _other_order(best, form)]
     if rivals and any(_parsed(text, best) != _parsed(text, rivals[0]) for text in probe):
         raise InputError(
-            f"{texts[0]!r} and the like may be day and month or month and day; write the order into "
-            "the header, such as 'Date (DD/MM/YYYY)'.",
+            f"{texts[0]!r} and the like may be day and month or month and day; write the order "
+            "into the header, such as 'Date (DD/MM/YYYY)'.",
             settings=("columns",),
         )
     return [_parsed(text, best) for text in texts]
@@ -123,7 +123,7 @@ def _formats(header: str) -> list[str]:
 
 def _other_order(one: str, other: str) -> bool:
     def group(form: str) -> int:
-        first = form.split(" ")[0]
+        first = form.split(" ", maxsplit=1)[0]
         return 0 if first in _DAYS_FIRST else 1 if first in _MONTHS_FIRST else 2
 
     return group(one) != group(other)
@@ -136,14 +136,14 @@ def _parsed(text: str, form: str) -> datetime | None:
         return None
 
 
-def _in_seconds(
-    moments: Sequence[datetime | None], zone: tzinfo | None
-) -> tuple[Array, list[str]]:
+def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tuple[Array, list[str]]:
     local = zone or UTC
     naive = [moment for moment in moments if moment is not None and moment.tzinfo is None]
     seconds = np.array(
         [
-            np.nan if one is None else (one if one.tzinfo else one.replace(tzinfo=local)).timestamp()
+            np.nan
+            if one is None
+            else (one if one.tzinfo else one.replace(tzinfo=local)).timestamp()
             for one in moments
         ]
     )

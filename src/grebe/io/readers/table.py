@@ -60,7 +60,9 @@ def read_table(
         )
     body = rows[place + 1 :]
     if body and _is_units(body[0]):
-        header = [_with_unit(name, unit.strip()) for name, unit in zip(header, body[0], strict=False)]
+        header = [
+            _with_unit(name, unit.strip()) for name, unit in zip(header, body[0], strict=False)
+        ]
         body = body[1:]
     if not body:
         raise TrackError(f"{path}: a header and no rows.")
@@ -97,7 +99,7 @@ def _header_place(rows: list[list[str]]) -> int:
     first = score(rows[0])
     scores = [score(row) for row in rows[:LONGEST_PREAMBLE]]
     best = max(scores)
-    return 0 if first == best or best == 0 else scores.index(best)
+    return 0 if best in {0, first} else scores.index(best)
 
 
 def _is_units(row: list[str]) -> bool:

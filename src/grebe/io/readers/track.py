@@ -204,7 +204,7 @@ def _degrees(
 def _converted(
     path: Path, values: Mapping[str, NDArray[np.float64]], key: str, column: Column
 ) -> NDArray[np.float64]:
-    """Values in their quantity's unit; oxygen by its solubility in fresh water at one atmosphere."""
+    """Values in their quantity's unit; oxygen by its solubility in fresh water, at 1 atm."""
     scaled = column.factor * values[key] + column.offset
     if not column.by_solubility:
         return scaled
