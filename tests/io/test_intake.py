@@ -12,6 +12,7 @@ from grebe.core.errors import InputError, TrackError
 from grebe.io.readers.clock import read_times, zone_of
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.track import read_readings, read_track
+from grebe.workflow.tracks import import_track
 
 
 def table(tmp_path, header, cells, n=30, name="t.csv", before="", encoding="utf-8", mark=","):
@@ -172,8 +173,6 @@ def test_a_sonde_of_another_day_is_refused(tmp_path):
     boat = table(tmp_path, ["ph"], [7], name="boat.csv")
     sonde = tmp_path / "sonde.csv"
     sonde.write_text("time,Temp (C)\n" + "\n".join(f"{90000 + i},20" for i in range(9)))
-    args = ["import", str(boat), "--with", str(sonde), "-o", str(tmp_path / "o.gpkg")]
-    done = CliRunner().invoke(grebe, args)
-    assert done.exit_code == 3
-    assert "none of its readings falls within" in done.stderr
-    assert "--clock-offset" in done.stderr
+    with pytest.raises(TrackError, match="none of its readings falls within") as told:
+        import_track(boat, tmp_path / "o.gpkg", sonde=sonde)
+    assert told.value.settings == ("zone", "clock_offset_s")

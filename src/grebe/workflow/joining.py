@@ -70,7 +70,7 @@ def joined(
     }
     lost = int((~there).sum())
     notes = (
-        f"{lost} readings of {path.name} outside the track's time, or in a gap of it: left out",
+        f"{lost} readings of {path.name} outside the track's time or its gaps: left out",
     )
     return (
         replace(
@@ -88,7 +88,7 @@ def joined(
 
 
 def clock_offset(track: RawTrack, sonde: Readings) -> ClockOffset | None:
-    """The offset at which a quantity that both measured agrees best; None where that is not clear."""
+    """The offset at which a quantity of both files agrees best; None where that is not clear."""
     if track.times is None or sonde.times is None:
         return None
     best: ClockOffset | None = None
