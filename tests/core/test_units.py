@@ -1,49 +1,63 @@
-"""Headers are names and units; oxygen dissolves as the published tables say."""
+"""Units in the names of columns, as loggers write them, and what they turn into."""
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from grebe.core.oxygen import oxygen_solubility_mgl
-from grebe.core.units import parse_unit, split_header
+from grebe.core.units import SPELLINGS, conversion, split_unit, unit_of
 
 
 @pytest.mark.parametrize(
-    ("header", "name", "unit"),
+    ("name", "stem", "unit"),
     [
-        ("SpCond mS/cm", "SpCond", "mS/cm"),
         ("DO (%)", "DO", "%"),
-        ("Temperature (F)", "Temperature", "F"),
-        ("Temp, °C (LGR S/N: 1, SEN S/N: 1)", "Temp", "°C"),
-        ("RDO Concentration (mg/L) (543925)", "RDO Concentration", "mg/L"),
-        ("ODO % sat", "ODO", "% sat"),
-        ("ODO % local", "ODO % local", ""),
-        ("Date Time, GMT-04:00", "Date Time, GMT-04:00", ""),
-        ("pH", "pH", ""),
-        ("temp_f", "temp", "f"),
-        ("target_m", "target_m", ""),
+        ("ODO % sat", "ODO", "%"),
+        ("ODO mg/L", "ODO", "mg/L"),
+        ("SpCond mS/cm", "SpCond", "mS/cm"),
+        ("Cond µS/cm", "Cond", "µS/cm"),
+        ("Specific Conductivity uS/cm @25", "Specific Conductivity", "µS/cm"),
+        ("Temperature (F)", "Temperature", "°F"),
+        ("Temp °C", "Temp", "°C"),
+        ("water_temp_deg_c", "water temp", "°C"),
+        ("Temp, °C (LGR S/N: 1, SEN S/N: 2)", "Temp", "°C"),
+        ("Turb. [FNU]", "Turb.", "FNU"),
+        ("BGA-PC µg/L", "BGA-PC", "µg/L"),
+        ("pH", "pH", None),
+        ("heading", "heading", None),
+        ("YYMMDD", "YYMMDD", None),
     ],
 )
-def test_a_header_is_a_name_and_a_unit(header, name, unit):
-    assert split_header(header) == (name, unit)
+def test_a_column_s_unit_is_read_from_its_name(name, stem, unit):
+    assert split_unit(name) == (stem, unit)
 
 
 @pytest.mark.parametrize(
-    ("value", "unit", "other", "is_"),
-    [(68.0, "°F", "°C", 20.0), (0.1, "mS/cm", "µS/cm", 100.0), (10.0, "ft", "m", 3.048)],
+    ("given_", "unit", "wanted", "expected"),
+    [
+        (68.0, "°F", "°C", 20.0),
+        (273.15, "K", "°C", 0.0),
+        (0.1086, "mS/cm", "µS/cm", 108.6),
+        (0.0413, "S/m", "µS/cm", 413.0),
+        (1.0, "ft", "m", 0.3048),
+        # Molar mass of O2, 31.9988 g/mol.
+        (250.0, "µmol/L", "mg/L", 7.9997),
+    ],
 )
-def test_values_are_converted(value, unit, other, is_):
-    factor, offset = parse_unit(unit).to(parse_unit(other))
-    assert factor * value + offset == pytest.approx(is_)
+def test_values_are_converted(given_, unit, wanted, expected):
+    turns = conversion(unit, wanted, "dissolved_oxygen_mgl")
+    assert turns(np.array([given_])) == pytest.approx([expected], abs=1e-9)
 
 
-def test_another_kind_is_not_converted():
-    with pytest.raises(ValueError, match="percent is not mass"):
-        parse_unit("%").to(parse_unit("mg/L"))
+def test_what_is_another_kind_of_thing_is_not_converted():
+    assert conversion("%", "mg/L", "dissolved_oxygen_mgl") is None
+    assert conversion("mg/L", "°C") is None
+    assert conversion("µmol/L", "mg/L", "nitrate_mgl") is None
 
 
-@pytest.mark.parametrize(
-    ("degc", "mgl"),
-    # Standard Methods, table 4500-O:I, fresh water at 101.325 kPa.
-    [(0, 14.621), (5, 12.770), (10, 11.288), (15, 10.084), (20, 9.092), (25, 8.263), (30, 7.559)],
-)
-def test_oxygen_dissolves_as_tabled(degc, mgl):
-    assert float(oxygen_solubility_mgl(degc)) == pytest.approx(mgl, abs=1.5e-3)
+@given(st.sampled_from(sorted(SPELLINGS)), st.sampled_from([" ", "_", " (", " [", ", "]))
+def test_every_spelling_is_found_behind_a_name(unit, between):
+    closing = {" (": ")", " [": "]"}.get(between, "")
+    for spelling in SPELLINGS[unit]:
+        assert split_unit(f"Sensor value{between}{spelling}{closing}")[1] == unit
+        assert unit_of(spelling.upper()) == unit

@@ -104,7 +104,10 @@ class Correction:
         )
 
     def __str__(self) -> str:
+        if self == AS_MODELLED:
+            return "the boat is as its model says after all"
         return (
+            "the boat is not as its model says: "
             f"thrusters give {self.port:.2f} and {self.starboard:.2f} of their orders, drag x "
             f"{self.drag:.2f}, sway drag x {self.sway_drag:.2f}, yaw inertia x "
             f"{self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
@@ -170,9 +173,10 @@ def fitting(
             best, cost = numbers, its_cost
         if problem.is_better(plain_cost, cost):
             break
-    if not (problem.is_better(plain_cost, cost) and problem.is_better(kept_cost, cost)):
-        return None
-    return _correction(best), _weather(model, best)
+    if problem.is_better(plain_cost, cost) and problem.is_better(kept_cost, cost):
+        return _correction(best), _weather(model, best)
+    # What was followed has turned out to be worse than no correction at all.
+    return (AS_MODELLED, _weather(model, plain)) if kept_cost > plain_cost else None
 
 
 def fitted(model: Vessel, flown: Flown, followed: Correction = AS_MODELLED) -> Found | None:
@@ -208,7 +212,7 @@ class _Problem:
 
         What is left over scales what counts as much, where the data are noisier than assumed.
         """
-        unit = max(1.0, 2 * cost / (6 * len(self.first)))
+        unit = max(1.0, 2 * cost / max(1, 6 * len(self.first) - COUNT))
         return plain_cost - cost > max(LEAST_GAIN * unit, LEAST_SHARE * plain_cost)
 
     def residuals(self, numbers: Array) -> Array:

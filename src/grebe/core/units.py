@@ -1,100 +1,137 @@
-"""Units as loggers write them behind the names of their columns, and how to convert them.
+"""Units as loggers write them in the names of columns, and what turns one into another.
 
-A header such as `SpCond mS/cm`, `DO (%)`, `Temp, °C (LGR S/N: 1)` or `depth_ft` is a name and a
-unit. A unit is a scale of one kind of measurement; between scales of one kind a value is
-`factor * value + offset` of the kind's first.
+What is hard about units here is their spelling, not their arithmetic: `uS/cm`, `µS/cm@25`,
+`% sat`, `degC`, `(F)`. So the spellings are a table, and a conversion is a factor and an offset.
 """
 
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Each unit by the name that the registry of quantities gives it, and how else it is spelled once
+# letters are small, micro is u, and spaces, dots, carets and underscores are gone.
+SPELLINGS: dict[str, tuple[str, ...]] = {
+    "°C": ("°c", "degc", "c", "degreesc", "celsius", "degreecelsius", "degcelsius"),
+    "°F": ("°f", "degf", "f", "degreesf", "fahrenheit", "degfahrenheit"),
+    "K": ("k", "kelvin", "degk"),
+    "mg/L": ("mg/l", "mgl", "mgl-1", "mg/lt", "mg/liter", "mg/litre", "mgperl", "mgn/l", "mg/l-n"),
+    "ppm": ("ppm",),
+    "g/L": ("g/l", "gl-1"),
+    "µg/L": ("ug/l", "ugl", "ugl-1", "ugperl", "mg/m3"),
+    "ppb": ("ppb",),
+    "µmol/L": ("umol/l", "umoll", "umol", "um", "micromol/l", "mmol/m3"),
+    "%": ("%", "%sat", "sat", "percent", "pct", "%saturation", "percentsat", "%local", "%airsat"),
+    "µS/cm": ("us/cm", "uscm", "uscm-1", "us/cm@25", "us/cm@25°c", "umho/cm", "umhos/cm"),
+    "mS/cm": ("ms/cm", "mscm", "mscm-1", "ms/cm@25", "ms/cm@25°c", "mmho/cm"),
+    "S/m": ("s/m", "sm-1", "siemens/m"),
+    "mS/m": ("ms/m",),
+    "NTU": ("ntu", "ntus"),
+    "FNU": ("fnu", "fnus"),
+    "FTU": ("ftu",),
+    "RFU": ("rfu", "rfus"),
+    "QSU": ("qsu", "ppbqse"),
+    "mV": ("mv", "millivolt", "millivolts"),
+    "V": ("v", "volt", "volts"),
+    "PSU": ("psu", "pss", "pss-78", "ppt", "‰", "g/kg"),
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "cm": ("cm",),
+    "mm": ("mm",),
+    "ft": ("ft", "feet", "foot"),
+    "dbar": ("dbar",),
+}  # fmt: skip
+_NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
+
+# An oxygen molecule [g/mol]: the only substance that loggers give in moles here.
+OXYGEN_G_PER_MOL = 31.9988
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unit:
-    """A scale: `kind` of what it measures, and how to reach that kind's base scale."""
+class Conversion:
+    """y = factor x + offset."""
 
-    kind: str
     factor: float = 1.0
     offset: float = 0.0
 
-    def to(self, other: Unit) -> tuple[float, float]:
-        """Factor and offset that bring a value in this unit to the other, of the same kind.
-
-        Raises `ValueError` where the kinds differ.
-        """
-        if self.kind != other.kind:
-            raise ValueError(f"{self.kind} is not {other.kind}")
-        return self.factor / other.factor, (self.offset - other.offset) / other.factor
+    def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values (n,) in the other unit."""
+        return self.factor * values + self.offset
 
 
-# By spelling: in lower case, without blanks, with u for micro and no sign for a degree. Bases:
-# Celsius, µS/cm, mg/L, percent, NTU, RFU, QSU, mV, m, dbar, PSU, degrees.
-_UNITS: dict[str, Unit] = {}
+SAME = Conversion()
+_CONVERSIONS: dict[tuple[str, str], Conversion] = {
+    ("°F", "°C"): Conversion(factor=5 / 9, offset=-160 / 9),
+    ("K", "°C"): Conversion(offset=-273.15),
+    # Fresh water weighs a kilogram a litre.
+    ("ppm", "mg/L"): SAME,
+    ("g/L", "mg/L"): Conversion(factor=1000.0),
+    ("µg/L", "mg/L"): Conversion(factor=0.001),
+    ("ppb", "µg/L"): SAME,
+    ("mg/L", "µg/L"): Conversion(factor=1000.0),
+    ("ppb", "QSU"): SAME,
+    ("µmol/L", "mg/L"): Conversion(factor=OXYGEN_G_PER_MOL / 1000.0),
+    ("mS/cm", "µS/cm"): Conversion(factor=1000.0),
+    ("S/m", "µS/cm"): Conversion(factor=10_000.0),
+    ("mS/m", "µS/cm"): Conversion(factor=10.0),
+    # Both are calibrated with formazin, by light of another colour.
+    ("FNU", "NTU"): SAME,
+    ("FTU", "NTU"): SAME,
+    ("V", "mV"): Conversion(factor=1000.0),
+    ("cm", "m"): Conversion(factor=0.01),
+    ("mm", "m"): Conversion(factor=0.001),
+    ("ft", "m"): Conversion(factor=0.3048),
+}
+# What is only a unit of moles of oxygen, and of nothing else.
+_OF_OXYGEN_ALONE = ("µmol/L",)
+
+# A unit in brackets, or behind the first comma: `Temp, °C (LGR S/N: 1)`.
+_BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]")
 
 
-def _define(kind: str, factor: float, *spellings: str, offset: float = 0.0) -> None:
-    unit = Unit(kind=kind, factor=factor, offset=offset)
-    _UNITS.update(dict.fromkeys(spellings, unit))
+def unit_of(text: str) -> str | None:
+    """The unit that a text is, by the registry's name; None where it is none."""
+    return _NAMES.get(_plain(text))
 
 
-_define("temperature", 1, "c", "degc", "degreec", "degreesc", "celsius", "degreecelsius", "oc")
-_define("temperature", 5 / 9, "f", "degf", "fahrenheit", "degreesf", offset=-160 / 9)
-_define("temperature", 1, "k", "kelvin", offset=-273.15)
-_define("conductivity", 1, "us/cm", "uscm", "uscm-1", "us", "microsiemenspercentimeter", "umho/cm")
-_define("conductivity", 1e3, "ms/cm", "mscm", "mscm-1", "millisiemenspercentimeter")
-_define("conductivity", 10, "ms/m")
-_define("conductivity", 1e4, "s/m", "sm-1")
-_define("mass in water", 1, "mg/l", "mgl", "mgl-1", "ppm", "g/m3", "milligramsperliter")
-_define("mass in water", 1e-3, "ug/l", "ugl", "ugl-1", "ppb", "mg/m3")
-_define("amount in water", 1, "umol/l", "umoll-1", "um", "mmol/m3")
-_define("percent", 1, "%", "%sat", "percent", "pct", "percentsat", "%saturation", "%satur")
-_define("turbidity", 1, "ntu", "fnu", "ftu", "nephelometricturbidityunits", "formazinunits")
-_define("fluorescence", 1, "rfu")
-_define("quinine", 1, "qsu")
-_define("voltage", 1, "mv", "millivolts")
-_define("voltage", 1e3, "v", "volt", "volts")
-_define("length", 1, "m", "meter", "meters", "metre", "metres")
-_define("length", 0.3048, "ft", "feet", "foot")
-_define("length", 0.01, "cm")
-_define("pressure", 1, "dbar", "decibar")
-_define("pressure", 0.6894757, "psi", "psia", "psig")
-_define("pressure", 10, "bar")
-_define("pressure", 0.01, "mbar", "hpa")
-_define("pressure", 0.1, "kpa")
-_define("salinity", 1, "psu", "ppt", "pss", "g/kg", "practicalsalinityscale")
-_define("acidity", 1, "ph", "phunits", "units", "unit", "su")
-_define("angle", 1, "deg", "degrees", "dd")
-_define("angle", 1e-7, "1e-7deg", "1e7", "dege7", "e7", "degx1e7")
-_define("speed", 1, "m/s", "ms-1", "meterspersecond")
+def split_unit(name: str) -> tuple[str, str | None]:
+    """A column's name without its unit, and the unit, None where the name tells none.
 
-# What is no unit behind a comma or in brackets: serial numbers and labels of a logger's export.
-_SERIAL = re.compile(r"\s*\((LGR|SEN|S/N|LBL|#)[^)]*\)|\s*\(\d{4,}\)", re.IGNORECASE)
-_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
+    The unit stands in brackets, behind a comma, or as the last words: `DO (%)`, `Temp, °C`,
+    `SpCond mS/cm`, `ODO % sat`.
+    """
+    for found in _BRACKETS.finditer(name):
+        unit = unit_of(found.group(1))
+        if unit is not None:
+            return (name[: found.start()] + name[found.end() :]).strip(), unit
+    bare = _BRACKETS.sub(" ", name).strip()
+    stem, comma, rest = bare.partition(",")
+    if comma and unit_of(rest) is not None:
+        return stem.strip(), unit_of(rest)
+    words = re.split(r"[\s_]+", bare)
+    # The longest ending that is a unit: `% sat` before `sat`.
+    for first in range(1, len(words)):
+        unit = unit_of(" ".join(words[first:])) or unit_of("/".join(words[first:]))
+        if unit is not None:
+            return " ".join(words[:first]), unit
+    return bare, None
 
 
-def parse_unit(text: str) -> Unit | None:
-    """The unit of a spelling; None for anything else."""
-    plain = text.lower().translate(str.maketrans("µμ", "uu", "° \t_"))
-    return _UNITS.get(plain.replace("·", "").replace("^", ""))
+def conversion(given: str, wanted: str, key: str = "") -> Conversion | None:
+    """What turns values of one unit into those of another; None where nothing does."""
+    if given == wanted:
+        return SAME
+    if given in _OF_OXYGEN_ALONE and "oxygen" not in key:
+        return None
+    return _CONVERSIONS.get((given, wanted))
 
 
-def split_header(header: str) -> tuple[str, str]:
-    """A column's name and the spelling of its unit, empty where it names none."""
-    text = _SERIAL.sub("", header.replace("\N{DEGREE CELSIUS}", "°C")).strip()
-    for found in _BRACKETS.finditer(text):
-        if parse_unit(found[1]):
-            return (text[: found.start()] + text[found.end() :]).strip(" ,_"), found[1]
-    for mark in (",", " ", "_"):
-        # The longest end of the header that is a unit, after a name.
-        places = [place.start() for place in re.finditer(re.escape(mark), text)]
-        for place in places:
-            name, unit = text[:place].strip(" ,_"), text[place + 1 :].strip()
-            # One letter behind a stroke is a unit for a temperature alone: `x_m` may be anything.
-            lone = mark == "_" and len(unit) == 1 and "temp" not in name.lower()
-            if name and not lone and parse_unit(unit):
-                return name, unit
-    if text.endswith("%") and len(text) > 1:
-        return text[:-1].strip(), "%"
-    return text, ""
+def _plain(text: str) -> str:
+    small = unicodedata.normalize("NFKC", text).replace("º", "°").lower()
+    return re.sub(r"[\s._^]", "", small.replace("μ", "u").replace("µ", "u"))

@@ -22,7 +22,7 @@ A link knows nothing of targets or maps. `tests/contracts/test_links.py` holds e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -109,6 +109,35 @@ class BoatLink(Protocol):
 
     def close(self) -> None:
         """Leave the boat without thrust and give it back."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What an instrument apart from the boat measured `age_s` ago: values by quantity."""
+
+    age_s: float
+    values: Mapping[str, float]
+
+
+class Instruments(Protocol):
+    """Sondes apart from the boat, which measure at their own rate; `keys` says which quantities."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The quantities that they may measure."""
+        ...
+
+    def readings(self) -> Sequence[Reading]:
+        """Hand out what has come since the last call, without waiting."""
+        ...
+
+    def notes(self) -> Sequence[tuple[str, str]]:
+        """Hand out what an operator should know, a code and a sentence each, without waiting."""
+        ...
+
+    def close(self) -> None:
+        """Let go of their lines."""
         ...
 
 

@@ -175,11 +175,10 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
                 fail_threshold=int(SLOWED * limits.flat_fail_s),
                 tolerance=limits.flat_tolerance,
             )
-    flags = {
+    return {
         name: np.ma.filled(np.ma.asarray(one), Flag.NOT_EVALUATED).astype(np.int64)
         for name, one in results.items()
     }
-    return flags
 
 
 def _qartod() -> Any:

@@ -54,10 +54,11 @@ SETTLED_SHARE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Approach:
-    """An exponential approach at the start of a record: time constant `tau_s` [s]; `beyond`, how
-    far the first reading lies beyond all that follow the approach, in their range; `times_usual`, its
-    size over what the sensor usually shows in as long a time. Both are NaN where the record is
-    too short to tell.
+    """An exponential approach at the start of a record: time constant `tau_s` [s].
+
+    `beyond` is how far the first reading lies beyond all that follow the approach, in their range;
+    `times_usual` its size over what the sensor usually shows in as long a time. Both are NaN where
+    the record is too short to tell.
     """
 
     tau_s: float

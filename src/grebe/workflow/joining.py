@@ -69,9 +69,7 @@ def joined(
         if key not in values
     }
     lost = int((~there).sum())
-    notes = (
-        f"{lost} readings of {path.name} outside the track's time or its gaps: left out",
-    )
+    notes = (f"{lost} readings of {path.name} outside the track's time or its gaps: left out",)
     return (
         replace(
             track,

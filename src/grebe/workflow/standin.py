@@ -11,7 +11,7 @@ from grebe.core.frames import LocalFrame
 from grebe.core.vessel import Vessel
 from grebe.links.mavlink.rehearsal import serve
 from grebe.links.mavlink.standin import StandIn
-from grebe.links.mavlink.wires import UdpWire
+from grebe.links.wires import UdpWire
 from grebe.simulation.autopilot import Autopilot, AutopilotSettings
 from grebe.simulation.plant import Plant
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grebe.core.errors import TrackError
+from grebe.core.header_units import Unit, parse_unit, split_header
 from grebe.core.quantity import Quantity
-from grebe.core.units import Unit, parse_unit, split_header
 
 if TYPE_CHECKING:
     from grebe.core.quantities import Quantities

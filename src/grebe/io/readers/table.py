@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grebe.core.errors import TrackError
-from grebe.core.units import parse_unit, split_header
+from grebe.core.header_units import parse_unit, split_header
 from grebe.io.readers.text import read_text
 
 # A header is looked for within so many lines.

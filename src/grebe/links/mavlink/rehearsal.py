@@ -17,7 +17,7 @@ import numpy as np
 
 from grebe.core.errors import UsageError
 from grebe.links.mavlink.standin import StandIn
-from grebe.links.mavlink.wires import UdpWire
+from grebe.links.wires import UdpWire
 from grebe.simulation.autopilot import STEP_S
 
 
