@@ -146,10 +146,10 @@ def _correlations(one: Array, other: Array) -> Array:
     covariance = at_all_shifts(one, other) - sums[0] * sums[1] / size
     spread = [part - total**2 / size for part, total in zip(squares, sums, strict=True)]
     scale = np.sqrt(np.maximum(spread[0], 1e-12) * np.maximum(spread[1], 1e-12))
-    return np.where(enough, covariance / scale, -1.0)
+    return np.asarray(np.where(enough, covariance / scale, -1.0), dtype=np.float64)
 
 
 def _nearest(at: Array, times: Array, values: Array) -> Array:
     after = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
     index = np.where(at - times[after - 1] < times[after] - at, after - 1, after)
-    return values[index]
+    return np.asarray(values[index], dtype=np.float64)
