@@ -9,6 +9,7 @@ FLAGS = {
     "battery_reserve": "--battery-reserve",
     "battery_wh": "--battery-wh",
     "cell_m": "--cell",
+    "clock_offset_s": "--clock-offset",
     "coast_tolerance_m": "--coast-tolerance",
     "columns": "--column",
     "core": "--core",
@@ -23,6 +24,7 @@ FLAGS = {
     "minutes": "--minutes",
     "pattern": "--pattern",
     "piece_s": "--piece",
+    "profile": "--profile",
     "quantities": "--quantities",
     "radius_m": "--radius",
     "rate_hz": "--rate",
@@ -33,6 +35,7 @@ FLAGS = {
     "speed": "--speed",
     "speed_max_mps": "--speed-limit",
     "until": "--until",
+    "zone": "--zone",
 }
 
 
