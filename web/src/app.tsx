@@ -3,6 +3,7 @@
 import { useEffect } from "preact/hooks";
 import type { JSX } from "preact";
 import { Icon } from "./parts/icon";
+import { Wishes } from "./parts/wishes";
 import { Live } from "./screens/live";
 import { MapScreen } from "./screens/map";
 import { Plan } from "./screens/plan";
@@ -15,17 +16,13 @@ import {
   complain,
   dismiss,
   go,
-  language,
   loadOptions,
   notices,
   options,
   route,
   screens,
   t,
-  theme,
-  type Language,
   type Screen,
-  type Theme,
 } from "./state";
 import { api } from "./api";
 
@@ -43,7 +40,7 @@ export function App(): JSX.Element {
         {t("skip")}
       </a>
       <Rail screen={screen} />
-      <main id="main" tabIndex={-1} class={`screen ${screen}`}>
+      <main id="main" tabIndex={-1} class={`screen at-${screen}`}>
         {options.value ? <Current screen={screen} id={id} /> : <Waiting />}
       </main>
       <Notices />
@@ -130,33 +127,7 @@ function Rail({ screen }: { screen: Screen }): JSX.Element {
           );
         })}
       </ul>
-      <div class="rail-settings">
-        <label>
-          <span>{t("theme")}</span>
-          <select
-            value={theme.value}
-            onChange={(event) => {
-              theme.value = event.currentTarget.value as Theme;
-            }}
-          >
-            <option value="day">{t("day")}</option>
-            <option value="night">{t("night")}</option>
-            <option value="sunlight">{t("sunlight")}</option>
-          </select>
-        </label>
-        <label>
-          <span>{t("language")}</span>
-          <select
-            value={language.value}
-            onChange={(event) => {
-              language.value = event.currentTarget.value as Language;
-            }}
-          >
-            <option value="en">English</option>
-            <option value="fr">Français</option>
-          </select>
-        </label>
-      </div>
+      <Wishes />
     </nav>
   );
 }

@@ -82,6 +82,8 @@ const table = {
     "Tirez un sommet pour le déplacer ; les petits points en ajoutent. Au clavier : Tab jusqu'au sommet, flèches pour le déplacer, Suppr pour l'ôter.",
   ],
   emptyHint: ["Draw the water, or open its outline from a file.", "Dessinez l'eau, ou ouvrez son contour depuis un fichier."],
+  goTo: ["Go to latitude, longitude", "Aller à latitude, longitude"],
+  goToBad: ["Write it as 46.45, 6.55: degrees north, degrees east.", "Écrivez 46.45, 6.55 : degrés nord, degrés est."],
   corner: ["Corner {n} of {shape}", "Sommet {n} de {shape}"],
   addCorner: ["Add a corner to {shape}", "Ajouter un sommet à {shape}"],
   name: ["Name", "Nom"],

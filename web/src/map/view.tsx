@@ -13,13 +13,18 @@ export interface Ground {
 
 type Bounds = [number, number, number, number];
 
-export function fit(ground: Ground, [west, south, east, north]: Bounds): void {
+/** Show all of the bounds; `over` where much else stands over the map. */
+export function fit(ground: Ground, [west, south, east, north]: Bounds, over = false): void {
+  const narrow = over && ground.map.getSize().x < 560;
   ground.map.fitBounds(
     [
       [south, west],
       [north, east],
     ],
-    { padding: [28, 28], animate: false },
+    // What stands over the map leaves the survey free, on a narrow window too.
+    narrow
+      ? { paddingTopLeft: [14, 122], paddingBottomRight: [14, 66], animate: false }
+      : { padding: [36, 36], animate: false },
   );
 }
 
@@ -36,7 +41,12 @@ function make(box: HTMLElement): Ground {
     fadeAnimation: false,
     inertia: true,
   });
-  map.setView([46.5, 4], 6);
+  const [lat, lon, zoom] = lastPlace();
+  map.setView([lat, lon], zoom);
+  map.on("moveend", () => {
+    const { lat: y, lng: x } = map.getCenter();
+    localStorage.setItem("grebe-place", JSON.stringify([y, x, map.getZoom()]));
+  });
   L.control
     .zoom({ position: "topleft", zoomInTitle: t("zoomIn"), zoomOutTitle: t("zoomOut") })
     .addTo(map);
@@ -44,6 +54,18 @@ function make(box: HTMLElement): Ground {
   addBackground(map);
   const water = new Water().addTo(map);
   return { map, water };
+}
+
+/** Where a map was looked at last: a new plan is likely near. */
+function lastPlace(): [number, number, number] {
+  try {
+    const kept: unknown = JSON.parse(localStorage.getItem("grebe-place") ?? "");
+    if (Array.isArray(kept) && kept.length === 3 && kept.every((item) => Number.isFinite(item)))
+      return kept as [number, number, number];
+  } catch {
+    // Nothing kept, or nothing legible: the middle of a lake in the Alps serves as well as any.
+  }
+  return [46.45, 6.55, 15];
 }
 
 function addBackground(map: L.Map): void {

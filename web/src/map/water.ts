@@ -9,6 +9,7 @@
 
 import * as L from "leaflet";
 import type { Area, LonLat, TargetState } from "../api";
+import { drawGraticule } from "./graticule";
 import type { Raster } from "./raster";
 
 /** How far beyond the window the canvases reach, as a share of it. */
@@ -27,6 +28,8 @@ interface Inks {
   boat: string;
   halo: string;
   bad: string;
+  graticule: string;
+  graticuleText: string;
 }
 
 /** Points in the world of 256 pixels at zoom 0, x and y by turns. */
@@ -295,6 +298,10 @@ export class Water extends L.Layer {
 
   private drawGround(context: CanvasRenderingContext2D, inks: Inks): void {
     context.clearRect(0, 0, this.width, this.height);
+    drawGraticule(context, this._map, [this.originX, this.originY], [this.width, this.height], {
+      line: inks.graticule,
+      text: this.region.length ? null : inks.graticuleText,
+    });
     const water = this.path(this.region);
     context.fillStyle = inks.water;
     context.fill(water, "evenodd");
@@ -503,5 +510,7 @@ function readInks(): Inks {
     boat: ink("boat"),
     halo: ink("halo"),
     bad: ink("bad"),
+    graticule: ink("graticule"),
+    graticuleText: ink("graticule-text"),
   };
 }

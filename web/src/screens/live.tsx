@@ -45,7 +45,7 @@ export function Live({ id }: { id: string }): JSX.Element {
     return stream.hear({
       snapshot: (all) => {
         index = paintSnapshot(made, all);
-        if (fitted !== all.id) fit(made, all.bounds);
+        if (fitted !== all.id) fit(made, all.bounds, true);
         fitted = all.id;
       },
       delta: (delta) => {
@@ -71,7 +71,7 @@ export function Live({ id }: { id: string }): JSX.Element {
           <div class="map-tools">
             <button
               class="button"
-              onClick={() => ground.current && snapshot && fit(ground.current, snapshot.bounds)}
+              onClick={() => ground.current && snapshot && fit(ground.current, snapshot.bounds, true)}
             >
               <Icon name="whole" />
               <span>{t("wholeSurvey")}</span>

@@ -44,7 +44,7 @@ export function MapScreen({ id }: { id: string }): JSX.Element {
         setQuantity((old) => old || (made.quantities[0]?.id ?? ""));
         if (!ground.current) return;
         ground.current.water.setRegion(made.region);
-        fit(ground.current, made.bounds);
+        fit(ground.current, made.bounds, true);
       })
       .catch(complain);
   }, [id]);

@@ -230,6 +230,7 @@ export function Plan({ id }: { id: string | null }): JSX.Element {
           <span>{t("name")}</span>
           <input value={name} maxLength={80} onInput={(event) => setName(event.currentTarget.value)} />
         </label>
+        {!sketch.shapes.length && <GoTo ground={ground} />}
         <PlanFacts plan={request ? preview.plan : null} busy={preview.busy} failure={preview.failure} />
         <button
           class="button primary tall"
@@ -241,6 +242,23 @@ export function Plan({ id }: { id: string | null }): JSX.Element {
         <PlanForm settings={settings} change={setSettings} problems={preview.plan?.problems ?? []} />
       </aside>
     </div>
+  );
+}
+
+function GoTo({ ground }: { ground: { current: Ground | null } }): JSX.Element {
+  const [bad, setBad] = useState(false);
+  function move(text: string): void {
+    const [lat, lon] = text.split(/[,;\s]+/).filter(Boolean).map(Number);
+    const good = lat !== undefined && lon !== undefined && Math.abs(lat) <= 85 && Math.abs(lon) <= 180;
+    setBad(!good);
+    if (good) ground.current?.map.setView([lat, lon], 16);
+  }
+  return (
+    <label class={`field wide${bad ? " bad" : ""}`}>
+      <span>{t("goTo")}</span>
+      <input placeholder="46.45, 6.55" aria-invalid={bad} onChange={(event) => move(event.currentTarget.value)} />
+      {bad && <span class="bad-text">{t("goToBad")}</span>}
+    </label>
   );
 }
 

@@ -4,6 +4,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import type { JSX } from "preact";
 import { api, type SurveyState, type SurveySummary } from "../api";
 import { Icon, type IconName } from "../parts/icon";
+import { Wishes } from "../parts/wishes";
 import { area, chosen, complain, go, language, number, say, t, type Screen } from "../state";
 
 const next: Record<SurveyState, Screen> = {
@@ -83,6 +84,7 @@ export function Start(): JSX.Element {
           ))}
         </ul>
       )}
+      <Wishes />
     </div>
   );
 }
