@@ -16,6 +16,8 @@ import type {
 /** How much of the past the charts keep [s]. */
 const KEPT_S = 600;
 const LOG_KEPT = 500;
+/** The eye reads figures no faster than this [ms]; the boat on the map moves with each message. */
+const PULSE_MS = 250;
 
 export interface Hearing {
   snapshot(snapshot: Snapshot): void;
@@ -29,8 +31,10 @@ export class Stream {
   readonly events: Signal<LogLine[]> = signal([]);
   readonly mapVersion: Signal<number> = signal(0);
   readonly connected: Signal<boolean> = signal(true);
-  /** Counts what has come: views that read the plain fields below watch it. */
-  readonly beat: Signal<number> = signal(0);
+  /** Counts up a few times a second while something comes: figures that are read watch it. */
+  readonly pulse: Signal<number> = signal(0);
+  /** Counts what has come. */
+  beat = 0;
 
   estimate: Snapshot["estimate"] = null;
   thrusts: Snapshot["thrusts"] = null;
@@ -46,6 +50,8 @@ export class Stream {
   private retry = 0;
   private heard = 0;
   private watch = 0;
+  private pulseDue = 0;
+  private latest: Status | null = null;
   private readonly ears = new Set<Hearing>();
 
   constructor(private readonly url: string) {}
@@ -60,6 +66,7 @@ export class Stream {
     this.source = null;
     clearTimeout(this.retry);
     clearInterval(this.watch);
+    clearTimeout(this.pulseDue);
   }
 
   hear(hearing: Hearing): () => void {
@@ -123,11 +130,12 @@ export class Stream {
     for (const target of snapshot.targets) this.states.set(target.seq, target.state);
     this.snapshot.value = snapshot;
     this.status.value = snapshot.status;
+    this.latest = snapshot.status;
     this.lease.value = snapshot.lease;
     this.events.value = snapshot.events;
     this.mapVersion.value = snapshot.map_version;
     for (const ear of this.ears) ear.snapshot(snapshot);
-    this.beat.value++;
+    this.heartbeat();
   }
 
   private onDelta(delta: Delta): void {
@@ -142,13 +150,30 @@ export class Stream {
     if (delta.track) this.track.push(...delta.track);
     if (delta.samples) this.samples.push(...delta.samples);
     for (const [seq, state] of delta.targets ?? []) this.states.set(seq, state);
-    const status = this.status.peek();
-    if (delta.status && status) this.status.value = { ...status, ...delta.status };
+    const status = this.latest ?? this.status.peek();
+    if (delta.status && status) this.tell({ ...status, ...delta.status });
     if (delta.events?.length)
       this.events.value = [...this.events.peek(), ...delta.events].slice(-LOG_KEPT);
     this.forget(delta.t - KEPT_S);
     for (const ear of this.ears) ear.delta(delta);
-    this.beat.value++;
+    this.heartbeat();
+  }
+
+  /** A change of what the boat does is told at once, figures a few times a second. */
+  private tell(status: Status): void {
+    this.latest = status;
+    const shown = this.status.peek();
+    if (shown?.state !== status.state || shown.doing !== status.doing) this.status.value = status;
+  }
+
+  private heartbeat(): void {
+    this.beat++;
+    if (this.pulseDue) return;
+    this.pulseDue = window.setTimeout(() => {
+      this.pulseDue = 0;
+      if (this.latest) this.status.value = this.latest;
+      this.pulse.value++;
+    }, PULSE_MS);
   }
 
   private forget(before: number): void {

@@ -1,10 +1,10 @@
 /**
- * The layer that paints a survey: water, map, cells, way and boat on canvases of its own.
+ * The layer that paints a survey: water, map, cells and track on one canvas, the boat on another.
  *
- * Three canvases, by how often they change: the ground (water, map, cells) on a change of the map
- * or of a cell; the track, to which new pieces are added; and the boat, at each message. While
- * the map is dragged nothing is painted at all: the browser moves what is there, which reaches a
- * part of the window beyond each edge.
+ * The large one is painted whole when the map comes to rest or the map of the water changes; a
+ * cell that is reached has its own neighbourhood painted again, and a new piece of the track is
+ * added. The boat's canvas is only as large as boat and horizon. While the map is dragged nothing
+ * is painted: the browser moves what is there, which reaches beyond each edge of the window.
  */
 
 import * as L from "leaflet";
@@ -13,7 +13,7 @@ import { drawGraticule } from "./graticule";
 import type { Raster } from "./raster";
 
 /** How far beyond the window the canvases reach, as a share of it. */
-const BEYOND = 0.25;
+const BEYOND = 0.2;
 
 interface Inks {
   water: string;
@@ -70,6 +70,39 @@ export interface Half {
   from: number;
 }
 
+interface Box {
+  x: number;
+  y: number;
+  width: number;
+  height: number;
+}
+
+/** The box of points [pixels] with a margin; null where there are none. */
+function boxOf(points: readonly (readonly [number, number])[], margin: number): Box | null {
+  if (!points.length) return null;
+  let [west, east, north, south] = [Infinity, -Infinity, Infinity, -Infinity];
+  for (const [x, y] of points) {
+    west = Math.min(west, x);
+    east = Math.max(east, x);
+    north = Math.min(north, y);
+    south = Math.max(south, y);
+  }
+  const x = Math.floor(west) - margin;
+  const y = Math.floor(north) - margin;
+  return { x, y, width: Math.ceil(east) + margin - x, height: Math.ceil(south) + margin - y };
+}
+
+/** Give a canvas its size in pixels of the page, as fine as the screen is, up to twice. */
+function sized(canvas: HTMLCanvasElement, width: number, height: number): void {
+  const dense = Math.min(devicePixelRatio || 1, 2);
+  const [columns, rows] = [Math.round(width * dense), Math.round(height * dense)];
+  if (canvas.width === columns && canvas.height === rows) return;
+  canvas.width = columns;
+  canvas.height = rows;
+  canvas.style.width = `${width}px`;
+  canvas.style.height = `${height}px`;
+}
+
 interface Privates {
   _latLngToNewLayerPoint(at: L.LatLng, zoom: number, center: L.LatLng): L.Point;
 }
@@ -94,62 +127,66 @@ export class Water extends L.Layer {
   private cellsShown = true;
 
   private topLeft: L.LatLng | null = null;
+  private boatCorner: L.LatLng | null = null;
   private zoom = 0;
   private originX = 0;
   private originY = 0;
   private width = 0;
   private height = 0;
-  private readonly stale = [false, false, false];
+  private readonly stale = { ground: false, boat: false };
+  /** Cells that changed since the ground was painted. */
+  private readonly changed = new Set<number>();
   private frame = 0;
 
   // What may be told.
 
   setRegion(area: Area | null): void {
     this.region = ringsOf(area).map(world);
-    this.soon(0);
+    this.soon("ground");
   }
 
   setNoGo(area: Area | null): void {
     this.noGo = ringsOf(area).map(world);
-    this.soon(0);
+    this.soon("ground");
   }
 
   setUncovered(area: Area | null): void {
     this.uncovered = ringsOf(area).map(world);
-    this.soon(0);
+    this.soon("ground");
   }
 
   setCells(rings: readonly (readonly LonLat[])[], states: TargetState[]): void {
     this.cells = rings.map(world);
     this.states = states;
-    this.soon(0);
+    this.soon("ground");
   }
 
   setState(index: number, state: TargetState): void {
     this.states[index] = state;
-    this.soon(0);
+    this.changed.add(index);
+    this.soon(null);
   }
 
   showCells(shown: boolean): void {
     this.cellsShown = shown;
-    this.soon(0);
+    this.soon("ground");
   }
 
   setWay(points: readonly LonLat[]): void {
     this.way = world(points);
-    this.soon(0);
+    this.soon("ground");
   }
 
   setRaster(raster: Raster | null, second: Half | null = null): void {
     this.raster = raster;
     this.second = second;
-    this.soon(0);
+    this.soon("ground");
   }
 
   setTrack(points: readonly (readonly [number, number])[]): void {
     this.trackLength = 0;
     this.addTrack(points);
-    this.trackDrawn = 0;
+    this.soon("ground");
   }
 
   addTrack(points: readonly (readonly [number, number])[]): void {
@@ -165,18 +202,18 @@ export class Water extends L.Layer {
       this.track[2 * this.trackLength + 1] = y;
       this.trackLength++;
     }
-    this.soon(1);
+    this.soon(null);
   }
 
   setBoat(boat: Boat | null, horizon: readonly LonLat[]): void {
     this.boat = boat;
     this.horizon = world(horizon);
-    this.soon(2);
+    this.soon("boat");
   }
 
   setMark(at: LonLat | null): void {
     this.mark = at;
-    this.soon(2);
+    this.soon("boat");
   }
 
   /** The theme has changed: all inks are read again. */
@@ -188,7 +225,7 @@ export class Water extends L.Layer {
   // A layer of Leaflet.
 
   override onAdd(map: L.Map): this {
-    for (let i = 0; i < 3; i++) {
+    for (let i = 0; i < 2; i++) {
       const canvas = L.DomUtil.create("canvas", "water-canvas leaflet-zoom-animated");
       canvas.setAttribute("aria-hidden", "true");
       map.getPanes().overlayPane.appendChild(canvas);
@@ -207,6 +244,7 @@ export class Water extends L.Layer {
 
   override getEvents(): Record<string, L.LeafletEventHandlerFn> {
     return {
+      move: () => this.moved(),
       moveend: () => this.whole(),
       resize: () => this.whole(),
       zoomanim: (event) => this.zooming(event as L.ZoomAnimEvent),
@@ -214,31 +252,45 @@ export class Water extends L.Layer {
   }
 
   private zooming(event: L.ZoomAnimEvent): void {
-    if (!this.topLeft) return;
     const scale = this._map.getZoomScale(event.zoom, this.zoom);
-    const offset = (this._map as unknown as Privates)._latLngToNewLayerPoint(
-      this.topLeft,
-      event.zoom,
-      event.center,
-    );
-    for (const canvas of this.canvases) L.DomUtil.setTransform(canvas, offset, scale);
+    for (const [canvas, corner] of [
+      [this.canvases[0], this.topLeft],
+      [this.canvases[1], this.boatCorner],
+    ] as const) {
+      if (!canvas || !corner) continue;
+      const offset = (this._map as unknown as Privates)._latLngToNewLayerPoint(
+        corner,
+        event.zoom,
+        event.center,
+      );
+      L.DomUtil.setTransform(canvas, offset, scale);
+    }
   }
 
-  private soon(which: number): void {
-    this.stale[which] = true;
+  /** Dragged so far that what was painted beyond the edge is used up: paint on the way. */
+  private moved(): void {
+    if (!this.topLeft || this._map.getZoom() !== this.zoom) return;
+    const size = this._map.getSize();
+    const at = this._map.latLngToContainerPoint(this.topLeft);
+    if (at.x > 0 || at.y > 0 || at.x + this.width < size.x || at.y + this.height < size.y)
+      this.whole();
+  }
+
+  private soon(which: "ground" | "boat" | null): void {
+    if (which) this.stale[which] = true;
     if (!this.frame && this._map) this.frame = requestAnimationFrame(() => this.draw());
   }
 
   private whole(): void {
     if (!this._map || !this.canvases.length) return;
-    this.trackDrawn = 0;
     this.place();
-    this.stale.fill(true);
+    this.stale.ground = true;
+    this.stale.boat = true;
     cancelAnimationFrame(this.frame);
     this.draw();
   }
 
-  /** Put the canvases around the window, where the map has come to rest. */
+  /** Put the large canvas around the window, where the map has come to rest. */
   private place(): void {
     const size = this._map.getSize();
     const margin = size.multiplyBy(BEYOND).round();
@@ -250,36 +302,33 @@ export class Water extends L.Layer {
     const origin = this._map.getPixelOrigin();
     this.originX = origin.x + corner.x;
     this.originY = origin.y + corner.y;
-    const dense = Math.min(devicePixelRatio || 1, 2);
-    for (const canvas of this.canvases) {
-      const width = Math.round(this.width * dense);
-      const height = Math.round(this.height * dense);
-      if (canvas.width !== width || canvas.height !== height) {
-        canvas.width = width;
-        canvas.height = height;
-        canvas.style.width = `${this.width}px`;
-        canvas.style.height = `${this.height}px`;
-      }
-      L.DomUtil.setTransform(canvas, corner, 1);
-    }
+    const canvas = this.canvases[0];
+    if (!canvas) return;
+    sized(canvas, this.width, this.height);
+    L.DomUtil.setTransform(canvas, corner, 1);
   }
 
   private draw(): void {
     this.frame = 0;
-    if (!this._map || !this.topLeft) return;
+    const [ground, top] = this.canvases;
+    if (!this._map || !this.topLeft || !ground || !top) return;
     this.inks ??= readInks();
     const inks = this.inks;
-    const painters = [this.drawGround, this.drawTrack, this.drawBoat];
-    painters.forEach((painter, i) => {
-      if (!this.stale[i]) return;
-      this.stale[i] = false;
-      const canvas = this.canvases[i];
-      const context = canvas?.getContext("2d");
-      if (!canvas || !context) return;
-      const dense = canvas.width / this.width;
+    const context = ground.getContext("2d");
+    if (context) {
+      const dense = ground.width / this.width;
       context.setTransform(dense, 0, 0, dense, 0, 0);
-      painter.call(this, context, inks);
-    });
+      if (this.stale.ground) this.drawGround(context, inks, null);
+      else {
+        const spot = this.spotOf(this.changed);
+        if (spot) this.drawGround(context, inks, spot);
+        this.drawNewTrack(context, inks);
+      }
+    }
+    if (this.stale.boat || this.changed.size) this.drawTop(top, inks);
+    this.stale.ground = false;
+    this.stale.boat = false;
+    this.changed.clear();
   }
 
   // Painting.
@@ -296,7 +345,24 @@ export class Water extends L.Layer {
     return value * this.scale - this.originY;
   }
 
-  private drawGround(context: CanvasRenderingContext2D, inks: Inks): void {
+  /** The box of some cells with a margin, in pixels of the canvas. */
+  private spotOf(indices: Iterable<number>): Box | null {
+    const points: [number, number][] = [];
+    for (const index of indices) {
+      const ring = this.cells[index] ?? [];
+      for (let i = 0; i < ring.length; i += 2)
+        points.push([this.x(ring[i] ?? 0), this.y(ring[i + 1] ?? 0)]);
+    }
+    return boxOf(points, 4);
+  }
+
+  private drawGround(context: CanvasRenderingContext2D, inks: Inks, spot: Box | null): void {
+    context.save();
+    if (spot) {
+      context.beginPath();
+      context.rect(spot.x, spot.y, spot.width, spot.height);
+      context.clip();
+    }
     context.clearRect(0, 0, this.width, this.height);
     drawGraticule(context, this._map, [this.originX, this.originY], [this.width, this.height], {
       line: inks.graticule,
@@ -306,13 +372,13 @@ export class Water extends L.Layer {
     context.fillStyle = inks.water;
     context.fill(water, "evenodd");
     this.drawRasters(context, water);
-    this.drawCells(context, inks);
+    this.drawCells(context, inks, spot);
     context.setLineDash([]);
     context.strokeStyle = inks.shore;
     context.lineWidth = 2;
     context.stroke(water);
-    this.hatch(context, this.path(this.noGo), inks.bad, 9, 1);
-    this.hatch(context, this.path(this.uncovered), inks.bad, 6, -1);
+    this.hatch(context, this.noGo, inks.bad, 9, 1);
+    this.hatch(context, this.uncovered, inks.bad, 6, -1);
     if (this.way.length) {
       context.setLineDash([6, 5]);
       context.strokeStyle = inks.route;
@@ -320,6 +386,8 @@ export class Water extends L.Layer {
       context.stroke(this.line(this.way, 0, this.way.length / 2));
       context.setLineDash([]);
     }
+    this.drawTrack(context, inks, 0, spot);
+    context.restore();
   }
 
   private drawRasters(context: CanvasRenderingContext2D, water: Path2D): void {
@@ -363,58 +431,161 @@ export class Water extends L.Layer {
     context.restore();
   }
 
-  private drawCells(context: CanvasRenderingContext2D, inks: Inks): void {
+  private drawCells(context: CanvasRenderingContext2D, inks: Inks, spot: Box | null): void {
     if (!this.cells.length || !this.cellsShown) return;
-    const paths: Record<TargetState, Path2D> = {
-      open: new Path2D(),
-      current: new Path2D(),
-      reached: new Path2D(),
-      given_up: new Path2D(),
-    };
-    this.cells.forEach((ring, i) => this.addRing(paths[this.states[i] ?? "open"], ring));
+    const [open, reached, givenUp] = [new Path2D(), new Path2D(), new Path2D()];
+    const paths = { open, current: open, reached, given_up: givenUp };
+    const within = spot ?? { x: 0, y: 0, width: this.width, height: this.height };
+    const plain = !this.raster && !this.second;
+    this.cells.forEach((ring, i) => {
+      const state = this.states[i] ?? "open";
+      if (state === "reached" && !plain) return;
+      if (this.touches(ring, within)) this.addRing(paths[state], ring);
+    });
     context.setLineDash([]);
-    if (!this.raster && !this.second) {
+    if (plain) {
       context.fillStyle = inks.reached;
-      context.fill(paths.reached);
+      context.fill(reached);
     }
     context.lineWidth = 1;
     context.strokeStyle = inks.cell;
-    context.stroke(paths.open);
+    context.stroke(open);
     context.fillStyle = inks.givenUp;
-    context.fill(paths.given_up);
-    context.lineWidth = 3;
-    context.strokeStyle = inks.currentCell;
-    context.stroke(paths.current);
+    context.fill(givenUp);
   }
 
-  private drawTrack(context: CanvasRenderingContext2D, inks: Inks): void {
-    if (this.trackDrawn === 0) context.clearRect(0, 0, this.width, this.height);
-    const from = Math.max(0, this.trackDrawn - 1);
+  /** Whether a ring may reach into a box: whether their boxes overlap. */
+  private touches(ring: World, box: Box): boolean {
+    let [west, east, north, south] = [Infinity, -Infinity, Infinity, -Infinity];
+    for (let i = 0; i < ring.length; i += 2) {
+      const x = ring[i] ?? 0;
+      const y = ring[i + 1] ?? 0;
+      if (x < west) west = x;
+      if (x > east) east = x;
+      if (y < north) north = y;
+      if (y > south) south = y;
+    }
+    return (
+      this.x(west) <= box.x + box.width &&
+      this.x(east) >= box.x &&
+      this.y(north) <= box.y + box.height &&
+      this.y(south) >= box.y
+    );
+  }
+
+  private drawNewTrack(context: CanvasRenderingContext2D, inks: Inks): void {
+    if (this.trackDrawn < this.trackLength)
+      this.drawTrack(context, inks, Math.max(0, this.trackDrawn - 1), null);
+  }
+
+  private drawTrack(
+    context: CanvasRenderingContext2D,
+    inks: Inks,
+    from: number,
+    spot: Box | null,
+  ): void {
+    this.trackDrawn = this.trackLength;
     if (this.trackLength - from < 2) return;
-    context.lineJoin = "round";
+    context.setLineDash([]);
+    context.lineJoin = "bevel";
     context.lineWidth = 2;
     context.strokeStyle = inks.track;
-    context.stroke(this.line(this.track, from, this.trackLength));
-    this.trackDrawn = this.trackLength;
+    context.stroke(
+      spot ? this.lineIn(spot) : this.line(this.track, from, this.trackLength),
+    );
   }
 
-  private drawBoat(context: CanvasRenderingContext2D, inks: Inks): void {
-    context.clearRect(0, 0, this.width, this.height);
-    if (this.horizon.length > 2) {
-      const ahead = this.line(this.horizon, 0, this.horizon.length / 2);
-      context.lineCap = "round";
-      for (const [width, ink] of [[7, inks.halo], [4, inks.horizon]] as const) {
-        context.lineWidth = width;
-        context.strokeStyle = ink;
-        context.stroke(ahead);
+  /** The pieces of the track that come near a box. */
+  private lineIn(box: Box): Path2D {
+    const path = new Path2D();
+    const k = this.scale;
+    const west = (box.x - 60 + this.originX) / k;
+    const east = (box.x + box.width + 60 + this.originX) / k;
+    const north = (box.y - 60 + this.originY) / k;
+    const south = (box.y + box.height + 60 + this.originY) / k;
+    let before = -2;
+    for (let i = 0; i < this.trackLength; i++) {
+      const x = this.track[2 * i] ?? 0;
+      const y = this.track[2 * i + 1] ?? 0;
+      if (x < west || x > east || y < north || y > south) continue;
+      if (before !== i - 1) {
+        const from = Math.max(0, i - 1);
+        path.moveTo(this.x(this.track[2 * from] ?? 0), this.y(this.track[2 * from + 1] ?? 0));
       }
+      path.lineTo(this.x(x), this.y(y));
+      before = i;
     }
+    return path;
+  }
+
+  /** Boat, horizon, the cell under way and a mark, on a canvas no larger than they need. */
+  private drawTop(canvas: HTMLCanvasElement, inks: Inks): void {
+    const current = this.states.indexOf("current");
+    const box = this.topBox(current);
+    canvas.hidden = box === null;
+    if (!box) return;
+    sized(canvas, box.width, box.height);
+    const corner = L.point(box.x + this.originX, box.y + this.originY).subtract(
+      this._map.getPixelOrigin(),
+    );
+    this.boatCorner = this._map.layerPointToLatLng(corner);
+    L.DomUtil.setTransform(canvas, corner, 1);
+    const context = canvas.getContext("2d");
+    if (!context) return;
+    const dense = canvas.width / box.width;
+    context.setTransform(dense, 0, 0, dense, -dense * box.x, -dense * box.y);
+    context.clearRect(box.x, box.y, box.width, box.height);
+    const ring = this.cells[current];
+    if (ring) {
+      context.lineWidth = 3;
+      context.strokeStyle = inks.currentCell;
+      context.stroke(this.path([ring]));
+    }
+    this.drawHorizon(context, inks);
     if (this.mark) this.drawMark(context, inks, this.mark);
-    if (!this.boat) return;
-    const [x, y] = worldOf(this.boat.lon, this.boat.lat);
+    if (this.boat) this.drawBoat(context, inks, this.boat);
+  }
+
+  private topBox(current: number): Box | null {
+    const points: [number, number][] = [];
+    for (let i = 0; i < this.horizon.length; i += 2)
+      points.push([this.x(this.horizon[i] ?? 0), this.y(this.horizon[i + 1] ?? 0)]);
+    for (const place of [this.boat && ([this.boat.lon, this.boat.lat] as const), this.mark]) {
+      if (!place) continue;
+      const [x, y] = worldOf(place[0], place[1]);
+      points.push([this.x(x), this.y(y)]);
+    }
+    const cell = this.spotOf([current]);
+    if (cell) points.push([cell.x, cell.y], [cell.x + cell.width, cell.y + cell.height]);
+    const box = boxOf(points, 24);
+    if (!box) return null;
+    // Zoomed in deep, they may be larger than any window.
+    const x = Math.max(box.x, -this.width);
+    const y = Math.max(box.y, -this.height);
+    const width = Math.min(box.x + box.width, 2 * this.width) - x;
+    const height = Math.min(box.y + box.height, 2 * this.height) - y;
+    return width > 0 && height > 0 ? { x, y, width, height } : null;
+  }
+
+  private drawHorizon(context: CanvasRenderingContext2D, inks: Inks): void {
+    if (this.horizon.length <= 2) return;
+    const ahead = this.line(this.horizon, 0, this.horizon.length / 2);
+    context.lineCap = "round";
+    for (const [width, ink] of [
+      [7, inks.halo],
+      [4, inks.horizon],
+    ] as const) {
+      context.lineWidth = width;
+      context.strokeStyle = ink;
+      context.stroke(ahead);
+    }
+  }
+
+  private drawBoat(context: CanvasRenderingContext2D, inks: Inks, boat: Boat): void {
+    const [x, y] = worldOf(boat.lon, boat.lat);
     context.save();
     context.translate(this.x(x), this.y(y));
-    context.rotate(this.boat.heading_rad);
+    context.rotate(boat.heading_rad);
     const hull = new Path2D("M0 -15 L9 11 L0 6 L-9 11 Z");
     context.lineJoin = "round";
     context.lineWidth = 5;
@@ -438,12 +609,13 @@ export class Water extends L.Layer {
 
   private hatch(
     context: CanvasRenderingContext2D,
-    area: Path2D,
+    rings: World[],
     ink: string,
     gap: number,
     slope: 1 | -1,
   ): void {
-    if (!this.noGo.length && !this.uncovered.length) return;
+    if (!rings.length) return;
+    const area = this.path(rings);
     context.save();
     context.clip(area, "evenodd");
     context.strokeStyle = ink;

@@ -17,7 +17,7 @@ export function Values({
   chosen: string | null;
   choose: (id: string) => void;
 }): JSX.Element {
-  void stream.beat.value;
+  void stream.pulse.value;
   const quantities = stream.snapshot.value?.quantities ?? [];
   const last = stream.samples[stream.samples.length - 1];
   return (
@@ -54,8 +54,8 @@ export function LiveCharts({ stream, quantity }: { stream: Stream; quantity: Qua
   useEffect(() => {
     let seen = -1;
     const timer = setInterval(() => {
-      if (document.hidden || stream.beat.peek() === seen) return;
-      seen = stream.beat.peek();
+      if (document.hidden || stream.beat === seen) return;
+      seen = stream.beat;
       turn((old) => old + 1);
     }, EACH_MS);
     return () => clearInterval(timer);

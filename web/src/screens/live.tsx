@@ -1,6 +1,7 @@
 /** Live: the boat, where it will go, what it measures, and the hands on it. */
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
+import { useComputed } from "@preact/signals";
 import type { JSX } from "preact";
 import { api, type Grid, type MapLayer, type Snapshot } from "../api";
 import { Stream } from "../live/stream";
@@ -62,7 +63,7 @@ export function Live({ id }: { id: string }): JSX.Element {
   }
 
   const about = snapshot?.quantities.find((item) => item.id === shown) ?? null;
-  const status = stream.status.value;
+  const complete = useComputed(() => stream.status.value?.state === "complete").value;
   return (
     <div class="live-screen">
       <StatusBar stream={stream} />
@@ -109,7 +110,7 @@ export function Live({ id }: { id: string }): JSX.Element {
         <LiveEvents stream={stream} />
       </aside>
       <Commands id={id} stream={stream} />
-      {status?.state === "complete" && (
+      {complete && (
         <div class="done" role="status">
           <strong>{t("state_complete")}</strong>
           <button class="button primary" onClick={() => go("map", id)}>
@@ -177,7 +178,7 @@ async function load(id: string, quantity: string, layer: MapLayer): Promise<Live
 function StatusBar({ stream }: { stream: Stream }): JSX.Element {
   const snapshot = stream.snapshot.value;
   const status = stream.status.value;
-  void stream.beat.value;
+  void stream.pulse.value;
   const estimate = stream.estimate;
   const [low, high] = snapshot?.speed_window ?? [0, 0];
   const age = status?.link_age_s ?? null;
@@ -227,7 +228,7 @@ function StatusBar({ stream }: { stream: Stream }): JSX.Element {
 }
 
 function Compass({ stream }: { stream: Stream }): JSX.Element {
-  void stream.beat.value;
+  void stream.pulse.value;
   const flows = [
     ["current", stream.current],
     ["wind", stream.wind],
