@@ -38,8 +38,9 @@ export interface Quantity {
   id: string;
   label: Label;
   unit: string;
-  /** Threshold of concern, if there is a customary one. */
+  /** Threshold of concern, if there is a customary one, and the side that is a concern. */
   threshold: number | null;
+  side: "above" | "below";
 }
 
 export interface Choice {
@@ -48,7 +49,6 @@ export interface Choice {
 }
 
 export interface NumberSetting {
-  label: Label;
   unit: string;
   default: number;
   min: number;
@@ -111,8 +111,8 @@ export interface PlanSettings {
   no_go: MultiPolygon | null;
   /** Towards where the water flows. */
   current: { speed_mps: number; towards_deg: number } | null;
-  /** From where the wind blows. */
-  wind: { speed_mps: number; from_deg: number } | null;
+  /** From where the wind blows, and with which force on the boat. */
+  wind: { force_n: number; from_deg: number } | null;
   minutes: number | null;
 }
 
@@ -349,10 +349,22 @@ export class ApiError extends Error {
   }
 }
 
+/** The name of this tab, by which the lease knows it; a reload keeps it. */
+function tabName(): string {
+  const kept = sessionStorage.getItem("grebe-tab");
+  if (kept) return kept;
+  const made = Array.from(crypto.getRandomValues(new Uint32Array(4)), (n) => n.toString(36)).join("");
+  sessionStorage.setItem("grebe-tab", made);
+  return made;
+}
+
+const tab = tabName();
+
 async function ask<T>(path: string, init: RequestInit = {}): Promise<T> {
   let answer: Response;
+  const headers = { ...init.headers, "X-Grebe-Tab": tab };
   try {
-    answer = await fetch(`/api${path}`, { credentials: "same-origin", ...init });
+    answer = await fetch(`/api${path}`, { credentials: "same-origin", ...init, headers });
   } catch (cause) {
     if (cause instanceof DOMException && cause.name === "AbortError") throw cause;
     throw new ApiError(0, "unreachable", "unreachable", null);
@@ -415,7 +427,7 @@ export const api = {
   run: (id: string, request: RunRequest) => post<Status>(`${at(id)}/run`, request),
   command: (id: string, command: Command) => post<Status>(`${at(id)}/${command}`, {}),
   lease: (take: boolean) => post<Lease>("/lease", { take }),
-  eventsUrl: (id: string) => `/api${at(id)}/events`,
+  eventsUrl: (id: string) => `/api${at(id)}/events?${query({ tab })}`,
   map: (id: string, quantity: string, layer: MapLayer, threshold: number | null, side: string) =>
     ask<Grid>(`${at(id)}/map?${query({ quantity, layer, threshold, side })}`),
   mapAt: (id: string, quantity: string, [lon, lat]: LonLat) =>

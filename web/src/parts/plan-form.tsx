@@ -64,11 +64,11 @@ export function PlanForm({
 
 function Weather({ settings, change }: { settings: PlanSettings; change: Change }): JSX.Element {
   const current = settings.current ?? { speed_mps: 0, towards_deg: 0 };
-  const wind = settings.wind ?? { speed_mps: 0, from_deg: 0 };
+  const wind = settings.wind ?? { force_n: 0, from_deg: 0 };
   const setCurrent = (next: typeof current): void =>
     change({ ...settings, current: next.speed_mps > 0 || next.towards_deg ? next : null });
   const setWind = (next: typeof wind): void =>
-    change({ ...settings, wind: next.speed_mps > 0 || next.from_deg ? next : null });
+    change({ ...settings, wind: next.force_n > 0 || next.from_deg ? next : null });
   return (
     <fieldset class="weather">
       <legend>{t("weather")}</legend>
@@ -76,8 +76,8 @@ function Weather({ settings, change }: { settings: PlanSettings; change: Change 
         change={(speed_mps) => setCurrent({ ...current, speed_mps })} />
       <NumberField label={t("currentTowards")} unit="°" value={current.towards_deg} min={0} max={360} step={5}
         change={(towards_deg) => setCurrent({ ...current, towards_deg })} />
-      <NumberField label={t("windSpeed")} unit="m/s" value={wind.speed_mps} min={0} max={25} step={0.5}
-        change={(speed_mps) => setWind({ ...wind, speed_mps })} />
+      <NumberField label={t("windSpeed")} unit="N" value={wind.force_n} min={0} max={200} step={0.5}
+        change={(force_n) => setWind({ ...wind, force_n })} />
       <NumberField label={t("windFrom")} unit="°" value={wind.from_deg} min={0} max={360} step={5}
         change={(from_deg) => setWind({ ...wind, from_deg })} />
     </fieldset>

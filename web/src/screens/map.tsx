@@ -48,7 +48,10 @@ export function MapScreen({ id }: { id: string }): JSX.Element {
       })
       .catch(complain);
   }, [id]);
-  useEffect(() => setThreshold(about?.threshold ?? null), [about]);
+  useEffect(() => {
+    setThreshold(about?.threshold ?? null);
+    setSide(about?.side ?? "above");
+  }, [about]);
 
   const first = useGrid(id, quantity, layer, threshold, side);
   const second = useGrid(other, quantity, layer, threshold, side);
