@@ -48,6 +48,7 @@ def command(port: int, no_browser: bool, demo: bool, folder: Path, print_token: 
     except ModuleNotFoundError as error:
         raise UsageError(f"The app needs {error.name}: pip install 'grebe[app]'.") from None
     from grebe.workflow.files import make_folder
+    from grebe.workflow.warm import compile_controller
 
     make_folder(folder)
     folder = folder.resolve()
@@ -62,6 +63,7 @@ def command(port: int, no_browser: bool, demo: bool, folder: Path, print_token: 
     if print_token:
         click.echo(keys.bearer)
     sys.stdout.flush()
+    threading.Thread(target=compile_controller, daemon=True).start()
     if not no_browser:
         threading.Timer(0.5, webbrowser.open, (address,)).start()
     hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})

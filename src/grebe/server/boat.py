@@ -35,6 +35,7 @@ from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 from grebe.workflow.steering import rule_named
+from grebe.workflow.warm import compile_controller
 
 # What happens is told this often [s].
 EACH_S = 0.1
@@ -205,7 +206,15 @@ class Ears:
 
 def sail(path: Path, voyage: Voyage) -> None:
     """Sail a survey and keep what is measured; raises what `run_survey` raises."""
-    world = SimulatedWorld(weather=Weather(*voyage.weather))
+    compile_controller()
+    north, east, force_north, force_east = voyage.weather
+    weather = Weather(
+        current_north_mps=north,
+        current_east_mps=east,
+        wind_force_north_n=force_north,
+        wind_force_east_n=force_east,
+    )
+    world = SimulatedWorld(weather=weather)
     open_boat = boat_named(voyage.link, Harbour(world=world, confirm=lambda _: True))
     with SurveyFile.open(path) as survey_file:
         telling = Telling(survey_file.survey, list(survey_file.quantities))

@@ -29,8 +29,8 @@ from grebe.server.telling import iso
 # A tab holds at most so many messages.
 QUEUE = 40
 KEEP_S = 5.0
-# A mission that was started is waited for so long.
-START_S = 60.0
+# A mission that was started is waited for so long: the first one compiles its controller [s].
+START_S = 180.0
 # The page is told of a new map at most so often [s].
 MAP_EACH_S = 5.0
 TRACK_KEPT, SAMPLES_KEPT = 20_000, 3_000
@@ -255,7 +255,7 @@ class Watch:
                 text = log.read_text(encoding="utf-8").strip().splitlines()
                 raise InputError(text[-1] if text else "The mission ended before it began.")
             if loop.time() > end:
-                raise LinkError("The mission did not begin within a minute.")
+                raise LinkError("The mission did not begin within three minutes.")
             await asyncio.sleep(0.05)
         self.state = {}
         await self.ready()
