@@ -474,6 +474,7 @@ def make_app(folder: Path, keys: Keys, hosts: frozenset[str]) -> ASGIApp:
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        app.map_pool.submit(maps.warm)
         yield
         for pool in (app.plan_pool, app.map_pool):
             pool.shutdown(wait=False, cancel_futures=True)

@@ -13,7 +13,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -29,6 +29,8 @@ from grebe.server.telling import iso
 # A tab holds at most so many messages.
 QUEUE = 40
 KEEP_S = 5.0
+# A tab that steers and is gone for so long steers no more.
+GONE_S = 15.0
 # A mission that was started is waited for so long: the first one compiles its controller [s].
 START_S = 180.0
 # The page is told of a new map at most so often [s].
@@ -70,6 +72,16 @@ class Lease:
     def take(self, tab: str) -> None:
         """Give it to a tab."""
         self.holder, self.since = tab, iso(datetime.now(UTC))
+
+    def expect(self, tab: str, is_back: Callable[[], bool]) -> None:
+        """A tab is gone: if it is not back soon, it steers no more."""
+
+        def look() -> None:
+            if not is_back():
+                self.leave(tab)
+
+        with contextlib.suppress(RuntimeError):
+            asyncio.get_running_loop().call_later(GONE_S, look)
 
     def leave(self, tab: str) -> None:
         """Take it from a tab that has it."""
@@ -291,6 +303,7 @@ class Watch:
                     yield _event(kind, what)
         finally:
             self.tabs.remove(tab)
+            self.lease.expect(tab.name, lambda: any(one.name == tab.name for one in self.tabs))
 
     async def _look_again(self, tab: Tab) -> None:
         """A mission that was begun by somebody else is found."""

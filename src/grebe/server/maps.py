@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import math
 import os
+import time
 from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 # A map that is still forming has about so many nodes, a finished one the default.
 FORMING_NODES = 2_500
+FORMING_S = 6.0
 KEPT = 24
 PROFILE_POINTS = 200
 
@@ -50,7 +52,9 @@ _KEPT: OrderedDict[tuple[Any, ...], Made] = OrderedDict()
 
 def _made(path: str, quantity: str, *, forming: bool) -> Made:
     """The map of a quantity, made again where the file has changed."""
-    key = (path, quantity, forming, *_stamps(path))
+    # Under way the file changes ten times a second, and a map holds for a few seconds.
+    stamps = (time.monotonic() // FORMING_S,) if forming else _stamps(path)
+    key = (path, quantity, forming, *stamps)
     if key in _KEPT:
         _KEPT.move_to_end(key)
         return _KEPT[key]
@@ -241,6 +245,13 @@ def difference(path: str, other: str, quantity: str) -> dict[str, Any]:
     )
     found = change.difference.mean
     return _grid(made, found, "difference", change.before.quantity.unit, None, None)
+
+
+def warm() -> None:
+    """Import what maps need, before somebody waits for one."""
+    import scipy.spatial  # noqa: F401
+
+    import grebe.mapping.methods.choice  # noqa: F401
 
 
 def report(path: str, language: str) -> None:

@@ -484,7 +484,8 @@ export class Water extends L.Layer {
     from: number,
     spot: Box | null,
   ): void {
-    this.trackDrawn = this.trackLength;
+    // What is painted again in one spot leaves the new pieces elsewhere to be painted still.
+    if (!spot) this.trackDrawn = this.trackLength;
     if (this.trackLength - from < 2) return;
     context.setLineDash([]);
     context.lineJoin = "bevel";
