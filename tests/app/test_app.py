@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 import pytest
-
 from app.waiting import until
 
 pytestmark = pytest.mark.slow
@@ -22,6 +21,11 @@ def shown(page, selector):
 def click_at(page, x, y):
     box = page.locator(".map").bounding_box()
     page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+
+
+def place(page):
+    """Where the page is: asked of itself, for the driver hears of it late."""
+    return page.evaluate("location.hash")
 
 
 def reached(page):
@@ -60,7 +64,7 @@ def planned(context, app):
     keep = page.get_by_role("button", name="Keep this plan")
     until(keep.is_enabled, "a plan to keep")
     keep.click()
-    until(lambda: "#/preflight/" in page.url, "the preflight")
+    until(lambda: "#/preflight/" in place(page), "the preflight")
     yield page
     page.close()
 
@@ -68,10 +72,10 @@ def planned(context, app):
 def test_a_survey_from_the_drawing_to_the_report(planned, app):
     page = planned
     until(lambda: page.locator(".lines li").count() >= 4, "the doctor's lines")
-    survey = page.url.rpartition("/")[2]
+    survey = place(page).rpartition("/")[2]
     page.get_by_label("Speed of the simulation").fill("4")
     page.get_by_role("button", name="Start the survey").click()
-    until(lambda: "#/live/" in page.url, "the live screen")
+    until(lambda: "#/live/" in place(page), "the live screen")
     until(lambda: reached(page) >= 2, "cells that are reached")
 
     page.get_by_role("button", name="Pause").click()
@@ -98,7 +102,8 @@ def test_a_survey_from_the_drawing_to_the_report(planned, app):
     until(lambda: page.locator(".lines li").count() >= 4, "the doctor's lines")
     page.get_by_label("Speed of the simulation").fill("60")
     page.get_by_role("button", name="Go on with the survey").click()
-    until(lambda: "#/live/" in page.url and reached(page) >= done, "going on")
+    until(lambda: "#/live/" in place(page), "the live screen: " + shown(page, ".notices"))
+    until(lambda: reached(page) >= done, "going on")
     until(lambda: state(page) == "Complete", "the end of the survey")
     read_the_map(page)
     replay_it(page, app, survey)
@@ -139,7 +144,7 @@ def report_it(page, app, survey):
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize("theme", ["day", "night", "sunlight"])
 def test_no_screen_is_wider_than_the_window_or_hard_to_use(page, app, planned, size, theme):
-    survey = planned.url.rpartition("/")[2]
+    survey = place(planned).rpartition("/")[2]
     page.set_viewport_size(size)
     page.goto(app.base)
     page.evaluate(f"localStorage.setItem('grebe-theme', '{theme}')")
@@ -157,6 +162,7 @@ def test_no_screen_is_wider_than_the_window_or_hard_to_use(page, app, planned, s
 
 def serious(cdp):
     """What axe finds serious; its script comes by the debugger, past the content policy."""
+
     def run(expression):
         told = cdp.send("Runtime.evaluate", {
             "expression": expression, "awaitPromise": True, "returnByValue": True,
@@ -185,7 +191,7 @@ def test_the_keyboard_alone_draws_a_lake(page, app):
 
 
 def test_another_page_cannot_steer_unless_it_takes_over(context, app, planned):
-    survey = planned.url.rpartition("/")[2]
+    survey = place(planned).rpartition("/")[2]
     one, other = context.new_page(), context.new_page()
     for page in (one, other):
         page.goto(f"{app.base}#/live/{survey}")

@@ -6,9 +6,10 @@ import asyncio
 import contextlib
 import functools
 import json
+import math
 import multiprocessing
 import tempfile
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncGenerator, Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -45,7 +46,6 @@ REPORT_HEADERS = {
     "cache-control": "no-store",
 }
 STATUS = {UnknownSurveyError: 404, maps.NoMapError: 404, LinkError: 409}
-Answer = Callable[[Request], Awaitable[Response]]
 
 
 class TooLargeError(GrebeError):
@@ -192,9 +192,7 @@ class App:
         watch = self.fleet.watch(request.path_params["id"])
         tab = Tab(name=_tab(request))
         headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
-        return StreamingResponse(
-            watch.stream(tab), media_type="text/event-stream", headers=headers
-        )
+        return StreamingResponse(watch.stream(tab), media_type="text/event-stream", headers=headers)
 
     # Maps.
 
@@ -346,7 +344,7 @@ def _number(text: str, name: str) -> float:
         value = float(text)
     except ValueError:
         raise UsageError(f"{name} is {text[:40]!r}, not a number.", settings=(name,)) from None
-    if value != value or abs(value) > 1e12:
+    if math.isnan(value) or abs(value) > 1e12:
         raise UsageError(f"{name} is {text[:40]!r}; give a finite number.", settings=(name,))
     return value
 
@@ -374,7 +372,7 @@ async def _body(request: Request) -> dict[str, Any]:
 
 
 @contextlib.asynccontextmanager
-async def _uploaded(request: Request, folder: Path) -> AsyncIterator[Path]:
+async def _uploaded(request: Request, folder: Path) -> AsyncGenerator[Path]:
     """What is sent, in a file of a name of ours in the folder; capped while it streams."""
     suffix = Path(request.query_params.get("name", "")).suffix.lower()
     if suffix not in TAKEN:
@@ -399,7 +397,10 @@ async def _failed(_: Request, error: Exception) -> Response:
         status = 413
     elif isinstance(error, GrebeError) and status == 400 and not isinstance(error, UsageError):
         status = 422
-    body: dict[str, Any] = {"code": type(error).__name__.removesuffix("Error"), "message": str(error)}
+    body: dict[str, Any] = {
+        "code": type(error).__name__.removesuffix("Error"),
+        "message": str(error),
+    }
     if isinstance(error, GrebeError) and error.settings:
         body["setting"] = error.settings[0]
     return JSONResponse({"error": body}, status_code=status)
@@ -420,7 +421,9 @@ class _Zipped:
 
 async def _index(_: Request) -> Response:
     page = resources.files("grebe.server") / "static" / "index.html"
-    return Response(page.read_bytes(), media_type="text/html", headers={"cache-control": "no-cache"})
+    return Response(
+        page.read_bytes(), media_type="text/html", headers={"cache-control": "no-cache"}
+    )
 
 
 async def _missing(_: Request, error: Exception) -> Response:
@@ -473,7 +476,7 @@ def make_app(folder: Path, keys: Keys, hosts: frozenset[str]) -> ASGIApp:
     )
 
     @contextlib.asynccontextmanager
-    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+    async def lifespan(_: Starlette) -> AsyncGenerator[None]:
         app.map_pool.submit(maps.warm)
         yield
         for pool in (app.plan_pool, app.map_pool):

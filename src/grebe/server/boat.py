@@ -111,7 +111,7 @@ class Paced:
 
 
 class Ears:
-    """The clients of a mission: what is told goes to all of them, what they order to the mission."""
+    """The clients of a mission: all of them are told, and what they order goes to the mission."""
 
     def __init__(self, telling: Telling) -> None:
         self._telling = telling

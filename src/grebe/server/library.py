@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 from collections.abc import Sequence
 from contextlib import suppress
@@ -78,7 +77,7 @@ class Library:
         return dict(known[1])
 
     def free_path(self, name: str) -> Path:
-        """A path for a new survey of a name; nothing of the name but letters and digits is in it."""
+        """A path for a new survey of a name, of which letters and digits alone are taken."""
         plain = re.sub(r"[^\w-]+", "-", name, flags=re.UNICODE).strip("-_")[:60] or "survey"
         for count in range(1, 10_000):
             path = self.folder / f"{plain}{'' if count == 1 else f'-{count}'}{SUFFIX}"
@@ -101,7 +100,7 @@ def identity(path: Path) -> str:
 
 def _changed(path: Path) -> float:
     try:
-        return os.stat(path).st_mtime
+        return path.stat().st_mtime
     except OSError:
         return 0.0
 
@@ -144,9 +143,12 @@ def rings(survey: Survey) -> list[list[list[float]]]:
     """The outline of each target in degrees."""
     made: list[list[list[float]]] = []
     for target in survey.targets:
-        shape = target.cell if target.cell is not None else target.set.footprint
-        points = survey.frame.to_wgs84(np.asarray(shape.exterior.coords)[:, :2])
-        made.append(np.round(points, 7).tolist())
+        corners = (
+            np.asarray(target.cell.exterior.coords)[:, :2]
+            if target.cell is not None
+            else np.asarray([*target.set.vertices, target.set.vertices[0]])
+        )
+        made.append(np.round(survey.frame.to_wgs84(corners), 7).tolist())
     return made
 
 
@@ -357,5 +359,3 @@ def replay(path: Path) -> dict[str, Any]:
                 for event in file.events()
             ],
         }
-
-

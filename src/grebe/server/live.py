@@ -186,7 +186,7 @@ class Watch:
             delta["track"] = [[point[0] - zero, *point[1:]] for point in track]
         shown = {one["id"] for one in state["quantities"]}
         places = [i for i, key in enumerate(state["order"]) if key in shown]
-        samples = [
+        samples: list[Any] = [
             [at, lon, lat, [values[i] for i in places]]
             for at, lon, lat, values in told.get("samples", ())
         ]
@@ -195,7 +195,7 @@ class Watch:
             delta["samples"] = [[one[0] - zero, *one[1:]] for one in samples]
         if told.get("targets"):
             reached: set[int] = {seq for seq, word in told["targets"] if word == "reached"}
-            changes = [
+            changes: list[Any] = [
                 *([seq, "open"] for seq in told.get("left", ()) if self._is_current(seq)),
                 *told["targets"],
             ]
@@ -247,12 +247,11 @@ class Watch:
     async def begin(self, voyage: Voyage) -> None:
         """Start a mission in a process of its own, and wait until it can be heard."""
         await self.ready()
-        if self.under_way:
-            raise InputError("This survey is under way already.")
+        await self._ended()
         live_path(self.path).unlink(missing_ok=True)
         log = self.path.with_name(self.path.name + ".log")
         with log.open("w", encoding="utf-8") as errors:
-            process = subprocess.Popen(  # noqa: ASYNC220
+            process = subprocess.Popen(
                 [sys.executable, "-m", "grebe.server.boat", self.path, json.dumps(asdict(voyage))],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -277,6 +276,16 @@ class Watch:
             tab.behind = True
             with contextlib.suppress(asyncio.QueueFull):
                 tab.queue.put_nowait(("nothing", None))
+
+    async def _ended(self) -> None:
+        """Wait for a mission that is over to put its file away; refuse where one is under way."""
+        for _ in range(200):
+            if not self.under_way:
+                return
+            if self.state["status"]["state"] in UNDER_WAY:
+                break
+            await asyncio.sleep(0.1)
+        raise InputError("This survey is under way already.")
 
     async def stream(self, tab: Tab) -> AsyncGenerator[bytes]:
         """The messages of a tab, as server-sent events."""

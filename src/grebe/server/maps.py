@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
+import importlib
 import math
-import os
 import time
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ def _stamps(path: str) -> tuple[float, ...]:
     found: list[float] = []
     for name in (path, f"{path}-wal"):
         try:
-            found.append(os.stat(name).st_mtime)
+            found.append(Path(name).stat().st_mtime)
         except OSError:
             found.append(0.0)
     return tuple(found)
@@ -118,14 +118,14 @@ def grid(
 
 def _quality(made: Made) -> NDArray[np.floating]:
     """The share of good values among the sixteen nearest samples, at each node."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     one = made.map
     good = np.isin(made.flags, Flag.USABLE).astype(float)
     there = made.flags != Flag.MISSING
     if not there.any():
         return np.full(one.mean.shape, np.nan)
-    tree = cKDTree(made.positions[there])
+    tree = KDTree(made.positions[there])
     count = min(16, int(there.sum()))
     _, nearest = tree.query(one.grid.nodes, k=count)
     share = good[there][np.asarray(nearest).reshape(len(one.grid.nodes), count)].mean(axis=1)
@@ -249,9 +249,8 @@ def difference(path: str, other: str, quantity: str) -> dict[str, Any]:
 
 def warm() -> None:
     """Import what maps need, before somebody waits for one."""
-    import scipy.spatial  # noqa: F401
-
-    import grebe.mapping.methods.choice  # noqa: F401
+    for name in ("scipy.spatial", "grebe.mapping.methods.choice", "grebe.report.data"):
+        importlib.import_module(name)
 
 
 def report(path: str, language: str) -> None:

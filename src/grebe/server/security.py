@@ -131,12 +131,15 @@ class Gate:
         if headers.get("host", "").lower() not in self._hosts:
             return 403, "host", "This server answers to its own name alone."
         origin = headers.get("origin")
-        if origin is not None and origin.partition("://")[2].lower() not in self._hosts:
+        foreign = origin is not None and origin.partition("://")[2].lower() not in self._hosts
+        crossed = headers.get("sec-fetch-site") == "cross-site" and scope["path"] != "/"
+        if foreign or crossed:
             return 403, "origin", "Another site's page may not ask this server."
-        if headers.get("sec-fetch-site", "none") == "cross-site" and scope["path"] != "/":
-            return 403, "origin", "Another site's page may not ask this server."
-        if not scope["path"].startswith("/api"):
-            return None
+        if scope["path"].startswith("/api"):
+            return self._api_refusal(scope, headers)
+        return None
+
+    def _api_refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str, str] | None:
         if not self._keys.knows(headers):
             message = "Open the page with the address that grebe app prints."
             return 401, "token", message
@@ -150,7 +153,9 @@ class Gate:
     ) -> None:
         token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
         if token and self._keys.exchange(token):
-            cookie = f"{self._keys.cookie_name}={self._keys.cookie}; Path=/; HttpOnly; SameSite=Strict"
+            cookie = (
+                f"{self._keys.cookie_name}={self._keys.cookie}; Path=/; HttpOnly; SameSite=Strict"
+            )
             await _redirect(send, cookie)
         elif self._keys.knows(headers):
             await (_redirect(send, None) if token else self._app(scope, receive, send))

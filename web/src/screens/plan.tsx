@@ -39,7 +39,7 @@ function defaults(): PlanSettings {
     pattern: options.value?.patterns[0]?.id ?? "auto",
     speed_min_mps: number("speed_min_mps", 0.5),
     speed_max_mps: number("speed_max_mps", 1.5),
-    vessel: options.value?.vessels[0]?.id ?? "blueboat",
+    vessel: options.value?.vessels.find(({ id }) => id === "blueboat")?.id ?? options.value?.vessels[0]?.id ?? "",
     start: null,
     shore_margin_m: number("shore_margin_m", 0),
     no_go: null,
