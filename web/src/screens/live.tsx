@@ -72,12 +72,13 @@ export function Live({ id }: { id: string }): JSX.Element {
           <div class="map-tools">
             <button
               class="button"
+              aria-label={t("wholeSurvey")}
               onClick={() => ground.current && snapshot && fit(ground.current, snapshot.bounds, true)}
             >
               <Icon name="whole" />
               <span>{t("wholeSurvey")}</span>
             </button>
-            <button class="button" aria-pressed={follow} onClick={() => setFollow(!follow)}>
+            <button class="button" aria-label={t("follow")} aria-pressed={follow} onClick={() => setFollow(!follow)}>
               <Icon name="boat" />
               <span>{t("follow")}</span>
             </button>
@@ -210,7 +211,8 @@ function StatusBar({ stream }: { stream: Stream }): JSX.Element {
         <span class="dot" aria-hidden="true" />
         {link.word}
       </span>
-      <dl>
+      {/* It scrolls where the window is narrow, by keyboard too. */}
+      <dl tabIndex={0}>
         {chips.map(([name, value]) => (
           <div key={name}>
             <dt>{name}</dt>
