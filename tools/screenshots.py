@@ -113,7 +113,7 @@ def picture(page: Page, name: str) -> None:
     path = DOCS / f"{name}.png"
     page.screenshot(path=path)
     with Image.open(path) as image:
-        image.convert("RGB").quantize(192).save(path, optimize=True)
+        image.convert("RGB").quantize(256).save(path, optimize=True)
     print(path)
 
 

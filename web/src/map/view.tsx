@@ -15,7 +15,8 @@ type Bounds = [number, number, number, number];
 
 /** Show all of the bounds; `over` where much else stands over the map. */
 export function fit(ground: Ground, [west, south, east, north]: Bounds, over = false): void {
-  const narrow = over && ground.map.getSize().x < 560;
+  const { x: width } = ground.map.getSize();
+  const narrow = over && width < 560;
   ground.map.fitBounds(
     [
       [south, west],
@@ -24,7 +25,11 @@ export function fit(ground: Ground, [west, south, east, north]: Bounds, over = f
     // What stands over the map leaves the survey free, on a narrow window too.
     narrow
       ? { paddingTopLeft: [14, 122], paddingBottomRight: [14, 66], animate: false }
-      : { padding: [36, 36], animate: false },
+      : {
+          paddingTopLeft: [36, over ? 72 : 36],
+          paddingBottomRight: [over && width > 800 ? 280 : 36, 36],
+          animate: false,
+        },
   );
 }
 

@@ -238,12 +238,13 @@ function Compass({ stream }: { stream: Stream }): JSX.Element {
   return (
     <div class="flows">
       {flows.map(([name, flow]) => {
+        if (name === "wind" && !flow) return null;
         const speed = flow ? Math.hypot(flow.north_mps, flow.east_mps) : null;
         const towards = flow ? (Math.atan2(flow.east_mps, flow.north_mps) * 180) / Math.PI : 0;
         return (
           <div key={name} class="flow">
             <svg viewBox="-12 -12 24 24" aria-hidden="true">
-              {flow && <path d="M0 9V-9M-5 -3 0 -9 5 -3" transform={`rotate(${towards.toFixed(0)})`} />}
+              {speed !== null && speed >= 0.01 && <path d="M0 9V-9M-5 -3 0 -9 5 -3" transform={`rotate(${towards.toFixed(0)})`} />}
             </svg>
             <span>
               {t(name)} <strong>{speed === null ? "–" : `${number.value(speed, 2)} m/s`}</strong>
