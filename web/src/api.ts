@@ -428,8 +428,14 @@ export const api = {
   command: (id: string, command: Command) => post<Status>(`${at(id)}/${command}`, {}),
   lease: (take: boolean) => post<Lease>("/lease", { take }),
   eventsUrl: (id: string) => `/api${at(id)}/events?${query({ tab })}`,
-  map: (id: string, quantity: string, layer: MapLayer, threshold: number | null, side: string) =>
-    ask<Grid>(`${at(id)}/map?${query({ quantity, layer, threshold, side })}`),
+  map: (
+    id: string,
+    quantity: string,
+    layer: MapLayer,
+    threshold: number | null,
+    side: string,
+    signal: AbortSignal,
+  ) => ask<Grid>(`${at(id)}/map?${query({ quantity, layer, threshold, side })}`, { signal }),
   mapAt: (id: string, quantity: string, [lon, lat]: LonLat) =>
     ask<MapAt>(`${at(id)}/map/at?${query({ quantity, lon, lat })}`),
   profile: (id: string, quantity: string, line: LonLat[]) =>

@@ -38,13 +38,16 @@ class NoMapError(InputError):
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """A map, the frame that it lies in, and the flags (n,) of its samples with their places."""
+    """A map, the frame that it lies in, the flags (n,) of its samples with their places, and when
+    it was made by the clock that never runs back [s].
+    """
 
     map: QuantityMap
     frame: LocalFrame
     positions: NDArray[np.float64]
     flags: NDArray[np.int64]
     forming: bool
+    at_s: float = 0.0
 
 
 _KEPT: OrderedDict[tuple[Any, ...], Made] = OrderedDict()
@@ -53,9 +56,9 @@ _KEPT: OrderedDict[tuple[Any, ...], Made] = OrderedDict()
 def _made(path: str, quantity: str, *, forming: bool) -> Made:
     """The map of a quantity, made again where the file has changed."""
     # Under way the file changes ten times a second, and a map holds for a few seconds.
-    stamps = (time.monotonic() // FORMING_S,) if forming else _stamps(path)
-    key = (path, quantity, forming, *stamps)
-    if key in _KEPT:
+    key = (path, quantity, forming, *(() if forming else _stamps(path)))
+    now = time.monotonic()
+    if key in _KEPT and (not forming or now - _KEPT[key].at_s < FORMING_S):
         _KEPT.move_to_end(key)
         return _KEPT[key]
     with SurveyFile.open(Path(path)) as file:
@@ -73,6 +76,7 @@ def _made(path: str, quantity: str, *, forming: bool) -> Made:
         positions=samples.positions,
         flags=flags,
         forming=forming,
+        at_s=time.monotonic(),
     )
     _KEPT[key] = made
     while len(_KEPT) > KEPT:

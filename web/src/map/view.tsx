@@ -9,12 +9,15 @@ import { Water } from "./water";
 export interface Ground {
   map: L.Map;
   water: Water;
+  /** The screen was left: an answer that comes late finds nothing to move. */
+  gone: boolean;
 }
 
 type Bounds = [number, number, number, number];
 
 /** Show all of the bounds; `over` where much else stands over the map. */
 export function fit(ground: Ground, [west, south, east, north]: Bounds, over = false): void {
+  if (ground.gone) return;
   const { x: width } = ground.map.getSize();
   const narrow = over && width < 560;
   ground.map.fitBounds(
@@ -58,7 +61,7 @@ function make(box: HTMLElement): Ground {
   L.control.scale({ position: "bottomleft", imperial: false, maxWidth: 120 }).addTo(map);
   addBackground(map);
   const water = new Water().addTo(map);
-  return { map, water };
+  return { map, water, gone: false };
 }
 
 /** Where a map was looked at last: a new plan is likely near. */
@@ -120,6 +123,7 @@ export function MapView({
       undo?.();
       watcher.disconnect();
       held.current = null;
+      ground.gone = true;
       ground.map.remove();
     };
   }, []);

@@ -151,25 +151,37 @@ function useLiveMap(id: string, stream: Stream, quantity: string | null, layer: 
     }, MAP_EACH_MS);
     return () => clearInterval(timer);
   }, [stream]);
+  // A browser has six connections to a server: one map at a time is asked for, and none is left
+  // waiting when another one is wanted or the screen is left.
+  const asked = useRef<AbortController | null>(null);
+  useEffect(
+    () => () => {
+      asked.current?.abort();
+      asked.current = null;
+    },
+    [id, quantity, layer],
+  );
   useEffect(() => {
-    if (!quantity || !stream.snapshot.peek()) return;
-    let stale = false;
-    void load(id, quantity, layer).then((loaded) => {
-      if (!stale && loaded) setMap(loaded);
+    if (!quantity || !stream.snapshot.peek() || asked.current) return;
+    const stopper = new AbortController();
+    asked.current = stopper;
+    void load(id, quantity, layer, stopper.signal).then((loaded) => {
+      if (asked.current === stopper) asked.current = null;
+      if (loaded && !stopper.signal.aborted) setMap(loaded);
     });
-    return () => {
-      stale = true;
-    };
   }, [id, quantity, layer, version, turn]);
   return map;
 }
 
-async function load(id: string, quantity: string, layer: MapLayer): Promise<LiveMap | null> {
+async function load(
+  id: string,
+  quantity: string,
+  layer: MapLayer,
+  signal: AbortSignal,
+): Promise<LiveMap | null> {
   try {
-    const [mean, sd] = await Promise.all([
-      api.map(id, quantity, layer, null, "above"),
-      layer === "mean" ? api.map(id, quantity, "sd", null, "above") : Promise.resolve(null),
-    ]);
+    const mean = await api.map(id, quantity, layer, null, "above", signal);
+    const sd = layer === "mean" ? await api.map(id, quantity, "sd", null, "above", signal) : null;
     return { mean, sd };
   } catch {
     return null; // there is no map yet, or no word of it: the one on the screen stays

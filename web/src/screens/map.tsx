@@ -226,10 +226,11 @@ function useGrid(id: string, quantity: string, layer: MapLayer, threshold: numbe
       setState("");
       return;
     }
+    const stopper = new AbortController();
     let stale = false;
     setState(t("mapping"));
     void api
-      .map(id, quantity, layer, level, side)
+      .map(id, quantity, layer, level, side, stopper.signal)
       .then((made) => {
         if (stale) return;
         setGrid(made);
@@ -242,6 +243,7 @@ function useGrid(id: string, quantity: string, layer: MapLayer, threshold: numbe
       });
     return () => {
       stale = true;
+      stopper.abort();
     };
   }, [id, quantity, layer, level, side]);
   return { grid, state };
