@@ -170,6 +170,7 @@ export interface RunRequest {
   weather?: { current: PlanSettings["current"]; wind: PlanSettings["wind"] };
   rate: number; // simulated times faster; 1 on a real boat
   resume?: boolean; // go on where the survey was left
+  force?: boolean; // begin anew, and forget what was measured
   confirm?: boolean; // needed for a real boat
 }
 

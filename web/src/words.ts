@@ -128,7 +128,7 @@ const table = {
   launch: ["Start the survey", "Lancer le relevé"],
   resume: ["Go on with the survey", "Reprendre le relevé"],
   restart: ["Start from the beginning", "Recommencer au début"],
-  restartText: ["Forgets what was measured", "Oublie ce qui a été mesuré"],
+  restartSure: ["Forget what was measured, and begin?", "Oublier les mesures et commencer ?"],
   confirmReal: [
     "I see the boat, and its way is free.",
     "Je vois le bateau et sa route est libre.",

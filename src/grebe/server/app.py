@@ -330,7 +330,7 @@ def _voyage(given: dict[str, Any]) -> Voyage:
         rate=float(rate),
         weather=plans.weather(cast("dict[str, Any]", given_weather)).as_tuple(),
         resume=resume,
-        force=not resume,
+        force=given.get("force") is True and not resume,
     )
 
 

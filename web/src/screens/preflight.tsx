@@ -15,6 +15,7 @@ export function Preflight({ id }: { id: string }): JSX.Element {
   const [sure, setSure] = useState(false);
   const [lines, setLines] = useState<PreflightLine[] | null>(null);
   const [busy, setBusy] = useState(false);
+  const [forgets, setForgets] = useState(false);
   const link = real ? address : "simulated";
 
   useEffect(() => void api.survey(id).then(setSurvey).catch(complain), [id]);
@@ -36,12 +37,20 @@ export function Preflight({ id }: { id: string }): JSX.Element {
   async function run(resume: boolean): Promise<void> {
     setBusy(true);
     try {
-      await api.run(id, { link, rate: real ? 1 : rate, resume, confirm: real ? sure : true, ...(rule ? { rule } : {}) });
+      await api.run(id, { link, rate: real ? 1 : rate, resume, force: !resume && recorded, confirm: real ? sure : true, ...(rule ? { rule } : {}) });
       go("live", id);
     } catch (cause) {
       complain(cause);
       setBusy(false);
     }
+  }
+
+  /** To forget what was measured needs a second press. */
+  function begin(): void {
+    if (recorded && !forgets) {
+      setForgets(true);
+      setTimeout(() => setForgets(false), 4000);
+    } else void run(false);
   }
 
   const again = survey?.state === "stopped" || survey?.state === "interrupted";
@@ -122,12 +131,11 @@ export function Preflight({ id }: { id: string }): JSX.Element {
           </button>
         )}
         <button
-          class={`button tall${recorded ? "" : " primary"}`}
+          class={`button tall${recorded ? (forgets ? " danger" : "") : " primary"}`}
           disabled={busy || !survey || (real && !sure)}
-          onClick={() => void run(false)}
-          title={recorded ? t("restartText") : ""}
+          onClick={begin}
         >
-          {recorded ? t("restart") : t("launch")}
+          {forgets ? t("restartSure") : recorded ? t("restart") : t("launch")}
         </button>
       </div>
     </div>
