@@ -59,7 +59,7 @@ def draw(address: str, folder: Path) -> None:
         page.goto(f"{base}#/preflight/{survey}")
         time.sleep(3)
         picture(page, "preflight")
-        run = {"link": "simulated", "rate": 12}
+        run = {"link": "simulated", "rate": 20}
         ask(page, "POST", f"/api/surveys/{survey}/run", run)
         page.goto(f"{base}#/live/{survey}")
         while covered(page) < 50:
@@ -74,15 +74,20 @@ def draw(address: str, folder: Path) -> None:
         night(page, "day")
         while any(folder.glob("*.live")):
             time.sleep(1)
-        for screen, wait_s in (("map", 12), ("replay", 4)):
-            page.goto(f"{base}#/{screen}/{survey}")
-            time.sleep(wait_s)
-            if screen == "map":
-                page.locator(".map").click(position={"x": 520, "y": 380})
-                time.sleep(3)
-            picture(page, screen)
+        page.goto(f"{base}#/map/{survey}")
+        until_there(page, ".legend")
+        page.locator(".map").click(position={"x": 420, "y": 380})
+        until_there(page, ".reading .big")
+        picture(page, "map")
+        page.goto(f"{base}#/replay/{survey}")
+        until_there(page, ".event-list li")
+        page.get_by_label("Speed").select_option("60")
+        page.get_by_role("button", name="Play").click()
+        time.sleep(5)
+        picture(page, "replay")
         page.goto(f"{base}#/plan/{survey}")
-        time.sleep(8)
+        until_there(page, ".facts dd")
+        time.sleep(1)
         picture(page, "plan")
         chromium.close()
 
@@ -91,6 +96,15 @@ def night(page: Page, theme: str) -> None:
     """Wear a theme from the next load on."""
     page.evaluate(f"localStorage.setItem('grebe-theme', '{theme}')")
     page.reload()
+
+
+def until_there(page: Page, selector: str) -> None:
+    """Wait for an element, for a minute at most."""
+    for _ in range(300):
+        if page.locator(selector).count():
+            return
+        time.sleep(0.2)
+    raise SystemExit(f"{selector} did not come.")
 
 
 def covered(page: Page) -> float:

@@ -33,7 +33,7 @@ from grebe.core.quantities import BUILTIN
 from grebe.server import library, maps, plans
 from grebe.server.boat import Voyage
 from grebe.server.library import Library, UnknownSurveyError
-from grebe.server.live import Fleet, Tab
+from grebe.server.live import UNDER_WAY, Fleet, Tab
 from grebe.server.security import Gate, Keys
 
 JSON_MOST = 8_000_000
@@ -199,7 +199,7 @@ class App:
     async def _path_forming(self, request: Request) -> tuple[str, bool]:
         survey_id = request.path_params["id"]
         path = self.surveys.path(survey_id)
-        return str(path), self.fleet.state(survey_id) is not None
+        return str(path), self.fleet.state(survey_id) in UNDER_WAY
 
     async def grid(self, request: Request) -> Response:
         """A layer of a map."""
