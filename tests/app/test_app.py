@@ -54,7 +54,7 @@ def planned(context, app):
     page.get_by_role("button", name="Finish").click()
     until(lambda: page.locator(".facts dd").count() >= 8, "the preview of the plan")
     page.get_by_label("Name").fill("Lac d'essai")
-    page.get_by_label("Cell size").fill("4")
+    page.get_by_label("Cell size").fill("7")
     until(lambda: "busy" not in page.locator(".facts-box").get_attribute("class"), "the plan")
     assert page.locator("dt:text('Outside the water') + dd").inner_text() == "0 m"
     page.get_by_role("button", name="Undo").click()
@@ -104,7 +104,7 @@ def test_a_survey_from_the_drawing_to_the_report(planned, app):
     page.get_by_role("button", name="Go on with the survey").click()
     until(lambda: "#/live/" in place(page), "the live screen: " + shown(page, ".notices"))
     until(lambda: reached(page) >= done, "going on")
-    until(lambda: state(page) == "Complete", "the end of the survey")
+    until(lambda: state(page) == "Complete", "the end of the survey", 240.0)
     read_the_map(page)
     replay_it(page, app, survey)
     report_it(page, app, survey)
