@@ -34,8 +34,8 @@ from grebe.workflow.maps import NETCDF_NAME, map_numbers, map_survey, write_maps
 @click.option(
     "--variogram",
     type=click.Choice(tuple(COVARIANCE_FITS)),
-    help="Fit the covariance by restricted likelihood or to the variogram.  "
-    "[default: what predicts left-out samples better]",
+    help="The covariance: rough or smooth by its posterior under priors, by restricted likelihood "
+    "alone (reml), or as the variogram has it (wls).  [default: what predicts best]",
 )
 @click.option("--drift", type=click.Choice(("linear",)), help="What the mean depends on.")
 @click.option(

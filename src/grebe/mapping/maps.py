@@ -14,6 +14,7 @@ from grebe.core.errors import InputError
 from grebe.core.quantities import Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
+from grebe.mapping.calibration import Calibration, spread
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
 from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
@@ -21,7 +22,14 @@ from grebe.mapping.methods.choice import ByShore, Choice
 from grebe.mapping.methods.shore import WithShore
 from grebe.mapping.noise import noise_variance
 from grebe.mapping.threads import one_blas_thread
-from grebe.mapping.validation import Validation, validate
+from grebe.mapping.validation import (
+    STRETCH_M,
+    Validation,
+    line_folds,
+    predicted,
+    stretch_folds,
+    validate,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,8 +37,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 FEWEST_SAMPLES = 10
-# A mean squared standardised error beyond this is not chance.
-CLEAR_MSDR = 1.2
 CHOSEN = "this one predicts left-out samples better"
 
 
@@ -65,19 +71,19 @@ class QuantityMap:
     """The map of one quantity: `mean` and `sd` of the water, (rows, columns), NaN on land;
     how it was made and what it is worth.
 
-    `field` answers at any place, before the widening; `model` is what it is made of, with the
+    `field` answers at any place, before the calibration; `model` is what it is made of, with the
     reason for it.
 
     `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not.
-    `widening` is the factor that cross-validation put on the standard deviations. `positions`
-    and `values` are the samples that made the map.
+    `calibration` are the factors that left-out stretches and lines put on the standard deviations.
+    `positions` and `values` are the samples that made the map.
     """
 
     quantity: Quantity
     grid: Grid
     mean: Array
     sd: Array
-    widening: float
+    calibration: Calibration
     micro_sd: float
     field: Field
     method: Method
@@ -96,7 +102,7 @@ class QuantityMap:
     @property
     def noise_sd(self) -> float:
         """Standard deviation of an observation about the water."""
-        nugget = self.widening**2 * self.model.nugget
+        nugget = self.calibration.on_way**2 * self.model.nugget
         return float(np.sqrt(max(nugget - self.micro_sd**2, 0.0)))
 
     def exceedance(self, threshold: float) -> Array:
@@ -113,7 +119,8 @@ class QuantityMap:
             drawn = self.field.draws(self.grid.nodes, count, seed)
         fields = np.array([self.grid.spread(one) for one in drawn])
         fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, fields.shape)
-        return self.mean + self.widening * (fields - self.mean) + fine
+        factor = self.grid.spread(self.calibration.factor(self.grid.nodes))
+        return self.mean + factor * (fields - self.mean) + fine
 
 
 @dataclass
@@ -154,57 +161,79 @@ class Mapper:
         if quantity.key == WATER_DEPTH and self.settings.shore_depth_sd_m is not None:
             sd = self.settings.shore_depth_sd_m
             methods = tuple(WithShore(method=one, sd=sd) for one in methods)
-        method, found, model, validation = best_of(methods, readings, self._domain)
-        widening = _widening(validation)
-        micro_sd = widening * float(np.sqrt(model.nugget - noise_variance(at, data, model.nugget)))
+        found = best_of(methods, readings, self._domain)
+        model, factors = found.model, found.calibration
+        noise = noise_variance(at, data, model.nugget)
+        micro_sd = factors.on_way * float(np.sqrt(model.nugget - noise))
         # What is finer than the sensor resolves is not known either.
         micro_sd = float(np.hypot(micro_sd, quantity.resolution / np.sqrt(12)))
         nodes = self.grid.nodes
         return QuantityMap(
             quantity=quantity,
             grid=self.grid,
-            mean=self.grid.spread(found.mean(nodes)),
-            sd=self.grid.spread(np.hypot(widening * found.sd(nodes), micro_sd)),
-            widening=widening,
+            mean=self.grid.spread(found.field.mean(nodes)),
+            sd=self.grid.spread(np.hypot(factors.factor(nodes) * found.field.sd(nodes), micro_sd)),
+            calibration=factors,
             micro_sd=micro_sd,
-            field=found,
-            method=method,
+            field=found.field,
+            method=found.method,
             reason=reason,
             model=model,
-            validation=validation,
+            validation=found.validation,
             positions=at,
             values=data,
             flagged=flagged,
         )
 
 
-def best_of(
-    methods: Sequence[Method], readings: Readings, domain: Domain
-) -> tuple[Method, Field, Model, Validation | None]:
-    """Fit each method; the one that predicts the left-out lines best, its field, what it is made
-    of, and the proof. Where nothing can be left out it is the first.
+@dataclass(frozen=True, kw_only=True)
+class Best:
+    """The method that predicts best, its field, what it is made of, and how far it is trusted."""
+
+    method: Method
+    field: Field
+    model: Model
+    calibration: Calibration
+    validation: Validation | None
+
+
+def best_of(methods: Sequence[Method], readings: Readings, domain: Domain) -> Best:
+    """Fit each method and take the one that predicts best what is left out, stretches of the way
+    of two lengths and whole lines. Where nothing can be left out it is the first.
     """
-    tried = [(one, one.fit(readings, domain)) for one in methods]
-    proofs = [validate(readings, fitted) for _, fitted in tried]
-    scores = [np.inf if proof is None else proof.score for proof in proofs]
+    tried = [_tried(one, readings, domain) for one in methods]
+    scores = [score for score, _ in tried]
     chosen = int(np.argmin(scores))
-    method, found = tried[chosen]
-    model = found.model
+    best = tried[chosen][1]
     if max(scores) > scores[chosen]:
-        ways = {2: "two"}.get(len(tried), str(len(tried)))
-        model = replace(model, reason=f"{model.reason}; of the {ways} ways to fit, {CHOSEN}")
-    return method, found, model, proofs[chosen]
+        ways = {2: "two", 3: "three"}.get(len(tried), str(len(tried)))
+        text = f"{best.model.reason}; of the {ways} ways to fit, {CHOSEN}"
+        return replace(best, model=replace(best.model, reason=text))
+    return best
 
 
-def _widening(validation: Validation | None) -> float:
-    """Factor of the standard deviations: what the left-out lines say of them, if it is clear.
-
-    A sensor's samples along one line agree better than two lines do, and a covariance fitted
-    to both believes the former.
-    """
-    if validation is None or validation.msdr <= CLEAR_MSDR:
-        return 1.0
-    return float(np.sqrt(validation.msdr))
+def _tried(method: Method, readings: Readings, domain: Domain) -> tuple[float, Best]:
+    """A fitted method, and the geometric mean of its errors at several distances."""
+    found = method.fit(readings, domain)
+    proof = validate(readings, found)
+    if proof is None:
+        return np.inf, Best(
+            method=method, field=found, model=found.model, calibration=Calibration(),
+            validation=None,
+        )  # fmt: skip
+    positions = readings.positions
+    near = [predicted(readings, found, stretch_folds(positions, side)) for side in STRETCH_M]
+    folds, pieces = line_folds(positions)
+    far = predicted(readings, found, folds)
+    stretches = [int(np.ptp(positions, axis=0).sum() / side) + 1 for side in STRETCH_M]
+    on_way = [spread(one, count) for one, count in zip(near, stretches, strict=True)]
+    calibration = Calibration(
+        on_way=float(np.exp(np.mean(np.log(on_way)))), off_way=spread(far, pieces), way=positions
+    )
+    score = float(np.mean(np.log([max(one.rmse, 1e-300) for one in (*near, far)])))
+    return score, Best(
+        method=method, field=found, model=found.model, calibration=calibration, validation=proof
+    )
 
 
 def map_all(

@@ -32,3 +32,15 @@ def noise_variance(positions: Array, values: Array, nugget: float) -> float:
         return nugget
     second = (values[:-2] - 2 * values[1:-1] + values[2:])[close]
     return min(nugget, float(np.mean(second**2)) / 6)
+
+
+def median_noise_variance(positions: Array, values: Array) -> float:
+    """Variance of the sensor's noise by the median of the same second differences, which outliers
+    do not move; those of all samples where too few follow each other closely.
+    """
+    steps = np.hypot(*np.diff(positions, axis=0).T)
+    close = (steps[:-1] <= NEAR_M) & (steps[1:] <= NEAR_M)
+    if close.sum() < FEWEST_TRIPLES:
+        close = np.ones(len(values) - 2, dtype=bool)
+    second = np.abs(values[:-2] - 2 * values[1:-1] + values[2:])[close]
+    return float((1.4826 * np.median(second)) ** 2 / 6)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import shapely
 from scipy.spatial import KDTree
 
 from grebe.mapping.methods.base import Field, Readings
@@ -28,9 +29,33 @@ FEWEST_SAMPLES = 20
 TURN_RAD, SIGHT_M, SHORTEST_LINE = np.pi / 4, 5.0, 8
 FEWEST_LINES = 5
 BLOCKS_PER_SIDE = 5
+# Stretches that are left out of the boat's way: the side of the blocks [m], and in how many turns.
+STRETCH_M, STRETCH_TURNS = (12.0, 36.0), 4
 IDW_NEIGHBOURS = 12
 # Standard deviations within which half and 95 % of a normal distribution lie.
 Z50, Z95 = 0.6745, 1.9600
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """What was predicted of left-out samples: `error` (m,) and its standard deviation `sd` (m,),
+    the reading's noise in it; `beside_m` (m,) the distance from the way of the samples that were
+    not left out.
+    """
+
+    error: Array
+    sd: Array
+    beside_m: Array
+
+    @property
+    def z(self) -> Array:
+        """Standardised errors."""
+        return np.where(self.error == 0, 0.0, self.error / self.sd)
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square."""
+        return _rms(self.error)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +121,52 @@ def validate(readings: Readings, field: Field, folds: Indices | None = None) -> 
         idw_rmse=_rms(weighted),
         score=0.5 * float(np.mean(np.log(safe)) + np.log(max(np.mean(standardised**2), 1e-300))),
     )
+
+
+def predicted(readings: Readings, field: Field, folds: Indices) -> Errors:
+    """Leave out each fold in turn, the field's model kept; negative folds are never left out."""
+    turns = [folds == k for k in np.unique(folds[folds >= 0])]
+    errors, sds, beside = [], [], []
+    for out in turns:
+        rest = field.given(readings.part(~out))
+        places = readings.positions[out]
+        errors.append(rest.mean(places) - readings.values[out])
+        sds.append(np.sqrt(rest.sd(places) ** 2 + field.model.nugget))
+        beside.append(off_the_way(readings.positions[~out], places))
+    return Errors(
+        error=np.concatenate(errors),
+        sd=np.maximum(np.concatenate(sds), np.finfo(float).tiny),
+        beside_m=np.concatenate(beside),
+    )
+
+
+def stretch_folds(positions: Array, side_m: float, seed: int = 0) -> Indices:
+    """The turn (n,) in which each sample's block of water is left out; -1 for those never."""
+    _, blocks = np.unique(
+        np.floor(positions / side_m).astype(np.int64), axis=0, return_inverse=True
+    )
+    blocks = np.asarray(blocks).ravel()
+    turn = np.random.default_rng(seed).integers(STRETCH_TURNS, size=int(blocks.max()) + 1)
+    return turn[blocks]
+
+
+def line_folds(positions: Array, seed: int = 0) -> tuple[Indices, int]:
+    """The turn (n,) in which each sample's line is left out, a quarter of them at a time, and how
+    many lines there are; blocks of water where the track has too few.
+    """
+    folds, left_out, pieces = track_folds(positions)
+    if left_out == "lines":
+        lines = track_lines(positions)
+        turn = np.random.default_rng(seed).permutation(pieces) % STRETCH_TURNS
+        return turn[lines], pieces
+    return folds, pieces
+
+
+def off_the_way(way: Array, places: Array) -> Array:
+    """Distance [m] of places (m, 2) from the line through the samples (n, 2) in their order."""
+    line = shapely.linestrings(way)
+    shapely.prepare(line)
+    return np.asarray(shapely.distance(line, shapely.points(places)))
 
 
 def track_folds(positions: Array) -> tuple[Indices, Literal["lines", "blocks"], int]:

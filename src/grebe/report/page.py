@@ -193,8 +193,11 @@ def _method(one: QuantityMap, t: Texts) -> str:
                 **{name: significant(value, 3) for name, value in numbers.items()},
             )
         )
-    if one.widening > 1:
-        said.append(t("widened", factor=f"{one.widening:.2f}"))
+    if check is not None:
+        factors = one.calibration
+        said.append(
+            t("calibrated", on_way=f"{factors.on_way:.2f}", off_way=f"{factors.off_way:.2f}")
+        )
     return " ".join(said)
 
 

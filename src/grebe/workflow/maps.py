@@ -87,7 +87,7 @@ def map_numbers(one: QuantityMap) -> dict[str, Any]:
         "flagged": one.flagged,
         "method": one.method.key,
         "reason": one.reason,
-        "sd_widened_by": one.widening,
+        "sd_factors": {"on_way": one.calibration.on_way, "off_way": one.calibration.off_way},
         "variogram": {
             "kind": model.kind,
             "nugget": model.nugget,

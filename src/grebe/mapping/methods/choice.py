@@ -15,6 +15,7 @@ from grebe.mapping.likelihood import fit_reml
 from grebe.mapping.methods.base import Domain, Method, Readings
 from grebe.mapping.methods.kriging import CovarianceFit, Kriging
 from grebe.mapping.methods.spde import Spde
+from grebe.mapping.posterior import fit_rough, fit_smooth
 from grebe.mapping.variogram import fit_variogram
 
 if TYPE_CHECKING:
@@ -29,12 +30,13 @@ BLOCKED_SHARE = 0.02
 SIGHT_LINES = 2_000
 
 COVARIANCE_FITS: Mapping[str, CovarianceFit] = MappingProxyType(
-    {"reml": fit_reml, "wls": fit_variogram}
+    {"rough": fit_rough, "smooth": fit_smooth, "reml": fit_reml, "wls": fit_variogram}
 )
+# What is tried where nothing is asked for: a rough covariance under priors, and the variogram's.
 KRIGING: tuple[Kriging, ...] = tuple(
-    Kriging(fit_covariance=fit) for fit in COVARIANCE_FITS.values()
+    Kriging(fit_covariance=COVARIANCE_FITS[name]) for name in ("rough", "wls")
 )
-# For front ends. Of several methods under one name the one that predicts left-out lines best
+# For front ends. Of several methods under one name the one that predicts best what is left out
 # is taken.
 METHODS: Mapping[str, tuple[Method, ...]] = MappingProxyType(
     {"kriging": KRIGING, "spde": (Spde(),)}

@@ -1,0 +1,56 @@
+"""How far a map's standard deviations can be trusted, on the boat's way and off it.
+
+A sensor's readings along one pass agree better than two passes do: the water changes between
+them, and sensors lag and drift. A covariance of place alone cannot tell the two apart. So stretches
+of the way are left out, which readings before and after them of the same pass frame, and whole
+lines, which only other passes frame; each says by what factor standard deviations are off. Between
+the way and places away from it the factor goes over within metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.mapping.validation import Z50, Z95, Errors, off_the_way
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# A place this far from the way is no longer on it [m]: the error of a receiver, about.
+REACH_M = 3.0
+# Factors beyond these are the data's fault and not the model's.
+LEAST, MOST = 0.4, 6.0
+# So many left-out pieces weigh as much as the belief that the model is right.
+BELIEF_PIECES = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """Factors of the standard deviations on the way and off it; `way` (n, 2) is the samples'."""
+
+    on_way: float = 1.0
+    off_way: float = 1.0
+    way: Array | None = None
+
+    def factor(self, places: Array) -> Array:
+        """The factor at each place (m, 2)."""
+        if self.way is None or self.on_way == self.off_way:
+            return np.full(len(places), self.on_way)
+        beside = 1.0 - np.exp(-off_the_way(self.way, places) / REACH_M)
+        return self.on_way * (self.off_way / self.on_way) ** beside
+
+
+def spread(errors: Errors, pieces: int) -> float:
+    """By what factor standard deviations are too small: where half and where 95 % of the
+    standardised errors lie, against where they should.
+    """
+    size = np.abs(errors.z)
+    found = np.quantile(size, [0.5, 0.95]) / [Z50, Z95]
+    raw = float(np.sqrt(max(found[0], 1e-3) * max(found[1], 1e-3)))
+    believed = raw ** (pieces / (pieces + BELIEF_PIECES))
+    return float(np.clip(believed, LEAST, MOST))
