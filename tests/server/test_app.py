@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 import shapely
 from hypothesis import given, settings
@@ -220,6 +221,12 @@ def test_a_map_is_read_where_there_is_water_alone(simulated_survey):
     lon, lat = survey.frame.to_wgs84((0.0, 0.0)).tolist()
     read = maps.at(str(path), "ph", lon, lat, forming=False)
     assert read["low"] < read["mean"] < read["high"]
+    made = maps._made(str(path), "ph", forming=False)
+    row, column = np.argwhere(made.map.grid.inside)[7]
+    node = (made.map.grid.north[row], made.map.grid.east[column])
+    there = maps.at(str(path), "ph", *survey.frame.to_wgs84(node).tolist(), forming=False)
+    assert there["mean"] == pytest.approx(made.map.mean[row, column], rel=1e-6)
+    assert there["sd"] == pytest.approx(made.map.sd[row, column], rel=1e-6)
     with pytest.raises(maps.NoMapError):
         maps.at(str(path), "ph", lon + 1.0, lat, forming=False)
     grid = maps.grid(str(path), "ph", "probability", read["mean"], "above", forming=False)

@@ -174,8 +174,8 @@ def _grid(
 def _at(made: Made, places: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Mean and standard deviation (n,) at local places (n, 2)."""
     one = made.map
-    mean = one.field.mean(places)
-    return mean, np.hypot(one.widening * one.field.sd(places), one.micro_sd)
+    factor = one.calibration.factor(places)
+    return one.field.mean(places), np.hypot(factor * one.field.sd(places), one.micro_sd)
 
 
 def _inside(made: Made, places: NDArray[np.float64]) -> NDArray[np.bool_]:
