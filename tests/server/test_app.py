@@ -15,6 +15,7 @@ from starlette.applications import Starlette  # noqa: E402
 from starlette.responses import PlainTextResponse  # noqa: E402
 from starlette.routing import Route  # noqa: E402
 
+from grebe.core.errors import GrebeError, InputError  # noqa: E402
 from grebe.core.plan_settings import PlanSettings  # noqa: E402
 from grebe.core.survey import Survey  # noqa: E402
 from grebe.core.vessel import PRESETS  # noqa: E402
@@ -22,11 +23,13 @@ from grebe.io.store import SurveyFile  # noqa: E402
 from grebe.planning.planner import plan_survey  # noqa: E402
 from grebe.planning.region import Region  # noqa: E402
 from grebe.server import library, maps, plans  # noqa: E402
+from grebe.server.asked import parsed  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
 from grebe.server.live import QUEUE, Lease, Tab  # noqa: E402
 from grebe.server.security import Gate, Keys  # noqa: E402
 from grebe.server.telling import Telling  # noqa: E402
+from grebe.server.worker import Worker  # noqa: E402
 from grebe.workflow.demo import HERON, OUTLINE_M  # noqa: E402
 
 LAKE = [[6.55, 46.45], [6.551, 46.45], [6.551, 46.4506], [6.55, 46.4506], [6.55, 46.45]]
@@ -156,6 +159,55 @@ def test_a_plan_of_nonsense_says_what_is_wrong_and_raises_nothing(setting, value
 def test_a_region_of_nonsense_says_what_is_wrong(region):
     [problem] = plans.preview({"region": region, "settings": {}})["problems"]
     assert problem["message"]
+
+
+HUGE = 10**400
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b'{"x": 1e308}', b'{"x": NaN}', b'{"x": -Infinity}', str({"x": HUGE}).replace("'", '"'),
+        b'{"x": "\\ud800"}', b'{"\\udfff": 1}', b"[1]", b"\xff", b"[" * 200_000, b"",
+    ],
+)  # fmt: skip
+def test_no_json_gets_through_that_fails_behind(body):
+    with pytest.raises(GrebeError):
+        parsed(body if isinstance(body, bytes) else body.encode())
+
+
+@given(found=st.dictionaries(st.text(max_size=8), json_values, max_size=4))
+@settings(max_examples=50)
+def test_json_that_gets_through_can_be_written_again(found):
+    try:
+        kept = parsed(json.dumps(found).encode())
+    except GrebeError:
+        return
+    json.dumps(kept, ensure_ascii=False, allow_nan=False).encode()
+
+
+@pytest.mark.parametrize("setting", ["cell_m", "speed_min_mps", "shore_margin_m", "minutes"])
+@pytest.mark.parametrize("value", [HUGE, 1e308, 1e-300, -1e12, 0])
+def test_a_number_beyond_all_measure_is_a_problem_of_its_setting(setting, value):
+    made = plans.preview({"region": REGION, "settings": {"cell_m": 30.0, setting: value}})
+    assert made["problems"] or made["targets"]["features"]
+    if value in (HUGE, 1e308):
+        assert made["problems"][0]["setting"] == setting
+
+
+def test_a_worker_that_dies_is_replaced():
+    import os
+
+    async def work():
+        worker = Worker()
+        try:
+            with pytest.raises(InputError, match="too much"):
+                await worker.run(os._exit, 1)
+            return await worker.run(max, 1, 2)
+        finally:
+            worker.close()
+
+    assert run(work()) == 2
 
 
 def test_a_preview_covers_the_water_and_stays_in_it():

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import functools
-import json
-import math
-import multiprocessing
-import tempfile
 from collections.abc import AsyncGenerator, Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import resources
@@ -27,19 +21,16 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from grebe.core.errors import GrebeError, InputError, LinkError, UsageError
+from grebe.core.errors import GrebeError, LinkError, UsageError
 from grebe.core.plan_settings import PATTERNS
 from grebe.core.quantities import BUILTIN
-from grebe.server import library, maps, plans
+from grebe.server import asked, library, maps, plans
 from grebe.server.boat import Voyage
 from grebe.server.library import Library, UnknownSurveyError
 from grebe.server.live import UNDER_WAY, Fleet, Tab
 from grebe.server.security import Gate, Keys
+from grebe.server.worker import Worker
 
-JSON_MOST = 8_000_000
-UPLOAD_MOST = 500_000_000
-# What may be uploaded, by the ends of names.
-TAKEN = (".gpkg", ".csv", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".zip", ".shp")
 REPORT_HEADERS = {
     "content-security-policy": "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
     "frame-ancestors 'self'",
@@ -48,27 +39,22 @@ REPORT_HEADERS = {
 STATUS = {UnknownSurveyError: 404, maps.NoMapError: 404, LinkError: 409}
 
 
-class TooLargeError(GrebeError):
-    """More was sent than is taken."""
-
-
 @dataclass
 class App:
     """What the routes share."""
 
     fleet: Fleet
     surveys: Library
-    plan_pool: ProcessPoolExecutor
-    map_pool: ProcessPoolExecutor
+    plan_pool: Worker
+    map_pool: Worker
 
     async def plan(self, work: Callable[..., Any], *given: Any) -> Any:
         """Run the work of a plan in its process."""
-        return await asyncio.get_running_loop().run_in_executor(self.plan_pool, work, *given)
+        return await self.plan_pool.run(work, *given)
 
     async def map(self, work: Callable[..., Any], *given: Any, **named: Any) -> Any:
         """Run the work of a map in its process."""
-        loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self.map_pool, functools.partial(work, *given, **named))
+        return await self.map_pool.run(functools.partial(work, *given, **named))
 
     # Surveys.
 
@@ -106,14 +92,14 @@ class App:
 
     async def upload(self, request: Request) -> Response:
         """Keep a file from outside as a survey."""
-        async with _uploaded(request, self.surveys.folder) as path:
+        async with asked.uploaded(request, self.surveys.folder) as path:
             to = self.surveys.free_path(Path(request.query_params["name"]).stem)
             await self.plan(plans.receive, str(path), str(to))
         return await self._summary(to)
 
     async def outline(self, request: Request) -> Response:
         """The water of a file of outlines."""
-        async with _uploaded(request, self.surveys.folder) as path:
+        async with asked.uploaded(request, self.surveys.folder) as path:
             found = await self.plan(plans.outline, str(path))
         found["name"] = Path(request.query_params["name"]).stem[:80]
         return JSONResponse(found)
@@ -133,11 +119,11 @@ class App:
 
     async def preview(self, request: Request) -> Response:
         """What a survey would be."""
-        return JSONResponse(await self.plan(plans.preview, await _body(request)))
+        return JSONResponse(await self.plan(plans.preview, await asked.body_of(request)))
 
     async def keep(self, request: Request) -> Response:
         """Plan a survey and keep it."""
-        given = await _body(request)
+        given = await asked.body_of(request)
         to = self.surveys.free_path(str(given.get("name", "survey")))
         await self.plan(plans.keep, given, str(to))
         return await self._summary(to)
@@ -152,12 +138,12 @@ class App:
 
     async def run(self, request: Request) -> Response:
         """Begin a mission, or go on with one."""
-        given = await _body(request)
+        given = await asked.body_of(request)
         watch = self.fleet.watch(request.path_params["id"])
         voyage = _voyage(given)
         if voyage.link != "sim:" and given.get("confirm") is not True:
             raise UsageError("A real boat needs to be confirmed.", settings=("confirm",))
-        tab = _tab(request)
+        tab = asked.tab_of(request)
         if self.fleet.lease.holder is None:
             self.fleet.lease.take(tab)
             self.fleet.tell_lease()
@@ -168,7 +154,7 @@ class App:
     async def order(self, request: Request) -> Response:
         """Pause, go on, come home, stop."""
         watch = self.fleet.watch(request.path_params["id"])
-        tab = _tab(request)
+        tab = asked.tab_of(request)
         self._steers(tab)
         await watch.order(request.url.path.rpartition("/")[2])
         return JSONResponse(watch.snapshot(tab)["status"])
@@ -179,7 +165,7 @@ class App:
 
     async def lease(self, request: Request) -> Response:
         """Take or leave the right to steer."""
-        given, tab = await _body(request), _tab(request)
+        given, tab = await asked.body_of(request), asked.tab_of(request)
         if given.get("take") is True:
             self.fleet.lease.take(tab)
         else:
@@ -190,7 +176,7 @@ class App:
     async def events(self, request: Request) -> Response:
         """The stream of a survey: a snapshot, then what changes."""
         watch = self.fleet.watch(request.path_params["id"])
-        tab = Tab(name=_tab(request))
+        tab = Tab(name=asked.tab_of(request))
         headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
         return StreamingResponse(watch.stream(tab), media_type="text/event-stream", headers=headers)
 
@@ -204,26 +190,26 @@ class App:
     async def grid(self, request: Request) -> Response:
         """A layer of a map."""
         path, forming = await self._path_forming(request)
-        asked = request.query_params
-        threshold = _number(asked["threshold"], "threshold") if "threshold" in asked else None
+        given = request.query_params
+        threshold = asked.number(given["threshold"], "threshold") if "threshold" in given else None
         found = await self.map(
-            maps.grid, path, asked.get("quantity", ""), asked.get("layer", "mean"), threshold,
-            asked.get("side", "above"), forming=forming,
+            maps.grid, path, given.get("quantity", ""), given.get("layer", "mean"), threshold,
+            given.get("side", "above"), forming=forming,
         )  # fmt: skip
         return JSONResponse(found)
 
     async def at(self, request: Request) -> Response:
         """The value at a place."""
         path, forming = await self._path_forming(request)
-        asked = request.query_params
-        lon, lat = (_number(asked.get(name, ""), name) for name in ("lon", "lat"))
-        quantity = asked.get("quantity", "")
+        given = request.query_params
+        lon, lat = (asked.number(given.get(name, ""), name) for name in ("lon", "lat"))
+        quantity = given.get("quantity", "")
         return JSONResponse(await self.map(maps.at, path, quantity, lon, lat, forming=forming))
 
     async def profile(self, request: Request) -> Response:
         """Values along a line."""
         path, forming = await self._path_forming(request)
-        line = _line(request.query_params.get("line", ""))
+        line = asked.line(request.query_params.get("line", ""))
         quantity = request.query_params.get("quantity", "")
         return JSONResponse(await self.map(maps.profile, path, quantity, line, forming=forming))
 
@@ -244,7 +230,7 @@ class App:
         path = self.surveys.path(request.path_params["id"])
         page = path.with_suffix(".html")
         if request.method == "POST":
-            language = (await _body(request)).get("language", "en")
+            language = (await asked.body_of(request)).get("language", "en")
             if language not in ("en", "fr"):
                 raise UsageError("The report speaks en or fr.", settings=("language",))
             await self.map(maps.report, str(path), language)
@@ -334,66 +320,11 @@ def _voyage(given: dict[str, Any]) -> Voyage:
     )
 
 
-def _tab(request: Request) -> str:
-    name = request.headers.get("x-grebe-tab") or request.query_params.get("tab") or "script"
-    return name[:64]
-
-
-def _number(text: str, name: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise UsageError(f"{name} is {text[:40]!r}, not a number.", settings=(name,)) from None
-    if math.isnan(value) or abs(value) > 1e12:
-        raise UsageError(f"{name} is {text[:40]!r}; give a finite number.", settings=(name,))
-    return value
-
-
-def _line(text: str) -> list[tuple[float, float]]:
-    points = [point.split(",") for point in text.split(";")[:100]]
-    if len(points) < 2 or any(len(point) != 2 for point in points):
-        raise UsageError("line is written lon,lat;lon,lat;…", settings=("line",))
-    return [(_number(lon, "line"), _number(lat, "line")) for lon, lat in points]
-
-
-async def _body(request: Request) -> dict[str, Any]:
-    data = bytearray()
-    async for chunk in request.stream():
-        data += chunk
-        if len(data) > JSON_MOST:
-            raise TooLargeError(f"The request is larger than {JSON_MOST // 1_000_000} MB.")
-    try:
-        found = json.loads(data or b"{}")
-    except (ValueError, RecursionError):
-        raise InputError("The request is not JSON.") from None
-    if not isinstance(found, dict):
-        raise InputError("The request is not a JSON object.")
-    return cast("dict[str, Any]", found)
-
-
-@contextlib.asynccontextmanager
-async def _uploaded(request: Request, folder: Path) -> AsyncGenerator[Path]:
-    """What is sent, in a file of a name of ours in the folder; capped while it streams."""
-    suffix = Path(request.query_params.get("name", "")).suffix.lower()
-    if suffix not in TAKEN:
-        raise InputError(f"A file {suffix or 'without an ending'} is not read; {', '.join(TAKEN)}.")
-    with tempfile.TemporaryDirectory(prefix=".incoming-", dir=folder) as inside:
-        path = Path(inside) / f"upload{suffix}"
-        size = 0
-        with path.open("wb") as file:
-            async for chunk in request.stream():
-                size += len(chunk)
-                if size > UPLOAD_MOST:
-                    raise TooLargeError(f"A file of more than {UPLOAD_MOST // 1_000_000} MB.")
-                file.write(chunk)
-        yield path
-
-
 async def _failed(_: Request, error: Exception) -> Response:
     status = next((code for kind, code in STATUS.items() if isinstance(error, kind)), 400)
     if isinstance(error, _Conflict):
         status = 409
-    elif isinstance(error, TooLargeError):
+    elif isinstance(error, asked.TooLargeError):
         status = 413
     elif isinstance(error, GrebeError) and status == 400 and not isinstance(error, UsageError):
         status = 422
@@ -467,20 +398,19 @@ def _routes(app: App) -> list[Route | Mount]:
 def make_app(folder: Path, keys: Keys, hosts: frozenset[str]) -> ASGIApp:
     """The whole server for a folder of surveys; it answers to `hosts` alone."""
     surveys = Library(folder)
-    context = multiprocessing.get_context("spawn")
     app = App(
         fleet=Fleet(surveys),
         surveys=surveys,
-        plan_pool=ProcessPoolExecutor(1, mp_context=context),
-        map_pool=ProcessPoolExecutor(1, mp_context=context),
+        plan_pool=Worker(),
+        map_pool=Worker(),
     )
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None]:
-        app.map_pool.submit(maps.warm)
+        app.map_pool.begin(maps.warm)
         yield
         for pool in (app.plan_pool, app.map_pool):
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.close()
 
     inner = Starlette(
         routes=_routes(app),

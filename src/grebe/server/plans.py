@@ -25,6 +25,7 @@ from grebe.io.store import SurveyFile
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.taut import taut_way
+from grebe.server.asked import NUMBER_MOST
 from grebe.server.library import geojson, rings
 from grebe.workflow.demo import NOTE, demo_survey
 from grebe.workflow.files import write_survey
@@ -127,7 +128,7 @@ def _zones(given: Any, frame: LocalFrame) -> list[shapely.Polygon]:
 def _pair(given: Any) -> tuple[float, float]:
     try:
         lon, lat = (float(value) for value in given)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError("The start is no [longitude, latitude].", settings=("start",)) from None
     if not (math.isfinite(lon) and math.isfinite(lat) and abs(lat) <= 90 and abs(lon) <= 360):
         raise InputError("The start is no [longitude, latitude].", settings=("start",))
@@ -136,15 +137,17 @@ def _pair(given: Any) -> tuple[float, float]:
 
 def _number(given: dict[str, Any], name: str, otherwise: float | None = None) -> float:
     value = given.get(name, otherwise)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise UsageError(f"{name} is {value!r}; give a finite number.", settings=(name,))
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not abs(value) <= NUMBER_MOST:
+        shown = str(value)[:40]
+        raise UsageError(f"{name} is {shown}; give a finite number.", settings=(name,))
     return float(value)
 
 
 def _settings(given: dict[str, Any], region: Region) -> PlanSettings:
     minutes = given.get("minutes")
     cell_m = None if minutes is not None else _number(given, "cell_m", 10.0)
-    if cell_m is not None and cell_m > 0 and region.area_m2 / cell_m**2 > MOST_CELLS:
+    if cell_m is not None and cell_m > 0 and region.area_m2 > MOST_CELLS * cell_m**2:
         least = math.sqrt(region.area_m2 / MOST_CELLS)
         raise UsageError(
             f"Cells of {cell_m:g} m are more than {MOST_CELLS:,} in this water; "
