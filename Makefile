@@ -28,6 +28,7 @@ check: $(STAMP)  ## style, types, import contract
 	$(BIN)/ruff check .
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
+	$(BIN)/python tools/check_web.py
 
 bench: $(STAMP)  ## benchmarks: ratios against baselines in the same run
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,bench]'

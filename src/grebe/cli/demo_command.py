@@ -7,32 +7,21 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import click
-import shapely
 
 from grebe.cli import options, output
 from grebe.control.rules.lookahead import Lookahead
 from grebe.core.errors import IncompleteError
-from grebe.core.frames import LocalFrame
-from grebe.core.plan_settings import PlanSettings
-from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.mission.statistics import ProgressMeter
-from grebe.planning.planner import plan_survey
-from grebe.planning.region import Region
 from grebe.report import canvas, mission_figures
 from grebe.report.page import write_report
 from grebe.report.thresholds import read_profile
+from grebe.workflow.demo import NOTE, demo_survey
 from grebe.workflow.files import make_folder, write_survey
 from grebe.workflow.maps import map_survey, write_maps
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
-
-# About a hectare, the size of the region of the paper's Fig. 7, whose coordinates are not
-# printed: the shape is ours, the place is Lac du Heron.
-HERON = LocalFrame(origin_lon_deg=3.171153, origin_lat_deg=50.636268)
-OUTLINE_M = ((-48, -40), (-52, 10), (-30, 48), (15, 56), (46, 38), (50, -12), (24, -50), (-20, -54))
-NOTE = "Illustrative: the outline is a stand-in and not the paper's region."
 
 
 @click.command(name="demo")
@@ -45,10 +34,7 @@ def command(out: Path, as_json: bool) -> None:
     began = time.monotonic()
     make_folder(out)
     file = out / "survey.gpkg"
-    region = Region(
-        name="Lac du Héron (illustrative)", frame=HERON, water=shapely.Polygon(OUTLINE_M)
-    )
-    survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=5.0))
+    survey = demo_survey()
     canvas.save(mission_figures.plan_figure(survey), out / "plan.png")
     output.note(f"{NOTE} {len(survey.targets)} target sets of 25 m2; steering through them:")
     output.compile_once()

@@ -13,6 +13,7 @@ from grebe.cli.interruption import INTERRUPTED, heed_signals
 from grebe.core.errors import GrebeError, InputError
 
 COMMANDS = {
+    "app": "plan, watch, steer and read a survey in a browser",
     "demo": "region, plan, simulated mission, maps and report in under a minute",
     "plan": "mesh a region into target sets and put them in order",
     "export": "hand a plan to a ground station, a GPS receiver or a map",

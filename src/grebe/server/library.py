@@ -1,0 +1,361 @@
+"""The surveys of one folder, by ids that say nothing of paths, and as the page reads them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from grebe.core.errors import GrebeError, InputError
+from grebe.core.events import EndReason
+from grebe.core.quantities import Quantities
+from grebe.core.survey import Survey
+from grebe.io.store import SurveyFile
+from grebe.report.thresholds import Profile, read_profile
+from grebe.server.telling import ENDS, iso, number
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SUFFIX = ".gpkg"
+# The track of a snapshot has at most so many points, and the samples of its charts span so long.
+TRACK_POINTS = 4000
+RECENT_S = 600.0
+LOG_LINES = 500
+END_CODES = {reason.value: ENDS.get(reason, "interrupted") for reason in EndReason}
+
+
+class UnknownSurveyError(GrebeError):
+    """There is no survey of that id."""
+
+
+@dataclass
+class Library:
+    """The survey files of a folder."""
+
+    folder: Path
+    _known: dict[str, tuple[tuple[float, float], dict[str, Any]]] = field(
+        default_factory=dict[str, Any]
+    )
+
+    def paths(self) -> dict[str, Path]:
+        """The survey files by their ids."""
+        return {identity(path): path for path in sorted(self.folder.glob(f"*{SUFFIX}"))}
+
+    def path(self, survey_id: str) -> Path:
+        """The file of an id; `UnknownSurveyError` for none."""
+        path = self.paths().get(survey_id)
+        if path is None:
+            raise UnknownSurveyError("There is no such survey; it may have been deleted.")
+        return path
+
+    def summaries(self) -> list[dict[str, Any]]:
+        """What the list of surveys shows, the newest first; files that are none are left out."""
+        found: list[dict[str, Any]] = []
+        for survey_id, path in self.paths().items():
+            with suppress(GrebeError, OSError):
+                found.append(self.summary(survey_id, path))
+        return sorted(found, key=lambda one: one["created"], reverse=True)
+
+    def summary(self, survey_id: str, path: Path) -> dict[str, Any]:
+        """One line of the list, read again only where the file has changed."""
+        stamp = (_changed(path), _changed(path.with_name(path.name + "-wal")))
+        known = self._known.get(survey_id)
+        if known is None or known[0] != stamp:
+            with SurveyFile.open(path) as file:
+                known = (stamp, {"id": survey_id, **_summary(file)})
+            self._known[survey_id] = known
+        return dict(known[1])
+
+    def free_path(self, name: str) -> Path:
+        """A path for a new survey of a name, of which letters and digits alone are taken."""
+        plain = re.sub(r"[^\w-]+", "-", name, flags=re.UNICODE).strip("-_")[:60] or "survey"
+        for count in range(1, 10_000):
+            path = self.folder / f"{plain}{'' if count == 1 else f'-{count}'}{SUFFIX}"
+            if not path.exists():
+                return path
+        raise InputError(f"There are too many surveys named {name!r}.")
+
+    def remove(self, path: Path) -> None:
+        """Delete a survey and what lies beside it."""
+        for suffix in ("", "-wal", "-shm", ".live", ".log"):
+            path.with_name(path.name + suffix).unlink(missing_ok=True)
+        for suffix in (".html", ".png"):
+            path.with_suffix(suffix).unlink(missing_ok=True)
+
+
+def identity(path: Path) -> str:
+    """The id of a survey file."""
+    return hashlib.sha256(path.name.encode()).hexdigest()[:16]
+
+
+def _changed(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _summary(file: SurveyFile) -> dict[str, Any]:
+    survey, meta = file.survey, file.meta()
+    return {
+        "name": meta.get("app_name") or survey.name,
+        "created": meta.get("created", ""),
+        "state": state_of(file),
+        "cells": len(survey.targets),
+        "reached": file.progress().reached,
+        "samples": file.count("samples"),
+        "area_m2": round(survey.water.area, 1),
+    }
+
+
+def state_of(file: SurveyFile) -> str:
+    """What a file says of its mission, as long as nobody sails it."""
+    if not file.survey.targets:
+        return "imported"
+    for event in reversed(file.events()):
+        if event.code in END_CODES:
+            return END_CODES[event.code]
+        if event.code == "mission_started":
+            return "interrupted"
+    return "planned" if file.track_ends() is None else "interrupted"
+
+
+def geojson(survey: Survey, geometry: BaseGeometry) -> dict[str, Any]:
+    """A local geometry as GeoJSON in degrees, to a centimetre."""
+    return json.loads(shapely.to_geojson(_rounded(survey.frame.geometry_to_wgs84(geometry))))
+
+
+def _rounded(geometry: BaseGeometry) -> BaseGeometry:
+    return shapely.transform(geometry, lambda points: np.round(points, 7))
+
+
+def rings(survey: Survey) -> list[list[list[float]]]:
+    """The outline of each target in degrees."""
+    made: list[list[list[float]]] = []
+    for target in survey.targets:
+        corners = (
+            np.asarray(target.cell.exterior.coords)[:, :2]
+            if target.cell is not None
+            else np.asarray([*target.set.vertices, target.set.vertices[0]])
+        )
+        made.append(np.round(survey.frame.to_wgs84(corners), 7).tolist())
+    return made
+
+
+def bounds(survey: Survey) -> list[float]:
+    """West, south, east, north of the water [deg]."""
+    return [float(x) for x in survey.frame.geometry_to_wgs84(survey.water).bounds]
+
+
+def quantity_table(quantities: Quantities, keys: Sequence[str]) -> list[dict[str, Any]]:
+    """Quantities as the page shows them, with the first threshold of concern."""
+    profile: Profile = read_profile(None)
+    first: dict[str, tuple[float, str]] = {}
+    for each in profile.thresholds:
+        first.setdefault(each.quantity, (each.value, each.sense))
+    table: list[dict[str, Any]] = []
+    for key in keys:
+        quantity = quantities.known(key)
+        table.append(
+            {
+                "id": key,
+                "label": {"en": quantity.label, "fr": quantity.label_in("fr")},
+                "unit": quantity.unit,
+                "threshold": first.get(key, (None, ""))[0],
+                "side": first.get(key, (None, "above"))[1],
+            }
+        )
+    return table
+
+
+def measured(file: SurveyFile) -> list[str]:
+    """The quantities of a file that hold a value; all that it declares before any was read."""
+    samples = file.samples()
+    keys = list(file.quantities)
+    held = [key for key in keys if key in samples.values and np.isfinite(samples.values[key]).any()]
+    return held or keys
+
+
+def detail(survey_id: str, path: Path) -> dict[str, Any]:
+    """All about a survey that does not change while it is sailed, but for its states."""
+    with SurveyFile.open(path) as file:
+        survey, reached = file.survey, file.progress().reached_at
+        meta = file.meta()
+        return {
+            "id": survey_id,
+            **_summary(file),
+            "region": geojson(survey, survey.water),
+            "targets": [
+                {"seq": target.seq, "ring": ring, "state": "reached" if at else "open"}
+                for target, ring, at in zip(survey.targets, rings(survey), reached, strict=True)
+            ],
+            "route": None,
+            "settings": json.loads(meta.get("app_settings", "null")),
+            "quantities": quantity_table(file.quantities, measured(file)),
+            "link": meta.get("water"),
+            "bounds": bounds(survey),
+        }
+
+
+def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
+    """The state of a survey from its file, with times in unix seconds; `begins` is its first."""
+    with SurveyFile.open(path) as file:
+        survey, track, samples = file.survey, file.track(), file.samples()
+        keys = list(file.quantities)
+        reached, events = file.progress(), file.events()
+        times = np.array([moment.timestamp() for moment in track.times])
+        places = _places(survey, track.states[:, :2])
+        keep = np.linspace(0, len(times) - 1, min(len(times), TRACK_POINTS)).astype(int)
+        last = times[-1] if len(times) else 0.0
+        recent = np.flatnonzero(samples.times > last - RECENT_S)
+        sampled = _places(survey, samples.positions[recent])
+        shown = [key for key in measured(file) if key in keys]
+        values = np.array([samples.values[key][recent] for key in shown if key in samples.values])
+        settings = survey.settings
+        estimate = _estimate(track.states[-1], places[-1]) if len(times) else None
+        return {
+            "id": survey_id,
+            "begins": float(times[0]) if len(times) else None,
+            "last": float(last),
+            "order": keys,
+            "name": file.meta().get("app_name") or survey.name,
+            "region": geojson(survey, survey.water),
+            "bounds": bounds(survey),
+            "targets": [
+                {"seq": target.seq, "ring": ring, "state": "reached" if at else "open"}
+                for target, ring, at in zip(
+                    survey.targets, rings(survey), reached.reached_at, strict=True
+                )
+            ],
+            "route": None,
+            "quantities": quantity_table(file.quantities, shown),
+            "speed_window": _window(survey),
+            "thrust_limit_n": [0.0, 0.0],
+            "track": [
+                [float(times[i]), *places[i], float(track.states[i, 3])] for i in keep.tolist()
+            ],
+            "samples": [
+                [float(samples.times[i]), *sampled[k], [number(v) for v in values[:, k]]]
+                for k, i in enumerate(recent.tolist())
+            ]
+            if len(values)
+            else [],
+            "estimate": estimate,
+            "thrusts": track.thrusts[-1].tolist() if len(times) else None,
+            "horizon": [],
+            "current": _current(settings),
+            "wind": None,
+            "events": [
+                {
+                    "at": event.time.timestamp(),
+                    "time": iso(event.time),
+                    "level": event.level,
+                    "code": event.code,
+                    "message": event.message,
+                }
+                for event in events[-LOG_LINES:]
+            ],
+            "status": {
+                "state": state_of(file),
+                "doing": "",
+                "time": iso(track.times[-1]) if len(times) else None,
+                "link": file.meta().get("water"),
+                "link_age_s": None,
+                "battery": None,
+                "solve_ms": None,
+                "fix": None,
+                "eta_s": None,
+                "coverage": reached.reached / max(1, len(survey.targets)),
+                "reached": reached.reached,
+                "targets": len(survey.targets),
+                "samples": file.count("samples"),
+                "rate": 1,
+            },
+        }
+
+
+def _window(survey: Survey) -> list[float]:
+    speeds = [(one.speed_min_mps, one.speed_max_mps) for one in survey.sets]
+    if not speeds:
+        return [0.0, 0.0]
+    return [min(low for low, _ in speeds), max(high for _, high in speeds)]
+
+
+def _current(settings: Any) -> dict[str, float] | None:
+    if settings is None:
+        return None
+    weather = settings.weather
+    return {"north_mps": weather.current_north_mps, "east_mps": weather.current_east_mps}
+
+
+def _estimate(state: NDArray[np.float64], place: list[float]) -> dict[str, float]:
+    return {
+        "lon": place[0],
+        "lat": place[1],
+        "heading_rad": float(state[2]),
+        "surge_mps": float(state[3]),
+        "sway_mps": float(state[4]),
+        "yaw_rate_radps": float(state[5]),
+    }
+
+
+def _places(survey: Survey, local: NDArray[np.float64]) -> list[list[float]]:
+    if not len(local):
+        return []
+    return np.round(survey.frame.to_wgs84(local), 7).tolist()
+
+
+def replay(path: Path) -> dict[str, Any]:
+    """A recorded mission as columns; times in seconds since the first row of its track."""
+    with SurveyFile.open(path) as file:
+        survey, track, samples = file.survey, file.track(), file.samples()
+        times = np.array([moment.timestamp() for moment in track.times])
+        zero = times[0] if len(times) else (samples.times[0] if len(samples.times) else 0.0)
+        every = max(1, len(times) // 50_000)
+        times, states = times[::every], track.states[::every]
+        places = np.array(_places(survey, states[:, :2])).reshape(-1, 2)
+        spots = np.array(_places(survey, samples.positions)).reshape(-1, 2)
+        reached = sorted(
+            (at.timestamp() - zero, seq)
+            for seq, at in enumerate(file.progress().reached_at, 1)
+            if at is not None
+        )
+        return {
+            "track": {
+                "t": np.round(times - zero, 2).tolist(),
+                "lon": places[:, 0].tolist(),
+                "lat": places[:, 1].tolist(),
+                "heading_rad": np.round(states[:, 2], 4).tolist(),
+                "surge_mps": np.round(states[:, 3], 3).tolist(),
+            },
+            "samples": {
+                "t": np.round(samples.times - zero, 2).tolist(),
+                "lon": spots[:, 0].tolist(),
+                "lat": spots[:, 1].tolist(),
+                "values": {
+                    key: [number(value) for value in column]
+                    for key, column in samples.values.items()
+                },
+            },
+            "reached": {"t": [at for at, _ in reached], "seq": [seq for _, seq in reached]},
+            "events": [
+                {
+                    "t": event.time.timestamp() - zero,
+                    "time": iso(event.time),
+                    "level": event.level,
+                    "code": event.code,
+                    "message": event.message,
+                }
+                for event in file.events()
+            ],
+        }

@@ -1,0 +1,365 @@
+"""Missions under way, and the tabs that look on: a snapshot, then what changed.
+
+A tab that is too slow for what it is told gets a new snapshot instead of a queue. The state of a
+survey is read from its file and kept up to date by what the mission's own process says; when
+either is gone, the other has it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import AsyncGenerator, Callable
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+
+from grebe.core.errors import InputError, LinkError
+from grebe.server import library
+from grebe.server.boat import Voyage, live_path
+from grebe.server.telling import iso
+
+# A tab holds at most so many messages.
+QUEUE = 40
+KEEP_S = 5.0
+# A tab that steers and is gone for so long steers no more.
+GONE_S = 15.0
+# A mission that was started is waited for so long: the first one compiles its controller [s].
+START_S = 180.0
+# The page is told of a new map at most so often [s].
+MAP_EACH_S = 5.0
+TRACK_KEPT, SAMPLES_KEPT = 20_000, 3_000
+UNDER_WAY = ("running", "paused", "returning")
+
+
+@dataclass(eq=False)
+class Tab:
+    """One page that looks on; `behind` where it has to be told all."""
+
+    name: str
+    queue: asyncio.Queue[tuple[str, Any]] = field(default_factory=lambda: asyncio.Queue(QUEUE))
+    behind: bool = False
+
+    def tell(self, kind: str, what: Any) -> None:
+        """Tell it, or note that it fell behind."""
+        if self.behind:
+            return
+        try:
+            self.queue.put_nowait((kind, what))
+        except asyncio.QueueFull:
+            self.behind = True
+
+
+@dataclass
+class Lease:
+    """Which tab steers, of all surveys: one, seen by all."""
+
+    holder: str | None = None
+    since: str | None = None
+
+    def seen_by(self, tab: str) -> dict[str, Any]:
+        """The lease in the words of a tab."""
+        who = None if self.holder is None else "you" if self.holder == tab else "other"
+        return {"holder": who, "since": self.since}
+
+    def take(self, tab: str) -> None:
+        """Give it to a tab."""
+        self.holder, self.since = tab, iso(datetime.now(UTC))
+
+    def expect(self, tab: str, is_back: Callable[[], bool]) -> None:
+        """A tab is gone: if it is not back soon, it steers no more."""
+
+        def look() -> None:
+            if not is_back():
+                self.leave(tab)
+
+        with contextlib.suppress(RuntimeError):
+            asyncio.get_running_loop().call_later(GONE_S, look)
+
+    def leave(self, tab: str) -> None:
+        """Take it from a tab that has it."""
+        if self.holder == tab:
+            self.holder = self.since = None
+
+
+class Watch:
+    """One survey: its state, its tabs, and the line to its mission while there is one."""
+
+    def __init__(self, survey_id: str, path: Path, lease: Lease) -> None:
+        self.survey_id, self.path, self.lease = survey_id, path, lease
+        self.tabs: list[Tab] = []
+        self.state: dict[str, Any] = {}
+        self.map_version = 0
+        self._map_told = 0.0
+        self._writer: asyncio.StreamWriter | None = None
+        self._listening: asyncio.Task[None] | None = None
+        self._lock = asyncio.Lock()
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the line to a mission stands."""
+        return self._writer is not None
+
+    async def ready(self) -> None:
+        """Connect to the mission where there is one, and read the file where nothing is known."""
+        async with self._lock:
+            if self._writer is None:
+                await self._connect()
+            if not self.state or not self.under_way:
+                await self._read()
+
+    async def _read(self) -> None:
+        state = await run_in_threadpool(library.snapshot, self.survey_id, self.path)
+        if self.under_way:
+            state["status"] |= {"state": "running", "doing": "surveying"}
+        self.state = state
+
+    async def _connect(self) -> None:
+        try:
+            told = json.loads(live_path(self.path).read_text(encoding="ascii"))
+            reader, writer = await asyncio.wait_for(
+                asyncio.open_connection("127.0.0.1", int(told["port"]), limit=2**22), 2.0
+            )
+            writer.write(f"{told['key']}\n".encode())
+            await writer.drain()
+        except (OSError, ValueError, KeyError, TypeError, TimeoutError):
+            return
+        self._writer = writer
+        await self._read()
+        self._listening = asyncio.create_task(self._listen(reader))
+
+    async def _listen(self, reader: asyncio.StreamReader) -> None:
+        try:
+            while line := await reader.readline():
+                self._take(json.loads(line))
+        except (OSError, ValueError):
+            pass
+        self._writer = None
+        # What the mission wrote last is in the file now.
+        for _ in range(50):
+            if not live_path(self.path).exists():
+                break
+            await asyncio.sleep(0.1)
+        with contextlib.suppress(Exception):
+            await self._read()
+        self.map_version += 1
+        for tab in self.tabs:
+            tab.behind = True
+            with contextlib.suppress(asyncio.QueueFull):
+                tab.queue.put_nowait(("nothing", None))
+
+    def _take(self, told: dict[str, Any]) -> None:
+        """Take in what a mission says, and pass it on."""
+        state = self.state
+        if state["begins"] is None:
+            state["begins"] = told["time"]
+        zero: float = state["begins"]
+        delta: dict[str, Any] = {"t": told["time"] - zero}
+        for name in ("estimate", "thrusts", "horizon", "current"):
+            if name in told:
+                state[name] = delta[name] = told[name]
+        self._take_lists(told, delta, zero)
+        status = state["status"]
+        status |= told["status"]
+        status["time"] = iso(datetime.fromtimestamp(told["time"], UTC))
+        status["t"] = delta["t"]
+        status["samples"] += len(told.get("samples", ()))
+        status["coverage"] = status["reached"] / max(1, status["targets"])
+        delta["status"] = status
+        for tab in self.tabs:
+            tab.tell("delta", delta)
+        if told.get("samples") and told["time"]:
+            self._tell_map()
+
+    def _take_lists(self, told: dict[str, Any], delta: dict[str, Any], zero: float) -> None:
+        state = self.state
+        track = [point for point in told.get("track", ()) if point[0] > state["last"]]
+        if track:
+            state["track"] = [*state["track"], *track][-TRACK_KEPT:]
+            delta["track"] = [[point[0] - zero, *point[1:]] for point in track]
+        shown = {one["id"] for one in state["quantities"]}
+        places = [i for i, key in enumerate(state["order"]) if key in shown]
+        samples: list[Any] = [
+            [at, lon, lat, [values[i] for i in places]]
+            for at, lon, lat, values in told.get("samples", ())
+        ]
+        if samples:
+            state["samples"] = [*state["samples"], *samples][-SAMPLES_KEPT:]
+            delta["samples"] = [[one[0] - zero, *one[1:]] for one in samples]
+        if told.get("targets"):
+            reached: set[int] = {seq for seq, word in told["targets"] if word == "reached"}
+            changes: list[Any] = [
+                *([seq, "open"] for seq in told.get("left", ()) if self._is_current(seq)),
+                *told["targets"],
+            ]
+            changes = [one for one in changes if one[1] == "reached" or one[0] not in reached]
+            for seq, word in changes:
+                if 0 < seq <= len(state["targets"]):
+                    state["targets"][seq - 1]["state"] = word
+            delta["targets"] = changes
+        if told.get("events"):
+            state["events"] = [*state["events"], *told["events"]][-library.LOG_LINES :]
+            delta["events"] = [_since(event, zero) for event in told["events"]]
+
+    def _is_current(self, seq: int) -> bool:
+        targets = self.state["targets"]
+        return 0 < seq <= len(targets) and targets[seq - 1]["state"] == "current"
+
+    def _tell_map(self) -> None:
+        now = asyncio.get_running_loop().time()
+        if now - self._map_told < MAP_EACH_S:
+            return
+        self._map_told = now
+        self.map_version += 1
+        for tab in self.tabs:
+            tab.tell("map", {"quantity": "", "version": self.map_version})
+
+    def snapshot(self, tab: str) -> dict[str, Any]:
+        """All that there is to know, for a tab."""
+        state = self.state
+        zero = state["begins"] or 0.0
+        hidden = ("begins", "last", "order")
+        return {
+            **{key: value for key, value in state.items() if key not in hidden},
+            "track": [[point[0] - zero, *point[1:]] for point in state["track"]],
+            "samples": [[one[0] - zero, *one[1:]] for one in state["samples"]],
+            "events": [_since(event, zero) for event in state["events"]],
+            "status": {"t": max(0.0, state["last"] - zero), **state["status"]},
+            "lease": self.lease.seen_by(tab),
+            "map_version": self.map_version,
+        }
+
+    async def order(self, command: str) -> None:
+        """Pass an order on; `LinkError` where nobody hears it."""
+        await self.ready()
+        if self._writer is None:
+            raise LinkError("This survey is not under way; there is nobody to obey.")
+        self._writer.write(f"{command}\n".encode())
+        await self._writer.drain()
+
+    async def begin(self, voyage: Voyage) -> None:
+        """Start a mission in a process of its own, and wait until it can be heard."""
+        await self.ready()
+        await self._ended()
+        live_path(self.path).unlink(missing_ok=True)
+        log = self.path.with_name(self.path.name + ".log")
+        with log.open("w", encoding="utf-8") as errors:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "grebe.server.boat", self.path, json.dumps(asdict(voyage))],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+                start_new_session=True,
+                env={**os.environ, "OMP_NUM_THREADS": "1"},
+            )
+        loop = asyncio.get_running_loop()
+        end = loop.time() + START_S
+        while not live_path(self.path).exists():
+            if process.poll() is not None:
+                text = log.read_text(encoding="utf-8").strip().splitlines()
+                raise InputError(text[-1] if text else "The mission ended before it began.")
+            if loop.time() > end:
+                raise LinkError("The mission did not begin within three minutes.")
+            await asyncio.sleep(0.05)
+        self.state = {}
+        await self.ready()
+        if self.state:
+            self.state["status"] |= {"rate": voyage.rate, "link": voyage.link}
+        for tab in self.tabs:
+            tab.behind = True
+            with contextlib.suppress(asyncio.QueueFull):
+                tab.queue.put_nowait(("nothing", None))
+
+    async def _ended(self) -> None:
+        """Wait for a mission that is over to put its file away; refuse where one is under way."""
+        for _ in range(200):
+            if not self.under_way:
+                return
+            if self.state["status"]["state"] in UNDER_WAY:
+                break
+            await asyncio.sleep(0.1)
+        raise InputError("This survey is under way already.")
+
+    async def stream(self, tab: Tab) -> AsyncGenerator[bytes]:
+        """The messages of a tab, as server-sent events."""
+        await self.ready()
+        self.tabs.append(tab)
+        try:
+            yield _event("snapshot", self.snapshot(tab.name))
+            while True:
+                try:
+                    kind, what = await asyncio.wait_for(tab.queue.get(), KEEP_S)
+                except TimeoutError:
+                    if not self.under_way:
+                        await self._look_again(tab)
+                    yield b": keep\n\n"
+                    continue
+                if tab.behind:
+                    while not tab.queue.empty():
+                        tab.queue.get_nowait()
+                    tab.behind = False
+                    yield _event("snapshot", self.snapshot(tab.name))
+                elif kind == "lease":
+                    yield _event("lease", self.lease.seen_by(tab.name))
+                elif kind != "nothing":
+                    yield _event(kind, what)
+        finally:
+            self.tabs.remove(tab)
+            self.lease.expect(tab.name, lambda: any(one.name == tab.name for one in self.tabs))
+
+    async def _look_again(self, tab: Tab) -> None:
+        """A mission that was begun by somebody else is found."""
+        if live_path(self.path).exists():
+            await self.ready()
+            if self.under_way:
+                tab.behind = True
+                tab.queue.put_nowait(("nothing", None))
+
+
+def _since(event: dict[str, Any], zero: float) -> dict[str, Any]:
+    return {**{k: v for k, v in event.items() if k != "at"}, "t": event["at"] - zero}
+
+
+def _event(kind: str, what: Any) -> bytes:
+    return f"event: {kind}\ndata: {json.dumps(what, allow_nan=False)}\n\n".encode()
+
+
+class Fleet:
+    """The watches of all surveys, and who steers."""
+
+    def __init__(self, surveys: library.Library) -> None:
+        self.surveys = surveys
+        self.lease = Lease()
+        self._watches: dict[str, Watch] = {}
+
+    def watch(self, survey_id: str) -> Watch:
+        """The watch of a survey."""
+        path = self.surveys.path(survey_id)
+        watch = self._watches.get(survey_id)
+        if watch is None:
+            watch = self._watches[survey_id] = Watch(survey_id, path, self.lease)
+        return watch
+
+    def forget(self, survey_id: str) -> None:
+        """A survey is deleted."""
+        self._watches.pop(survey_id, None)
+
+    def state(self, survey_id: str) -> str | None:
+        """The state of a mission under way; None for one that is not watched."""
+        watch = self._watches.get(survey_id)
+        if watch is None or not watch.under_way or not watch.state:
+            return None
+        return str(watch.state["status"]["state"])
+
+    def tell_lease(self) -> None:
+        """Tell all tabs who steers."""
+        for watch in self._watches.values():
+            for tab in watch.tabs:
+                tab.tell("lease", None)

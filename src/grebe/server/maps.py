@@ -1,0 +1,268 @@
+"""Maps as the page asks for them, made in a process of their own and kept as long as they hold."""
+
+from __future__ import annotations
+
+import base64
+import importlib
+import math
+import time
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from grebe.core.errors import InputError
+from grebe.core.frames import LocalFrame
+from grebe.core.samples import Flag
+from grebe.io.store import SurveyFile
+from grebe.mapping.grid import make_grid
+from grebe.mapping.lag import corrected_values
+from grebe.mapping.maps import Mapper, QuantityMap
+from grebe.mapping.validation import Z95
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# A map that is still forming has about so many nodes, a finished one the default.
+FORMING_NODES = 2_500
+FORMING_S = 6.0
+KEPT = 24
+PROFILE_POINTS = 200
+
+
+class NoMapError(InputError):
+    """There is no map of that, or no water there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """A map, the frame that it lies in, the flags (n,) of its samples with their places, and when
+    it was made by the clock that never runs back [s].
+    """
+
+    map: QuantityMap
+    frame: LocalFrame
+    positions: NDArray[np.float64]
+    flags: NDArray[np.int64]
+    forming: bool
+    at_s: float = 0.0
+
+
+_KEPT: OrderedDict[tuple[Any, ...], Made] = OrderedDict()
+
+
+def _made(path: str, quantity: str, *, forming: bool) -> Made:
+    """The map of a quantity, made again where the file has changed."""
+    # Under way the file changes ten times a second, and a map holds for a few seconds.
+    key = (path, quantity, forming, *(() if forming else _stamps(path)))
+    now = time.monotonic()
+    if key in _KEPT and (not forming or now - _KEPT[key].at_s < FORMING_S):
+        _KEPT.move_to_end(key)
+        return _KEPT[key]
+    with SurveyFile.open(Path(path)) as file:
+        survey, samples = file.survey, file.samples()
+        if quantity not in samples.values:
+            raise NoMapError(f"This survey has no quantity {quantity!r}.")
+        known = file.quantities.known(quantity)
+        values = corrected_values(samples, file.lags())[quantity]
+    nodes = math.sqrt(survey.water.area / FORMING_NODES) if forming else None
+    mapper = Mapper(survey.water, make_grid(survey.water, nodes))
+    flags = samples.flags[quantity]
+    made = Made(
+        map=mapper.map_quantity(known, samples.positions, values, flags),
+        frame=survey.frame,
+        positions=samples.positions,
+        flags=flags,
+        forming=forming,
+        at_s=time.monotonic(),
+    )
+    _KEPT[key] = made
+    while len(_KEPT) > KEPT:
+        _KEPT.popitem(last=False)
+    return made
+
+
+def _stamps(path: str) -> tuple[float, ...]:
+    found: list[float] = []
+    for name in (path, f"{path}-wal"):
+        try:
+            found.append(Path(name).stat().st_mtime)
+        except OSError:
+            found.append(0.0)
+    return tuple(found)
+
+
+def grid(
+    path: str, quantity: str, layer: str, threshold: float | None, side: str, *, forming: bool
+) -> dict[str, Any]:
+    """A layer of a map as the page paints it."""
+    made = _made(path, quantity, forming=forming)
+    one = made.map
+    unit = one.quantity.unit
+    span: list[float] | None = None
+    if layer == "mean":
+        field = one.mean
+    elif layer == "sd":
+        field = one.sd
+        span = [0.0, float(np.nanmax(field))]
+    elif layer == "probability":
+        if threshold is None:
+            raise InputError("A probability needs a threshold.", settings=("threshold",))
+        above = one.exceedance(threshold)
+        field, unit, span = (1 - above if side == "below" else above), "", [0.0, 1.0]
+    elif layer == "quality":
+        field, unit, span = _quality(made), "", [0.0, 1.0]
+    else:
+        raise InputError(f"There is no layer {layer!r} of a map.", settings=("layer",))
+    note = "The boat is under way: this map is still forming." if forming else None
+    return _grid(made, field, layer, unit, span, note)
+
+
+def _quality(made: Made) -> NDArray[np.floating]:
+    """The share of good values among the sixteen nearest samples, at each node."""
+    from scipy.spatial import KDTree
+
+    one = made.map
+    good = np.isin(made.flags, Flag.USABLE).astype(float)
+    there = made.flags != Flag.MISSING
+    if not there.any():
+        return np.full(one.mean.shape, np.nan)
+    tree = KDTree(made.positions[there])
+    count = min(16, int(there.sum()))
+    _, nearest = tree.query(one.grid.nodes, k=count)
+    share = good[there][np.asarray(nearest).reshape(len(one.grid.nodes), count)].mean(axis=1)
+    return one.grid.spread(share)
+
+
+def _grid(
+    made: Made,
+    field: NDArray[np.floating],
+    layer: str,
+    unit: str,
+    span: list[float] | None,
+    note: str | None,
+) -> dict[str, Any]:
+    one = made.map
+    lay = one.grid
+    half = lay.step_m / 2
+    south, north = lay.north[0] - half, lay.north[-1] + half
+    west, east = lay.east[0] - half, lay.east[-1] + half
+    corners = made.frame.to_wgs84([(south, west), (south, east), (north, east), (north, west)])
+    if span is None:
+        low, high = float(np.nanmin(field)), float(np.nanmax(field))
+        span = [low, high if high > low else low + 1e-6]
+    values = np.ascontiguousarray(field, dtype="<f4")
+    return {
+        "quantity": one.quantity.key,
+        "layer": layer,
+        "nx": values.shape[1],
+        "ny": values.shape[0],
+        "corners": np.round(corners, 8).tolist(),
+        "values": base64.b64encode(values.tobytes()).decode("ascii"),
+        "range": span,
+        "levels": [],
+        "unit": unit,
+        "version": one.samples,
+        "method": one.method.label,
+        "samples": one.samples,
+        "note": note,
+    }
+
+
+def _at(made: Made, places: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Mean and standard deviation (n,) at local places (n, 2)."""
+    one = made.map
+    factor = one.calibration.factor(places)
+    return one.field.mean(places), np.hypot(factor * one.field.sd(places), one.micro_sd)
+
+
+def _inside(made: Made, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    lay = made.map.grid
+    row = np.rint((places[:, 0] - lay.north[0]) / lay.step_m).astype(int)
+    column = np.rint((places[:, 1] - lay.east[0]) / lay.step_m).astype(int)
+    known = (row >= 0) & (row < len(lay.north)) & (column >= 0) & (column < len(lay.east))
+    found = np.zeros(len(places), dtype=bool)
+    found[known] = lay.inside[row[known], column[known]]
+    return found
+
+
+def at(path: str, quantity: str, lon: float, lat: float, *, forming: bool) -> dict[str, Any]:
+    """The value at a place, with its 95 % interval."""
+    made = _made(path, quantity, forming=forming)
+    place = made.frame.to_local([(lon, lat)])
+    if not np.isfinite(place).all() or not _inside(made, place)[0]:
+        raise NoMapError("There is no water of this survey at that place.")
+    mean, sd = (float(found[0]) for found in _at(made, place))
+    return {
+        "mean": mean,
+        "sd": sd,
+        "low": mean - Z95 * sd,
+        "high": mean + Z95 * sd,
+        "unit": made.map.quantity.unit,
+    }
+
+
+def profile(
+    path: str, quantity: str, line: list[tuple[float, float]], *, forming: bool
+) -> dict[str, Any]:
+    """Values along a line, with their 95 % interval; None off the water."""
+    made = _made(path, quantity, forming=forming)
+    corners = made.frame.to_local(line)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    if not np.isfinite(lengths).all() or not 0 < lengths[-1] < 1e6:
+        raise InputError("The line has no length, or is longer than any lake.", settings=("line",))
+    distance = np.linspace(0.0, lengths[-1], PROFILE_POINTS)
+    places = np.column_stack([np.interp(distance, lengths, corners[:, i]) for i in (0, 1)])
+    inside = _inside(made, places)
+    mean, sd = np.full(len(places), np.nan), np.full(len(places), np.nan)
+    if inside.any():
+        mean[inside], sd[inside] = _at(made, places[inside])
+
+    def column(values: NDArray[np.floating]) -> list[float | None]:
+        return [None if math.isnan(value) else float(value) for value in values]
+
+    return {
+        "distance_m": np.round(distance, 2).tolist(),
+        "mean": column(mean),
+        "low": column(mean - Z95 * sd),
+        "high": column(mean + Z95 * sd),
+        "unit": made.map.quantity.unit,
+    }
+
+
+def difference(path: str, other: str, quantity: str) -> dict[str, Any]:
+    """This survey less another one, where both have water."""
+    from grebe.workflow.differences import compare_surveys
+
+    changes = compare_surveys(Path(other), Path(path))
+    change = changes.by_quantity.get(quantity)
+    if change is None:
+        raise NoMapError(f"The two surveys have no map of {quantity!r} in common.")
+    made = Made(
+        map=change.before,
+        frame=changes.survey.frame,
+        positions=np.zeros((0, 2)),
+        flags=np.zeros(0, dtype=np.int64),
+        forming=False,
+    )
+    found = change.difference.mean
+    return _grid(made, found, "difference", change.before.quantity.unit, None, None)
+
+
+def warm() -> None:
+    """Import what maps need, before somebody waits for one."""
+    for name in ("scipy.spatial", "grebe.mapping.methods.choice", "grebe.report.data"):
+        importlib.import_module(name)
+
+
+def report(path: str, language: str) -> None:
+    """Write the page of a survey beside it."""
+    from grebe.report.data import gather
+    from grebe.report.page import write_report
+
+    survey = Path(path)
+    with SurveyFile.open(survey) as file:
+        data = gather(file)
+    write_report(survey.with_suffix(".html"), data, None, language)

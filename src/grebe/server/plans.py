@@ -1,0 +1,262 @@
+"""Plans as the page asks for them: what a survey would be, and the survey itself.
+
+These run in a process of their own, so that a large plan keeps no mission's page waiting.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from grebe.core.dynamics import Weather
+from grebe.core.errors import GrebeError, InputError, UsageError
+from grebe.core.frames import LocalFrame
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.sets import footprints_of
+from grebe.core.survey import Survey
+from grebe.core.vessel import PRESETS, Vessel, vessel_named
+from grebe.io.store import SurveyFile
+from grebe.planning.planner import Planned, plan
+from grebe.planning.region import Region, clean_region
+from grebe.planning.taut import taut_way
+from grebe.server.asked import NUMBER_MOST
+from grebe.server.library import geojson, rings
+from grebe.workflow.demo import NOTE, demo_survey
+from grebe.workflow.files import write_survey
+
+# More cells than this are no preview: they take minutes.
+MOST_CELLS = 20_000
+MOST_POINTS = 200_000
+NAMES = {
+    "cell_m", "pattern", "speed_min_mps", "speed_max_mps", "vessel", "start", "shore_margin_m",
+    "no_go", "current", "wind", "minutes",
+}  # fmt: skip
+# An overlap or a gap that is smaller is rounding [m2].
+SPECK_M2 = 0.5
+
+
+def preview(request: Any) -> dict[str, Any]:
+    """What a survey would be; where there is none, `problems` says why."""
+    try:
+        _, planned = _plan(request, "preview")
+    except GrebeError as error:
+        setting = error.settings[0] if error.settings else ""
+        return {**_NOTHING, "problems": [{"setting": setting, "message": str(error)}]}
+    return _shown(planned)
+
+
+_NOTHING: dict[str, Any] = {
+    "targets": {"type": "FeatureCollection", "features": []},
+    "route": {"type": "LineString", "coordinates": []},
+    "length_m": 0.0,
+    "time_s": 0.0,
+    "energy_wh": None,
+    "samples": 0,
+    "area_m2": 0.0,
+    "expected_sd": None,
+    "uncovered": None,
+    "uncovered_m2": 0.0,
+    "outside_m": 0.0,
+    "problems": [],
+    "notes": [],
+}
+
+
+def keep(request: Any, path: str) -> None:
+    """Plan a survey and write it to a new file, with what it was asked by."""
+    name = str(request.get("name", "")).strip()[:80] or "Survey"
+    _, planned = _plan(request, name)
+    write_survey(Path(path), planned.survey)
+    with SurveyFile.open(Path(path)) as file:
+        file.set_meta("app_name", name)
+        file.set_meta("app_settings", json.dumps(request["settings"]))
+
+
+def keep_demo(path: str) -> None:
+    """Write the plan of a hectare, as `grebe demo` has it."""
+    write_survey(Path(path), demo_survey(), note=NOTE)
+
+
+def _plan(request: Any, name: str) -> tuple[Region, Planned]:
+    if not isinstance(request, dict):
+        raise InputError("A plan is asked for by a region and settings.")
+    given = cast("dict[str, Any]", request)
+    settings = given.get("settings")
+    if not isinstance(settings, dict):
+        raise InputError("A plan is asked for by a region and settings.")
+    chosen = cast("dict[str, Any]", settings)
+    unknown = sorted(set(chosen) - NAMES)
+    if unknown:
+        raise UsageError(f"There is no setting {unknown[0]!r} of a plan.", settings=(unknown[0],))
+    region = clean_region(_geometry(given.get("region"), "region"), name)
+    vessel = vessel_named(str(chosen.get("vessel", "spyboat")))
+    plan_settings = _settings(chosen, region)
+    zones = _zones(chosen.get("no_go"), region.frame)
+    start = chosen.get("start")
+    place = None if start is None else _pair(start)
+    return region, plan(region, vessel, plan_settings, place, zones)
+
+
+def _geometry(given: Any, what: str) -> BaseGeometry:
+    text = json.dumps(given)
+    try:
+        geometry = shapely.from_geojson(text)
+    except (shapely.errors.GEOSException, ValueError):
+        raise InputError(f"The {what} is no GeoJSON polygon.", settings=(what,)) from None
+    if not isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
+        raise InputError(f"The {what} is no polygon.", settings=(what,))
+    if shapely.get_num_coordinates(geometry) > MOST_POINTS:
+        raise InputError(f"The {what} has more than {MOST_POINTS:,} points.", settings=(what,))
+    return geometry
+
+
+def _zones(given: Any, frame: LocalFrame) -> list[shapely.Polygon]:
+    if given is None:
+        return []
+    local = frame.geometry_to_local(_geometry(given, "no_go"))
+    if not local.is_valid:
+        raise InputError("A no-go area crosses itself.", settings=("no_go",))
+    return [part for part in shapely.get_parts(local) if isinstance(part, shapely.Polygon)]
+
+
+def _pair(given: Any) -> tuple[float, float]:
+    try:
+        lon, lat = (float(value) for value in given)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError("The start is no [longitude, latitude].", settings=("start",)) from None
+    if not (math.isfinite(lon) and math.isfinite(lat) and abs(lat) <= 90 and abs(lon) <= 360):
+        raise InputError("The start is no [longitude, latitude].", settings=("start",))
+    return lon, lat
+
+
+def _number(given: dict[str, Any], name: str, otherwise: float | None = None) -> float:
+    value = given.get(name, otherwise)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not abs(value) <= NUMBER_MOST:
+        shown = str(value)[:40]
+        raise UsageError(f"{name} is {shown}; give a finite number.", settings=(name,))
+    return float(value)
+
+
+def _settings(given: dict[str, Any], region: Region) -> PlanSettings:
+    minutes = given.get("minutes")
+    cell_m = None if minutes is not None else _number(given, "cell_m", 10.0)
+    if cell_m is not None and cell_m > 0 and region.area_m2 > MOST_CELLS * cell_m**2:
+        least = math.sqrt(region.area_m2 / MOST_CELLS)
+        raise UsageError(
+            f"Cells of {cell_m:g} m are more than {MOST_CELLS:,} in this water; "
+            f"choose {math.ceil(least)} m or more.",
+            settings=("cell_m",),
+        )
+    return PlanSettings(
+        cell_m=cell_m,
+        pattern=cast("Any", str(given.get("pattern", "free"))),
+        speed_min_mps=_number(given, "speed_min_mps", 0.5),
+        speed_max_mps=_number(given, "speed_max_mps", 1.5),
+        shore_margin_m=_number(given, "shore_margin_m", 0.0),
+        weather=weather(given),
+        minutes=None if minutes is None else _number(given, "minutes"),
+    )
+
+
+def weather(given: dict[str, Any]) -> Weather:
+    """The weather of a request: a current [m/s] towards, a wind's force [N] from a direction."""
+    north, east = _vector(given.get("current"), "current", "speed_mps", "towards_deg")
+    from_north, from_east = _vector(given.get("wind"), "wind", "force_n", "from_deg")
+    return Weather(
+        current_north_mps=north,
+        current_east_mps=east,
+        wind_force_north_n=-from_north,
+        wind_force_east_n=-from_east,
+    )
+
+
+def _vector(given: Any, what: str, size: str, direction: str) -> tuple[float, float]:
+    if given is None:
+        return 0.0, 0.0
+    if not isinstance(given, dict):
+        raise UsageError(f"The {what} has a {size} and a {direction}.", settings=(what,))
+    table = cast("dict[str, Any]", given)
+    length, angle = _number(table, size), math.radians(_number(table, direction))
+    return round(length * math.cos(angle), 9), round(length * math.sin(angle), 9)
+
+
+def _shown(planned: Planned) -> dict[str, Any]:
+    survey, outcome = planned.survey, planned.outcome
+    missing = _uncovered(survey)
+    way = _way(survey)
+    line = shapely.LineString(way) if len(way) > 1 else shapely.LineString()
+    outside = line.difference(survey.water.buffer(0.05)).length
+    return {
+        "targets": {
+            "type": "FeatureCollection",
+            "features": [
+                {
+                    "type": "Feature",
+                    "geometry": {"type": "Polygon", "coordinates": [ring]},
+                    "properties": {"seq": target.seq},
+                }
+                for target, ring in zip(survey.targets, rings(survey), strict=True)
+            ],
+        },
+        "route": geojson(survey, line),
+        "length_m": round(float(line.length), 1),
+        "time_s": round(outcome.time_s, 1),
+        "energy_wh": round(outcome.energy_wh, 2),
+        # A mission reads the sonde every second within the speed window.
+        "samples": round(outcome.time_s),
+        "area_m2": round(survey.water.area, 1),
+        "expected_sd": None,
+        "uncovered": None if missing.is_empty else geojson(survey, missing),
+        "uncovered_m2": round(float(missing.area), 1),
+        "outside_m": round(float(outside), 1),
+        "problems": [],
+        "notes": list(planned.notes),
+    }
+
+
+def _way(survey: Survey) -> list[tuple[float, float]]:
+    if survey.start is None:
+        return []
+    here = (survey.start.north_m, survey.start.east_m)
+    way = np.asarray(taut_way(here, footprints_of(survey.sets)), dtype=float)
+    return [(float(north), float(east)) for north, east in way.reshape(-1, 2)]
+
+
+def _uncovered(survey: Survey) -> shapely.MultiPolygon:
+    rest = survey.water.difference(shapely.union_all(survey.cells))
+    parts = [part for part in shapely.get_parts(rest) if part.area > SPECK_M2]
+    return shapely.MultiPolygon([part for part in parts if isinstance(part, shapely.Polygon)])
+
+
+def outline(path: str) -> dict[str, Any]:
+    """The water of a file of outlines, as GeoJSON."""
+    from grebe.workflow.plans import read_region
+
+    region, _ = read_region(Path(path))
+    water = region.frame.geometry_to_wgs84(region.water)
+    return {"region": json.loads(shapely.to_geojson(water)), "name": region.name}
+
+
+def receive(path: str, to: str) -> None:
+    """Keep a file from outside as a survey: a survey file as it is, a track by its samples."""
+    source = Path(path)
+    if source.suffix.lower() == ".gpkg":
+        with SurveyFile.open(source):
+            pass
+        source.replace(to)
+        return
+    from grebe.workflow.tracks import import_track
+
+    import_track(source, Path(to))
+
+
+def vessels() -> list[tuple[str, Vessel]]:
+    """The boats that a plan can be made for."""
+    return sorted(PRESETS.items())

@@ -1,0 +1,181 @@
+"""Who may speak to the server: this computer's user alone, by the page that it served itself.
+
+A page of another site cannot: it lacks the cookie (SameSite), its Origin is refused, and a name
+that is made to point here (DNS rebinding) is no Host that we know.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import os
+import secrets
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from urllib.parse import parse_qs
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+HEADERS = {
+    "content-security-policy": "default-src 'self'; img-src 'self' data: blob:; "
+    "style-src 'self' 'unsafe-inline'; frame-ancestors 'self'; base-uri 'none'; "
+    "form-action 'none'; object-src 'none'",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+}
+BODIES = ("application/json", "application/octet-stream")
+# A page of this server may be shown without a cookie: how to open it.
+CLOSED = (
+    b"<!doctype html><meta charset=utf-8><title>Grebe</title><p>This page is opened by the "
+    b"address that <code>grebe app</code> prints, with its token."
+)
+
+
+class Keys:
+    """The secrets of one server: the launch token, used once, and the cookie, which outlives it.
+
+    The cookie's value is kept in the folder of surveys, readable by its owner alone, so that a page
+    that is open knows a server that was started again.
+    """
+
+    def __init__(self, folder: Path, port: int) -> None:
+        self.cookie_name = f"grebe_{port}"
+        self.cookie = hashlib.sha256(f"{_secret(folder)}:{port}".encode()).hexdigest()
+        self.bearer = hashlib.sha256(f"bearer:{_secret(folder)}:{port}".encode()).hexdigest()
+        self._launch: str | None = secrets.token_urlsafe(24)
+        self.launch_token = self._launch
+
+    def exchange(self, token: str) -> bool:
+        """Take the launch token, once."""
+        known = self._launch is not None and hmac.compare_digest(
+            token.encode(), self._launch.encode()
+        )
+        if known:
+            self._launch = None
+        return known
+
+    def knows(self, headers: dict[str, str]) -> bool:
+        """Whether a request carries the cookie, or the token of scripts."""
+        given = headers.get("authorization", "")
+        if given.startswith("Bearer ") and _same(given[7:], self.bearer):
+            return True
+        try:
+            cookies = SimpleCookie(headers.get("cookie", ""))
+        except CookieError:
+            return False
+        found = cookies.get(self.cookie_name)
+        return found is not None and _same(found.value, self.cookie)
+
+
+def _same(given: str, known: str) -> bool:
+    return hmac.compare_digest(given.encode(), known.encode())
+
+
+def _secret(folder: Path) -> str:
+    """The secret of a folder, made where there is none."""
+    path = folder / ".grebe-app"
+    try:
+        text = path.read_text(encoding="ascii").strip()
+        if len(text) >= 32:
+            return text
+    except (OSError, UnicodeDecodeError):
+        pass
+    path.unlink(missing_ok=True)
+    text = secrets.token_urlsafe(32)
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+        file.write(text)
+    return text
+
+
+class Gate:
+    """Stands before the app: refuses what does not come from its own page, and adds headers."""
+
+    def __init__(self, app: ASGIApp, keys: Keys, hosts: frozenset[str]) -> None:
+        self._app = app
+        self._keys = keys
+        self._hosts = hosts
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request through, or answer it here."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                there = {name for name, _ in message.get("headers", [])}
+                more = [
+                    (name.encode(), value.encode())
+                    for name, value in HEADERS.items()
+                    if name.encode() not in there
+                ]
+                message = {**message, "headers": [*message.get("headers", []), *more]}
+            await send(message)
+
+        headers = {
+            name.decode("latin-1").lower(): value.decode("latin-1")
+            for name, value in scope["headers"]
+        }
+        refusal = self._refusal(scope, headers)
+        if refusal is not None:
+            await _answer(with_headers, *refusal)
+        elif scope["path"] == "/":
+            await self._page(scope, headers, receive, with_headers)
+        else:
+            await self._app(scope, receive, with_headers)
+
+    def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str, str] | None:
+        if headers.get("host", "").lower() not in self._hosts:
+            return 403, "host", "This server answers to its own name alone."
+        origin = headers.get("origin")
+        foreign = origin is not None and origin.partition("://")[2].lower() not in self._hosts
+        crossed = headers.get("sec-fetch-site") == "cross-site" and scope["path"] != "/"
+        if foreign or crossed:
+            return 403, "origin", "Another site's page may not ask this server."
+        if scope["path"].startswith("/api"):
+            return self._api_refusal(scope, headers)
+        return None
+
+    def _api_refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str, str] | None:
+        if not self._keys.knows(headers):
+            message = "Open the page with the address that grebe app prints."
+            return 401, "token", message
+        kind = headers.get("content-type", "").partition(";")[0].strip().lower()
+        if scope["method"] in ("POST", "PUT", "PATCH") and kind not in BODIES:
+            return 415, "content_type", "Send application/json or application/octet-stream."
+        return None
+
+    async def _page(
+        self, scope: Scope, headers: dict[str, str], receive: Receive, send: Send
+    ) -> None:
+        token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        if token and self._keys.exchange(token):
+            cookie = (
+                f"{self._keys.cookie_name}={self._keys.cookie}; Path=/; HttpOnly; SameSite=Strict"
+            )
+            await _redirect(send, cookie)
+        elif self._keys.knows(headers):
+            await (_redirect(send, None) if token else self._app(scope, receive, send))
+        else:
+            await _send(send, 401, CLOSED, [(b"content-type", b"text/html; charset=utf-8")])
+
+
+async def _redirect(send: Send, cookie: str | None) -> None:
+    headers = [(b"location", b"/"), (b"cache-control", b"no-store")]
+    if cookie:
+        headers.append((b"set-cookie", cookie.encode()))
+    await _send(send, 303, b"", headers)
+
+
+async def _answer(send: Send, status: int, code: str, message: str) -> None:
+    body = json.dumps({"error": {"code": code, "message": message}}).encode()
+    await _send(send, status, body, [(b"content-type", b"application/json")])
+
+
+async def _send(send: Send, status: int, body: bytes, headers: list[tuple[bytes, bytes]]) -> None:
+    length = (b"content-length", str(len(body)).encode())
+    await send({"type": "http.response.start", "status": status, "headers": [*headers, length]})
+    await send({"type": "http.response.body", "body": body})

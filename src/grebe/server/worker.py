@@ -1,0 +1,48 @@
+"""One process beside the server for work that takes long; it is replaced when it dies."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+from grebe.core.errors import InputError
+
+
+class Worker:
+    """Does one piece of work after another in a process of its own."""
+
+    def __init__(self) -> None:
+        self._pool = self._new()
+
+    @staticmethod
+    def _new() -> ProcessPoolExecutor:
+        # Forking a process that runs threads is not safe.
+        return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
+
+    async def run(self, work: Callable[..., Any], *given: Any) -> Any:
+        """Do some work and return what it returns.
+
+        Raises `InputError` where the process died of it, of a lack of memory for one; the next
+        work has a new process.
+        """
+        pool = self._pool
+        try:
+            return await asyncio.get_running_loop().run_in_executor(pool, work, *given)
+        except BrokenProcessPool:
+            if self._pool is pool:
+                self._pool = self._new()
+            raise InputError(
+                "This was too much for this computer (its process ended); ask for less."
+            ) from None
+
+    def begin(self, work: Callable[[], None]) -> None:
+        """Begin with some work that nobody waits for."""
+        self._pool.submit(work)
+
+    def close(self) -> None:
+        """Let the process go, and what waits for it."""
+        self._pool.shutdown(wait=False, cancel_futures=True)

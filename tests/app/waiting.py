@@ -1,0 +1,16 @@
+"""Waiting for what a page or a server will do."""
+
+from __future__ import annotations
+
+import time
+
+
+def until(holds, what, seconds=90.0):
+    """Wait for something; a strict content policy forbids the browser's own waiting."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found = holds()
+        if found:
+            return found
+        time.sleep(0.1)
+    raise AssertionError(f"waited {seconds:g} s in vain: {what}")

@@ -1,0 +1,334 @@
+"""The server: who may ask it, what it refuses, and that nothing that is sent to it breaks it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+starlette = pytest.importorskip("starlette")
+from starlette.applications import Starlette  # noqa: E402
+from starlette.responses import PlainTextResponse  # noqa: E402
+from starlette.routing import Route  # noqa: E402
+
+from grebe.core.errors import GrebeError, InputError  # noqa: E402
+from grebe.core.plan_settings import PlanSettings  # noqa: E402
+from grebe.core.survey import Survey  # noqa: E402
+from grebe.core.vessel import PRESETS  # noqa: E402
+from grebe.io.store import SurveyFile  # noqa: E402
+from grebe.planning.planner import plan_survey  # noqa: E402
+from grebe.planning.region import Region  # noqa: E402
+from grebe.server import library, maps, plans  # noqa: E402
+from grebe.server.asked import parsed  # noqa: E402
+from grebe.server.boat import Paced  # noqa: E402
+from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
+from grebe.server.live import QUEUE, Lease, Tab  # noqa: E402
+from grebe.server.security import Gate, Keys  # noqa: E402
+from grebe.server.telling import Telling  # noqa: E402
+from grebe.server.worker import Worker  # noqa: E402
+from grebe.workflow.demo import HERON, OUTLINE_M  # noqa: E402
+
+LAKE = [[6.55, 46.45], [6.551, 46.45], [6.551, 46.4506], [6.55, 46.4506], [6.55, 46.45]]
+REGION = {"type": "Polygon", "coordinates": [LAKE]}
+HOSTS = frozenset({"127.0.0.1:8737"})
+
+
+async def ask(app, path="/api/x", method="GET", **headers):
+    """Ask an ASGI app without a socket; return its status and headers."""
+    heard = []
+    scope = {
+        "type": "http", "method": method, "path": path.partition("?")[0], "raw_path": b"",
+        "query_string": path.partition("?")[2].encode(), "http_version": "1.1", "scheme": "http",
+        "headers": [(k.replace("_", "-").encode(), v.encode()) for k, v in headers.items()],
+        "server": ("127.0.0.1", 8737), "client": ("127.0.0.1", 1), "root_path": "",
+    }  # fmt: skip
+
+    async def receive():
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    async def send(message):
+        heard.append(message)
+
+    await app(scope, receive, send)
+    return heard[0]["status"], {k.decode(): v.decode() for k, v in heard[0]["headers"]}
+
+
+@pytest.fixture
+def gate(tmp_path):
+    async def fine(_):
+        return PlainTextResponse("fine")
+
+    inner = Starlette(
+        routes=[Route(path, fine, methods=["GET", "POST"]) for path in ("/", "/api/x")]
+    )
+    keys = Keys(tmp_path, 8737)
+    return Gate(inner, keys, HOSTS), keys
+
+
+def run(coroutine):
+    import asyncio
+
+    return asyncio.run(coroutine)
+
+
+def test_the_launch_token_is_exchanged_once_for_a_cookie_of_this_site_alone(gate):
+    app, keys = gate
+    opened, headers = run(ask(app, f"/?token={keys.launch_token}", host="127.0.0.1:8737"))
+    assert (opened, headers["location"]) == (303, "/")
+    assert "HttpOnly" in headers["set-cookie"]
+    assert "SameSite=Strict" in headers["set-cookie"]
+    again, headers = run(ask(app, f"/?token={keys.launch_token}", host="127.0.0.1:8737"))
+    assert again == 401
+    assert "set-cookie" not in headers
+
+
+def test_a_page_that_is_open_knows_a_server_that_was_started_again(tmp_path):
+    assert Keys(tmp_path, 8737).cookie == Keys(tmp_path, 8737).cookie
+    assert Keys(tmp_path, 8737).launch_token != Keys(tmp_path, 8737).launch_token
+    assert (tmp_path / ".grebe-app").stat().st_mode & 0o077 == 0
+
+
+ATTACKS = {
+    "no cookie": ({"cookie": ""}, 401),
+    "another's cookie": ({"cookie": "grebe_8737=guess"}, 401),
+    "a name that points here": ({"host": "evil.example:8737"}, 403),
+    "another port's page": ({"origin": "http://127.0.0.1:9999"}, 403),
+    "another site's page": ({"origin": "https://evil.example"}, 403),
+    "an opaque origin": ({"origin": "null"}, 403),
+    "a cross-site fetch": ({"sec_fetch_site": "cross-site"}, 403),
+    "a form's content type": ({"content_type": "text/plain"}, 415),
+    "no content type": ({"content_type": ""}, 415),
+    "an unreadable cookie": ({"cookie": 'a="\x01'}, 401),
+}
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_what_does_not_come_from_its_own_page_is_refused(gate, attack):
+    app, keys = gate
+    good = {
+        "host": "127.0.0.1:8737",
+        "cookie": f"{keys.cookie_name}={keys.cookie}",
+        "content_type": "application/json",
+    }
+    assert run(ask(app, method="POST", **good))[0] == 200
+    worse, status = ATTACKS[attack]
+    assert run(ask(app, method="POST", **{**good, **worse}))[0] == status
+
+
+def test_every_answer_forbids_what_is_not_ours(gate):
+    _, headers = run(ask(gate[0], "/", host="127.0.0.1:8737"))
+    assert "default-src 'self'" in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+
+
+@pytest.mark.parametrize("survey_id", ["../../etc/passwd", "", "demo.gpkg", "%2e%2e"])
+def test_no_id_is_a_path(tmp_path, survey_id):
+    with pytest.raises(UnknownSurveyError):
+        Library(tmp_path).path(survey_id)
+
+
+@given(name=st.text(max_size=200))
+@settings(max_examples=30)
+def test_a_new_survey_lies_in_its_folder_whatever_its_name(tmp_path_factory, name):
+    folder = tmp_path_factory.getbasetemp()
+    assert Library(folder).free_path(name).parent == folder
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@given(setting=st.sampled_from(sorted(plans.NAMES)), value=json_values)
+@settings(max_examples=30)
+def test_a_plan_of_nonsense_says_what_is_wrong_and_raises_nothing(setting, value):
+    made = plans.preview({"region": REGION, "settings": {"cell_m": 30.0, setting: value}})
+    assert made["problems"] or made["targets"]["features"]
+
+
+@given(region=json_values)
+@settings(max_examples=30)
+def test_a_region_of_nonsense_says_what_is_wrong(region):
+    [problem] = plans.preview({"region": region, "settings": {}})["problems"]
+    assert problem["message"]
+
+
+HUGE = 10**400
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b'{"x": 1e308}', b'{"x": NaN}', b'{"x": -Infinity}', str({"x": HUGE}).replace("'", '"'),
+        b'{"x": "\\ud800"}', b'{"\\udfff": 1}', b"[1]", b"\xff", b"[" * 200_000, b"",
+    ],
+)  # fmt: skip
+def test_no_json_gets_through_that_fails_behind(body):
+    with pytest.raises(GrebeError):
+        parsed(body if isinstance(body, bytes) else body.encode())
+
+
+@given(found=st.dictionaries(st.text(max_size=8), json_values, max_size=4))
+@settings(max_examples=50)
+def test_json_that_gets_through_can_be_written_again(found):
+    try:
+        kept = parsed(json.dumps(found).encode())
+    except GrebeError:
+        return
+    json.dumps(kept, ensure_ascii=False, allow_nan=False).encode()
+
+
+@pytest.mark.parametrize("setting", ["cell_m", "speed_min_mps", "shore_margin_m", "minutes"])
+@pytest.mark.parametrize("value", [HUGE, 1e308, 1e-300, -1e12, 0])
+def test_a_number_beyond_all_measure_is_a_problem_of_its_setting(setting, value):
+    made = plans.preview({"region": REGION, "settings": {"cell_m": 30.0, setting: value}})
+    assert made["problems"] or made["targets"]["features"]
+    if value in (HUGE, 1e308):
+        assert made["problems"][0]["setting"] == setting
+
+
+def test_a_worker_that_dies_is_replaced():
+    import os
+
+    async def work():
+        worker = Worker()
+        try:
+            with pytest.raises(InputError, match="too much"):
+                await worker.run(os._exit, 1)
+            return await worker.run(max, 1, 2)
+        finally:
+            worker.close()
+
+    assert run(work()) == 2
+
+
+def test_a_preview_covers_the_water_and_stays_in_it():
+    made = plans.preview({"region": REGION, "settings": {"cell_m": 10.0, "vessel": "blueboat"}})
+    assert made["problems"] == []
+    assert len(made["targets"]["features"]) == pytest.approx(made["area_m2"] / 100, rel=0.15)
+    assert made["outside_m"] == 0
+    assert made["uncovered_m2"] < 0.05 * made["area_m2"]
+
+
+def test_too_many_cells_are_refused_with_a_size_that_is_not():
+    asked = {"region": REGION, "settings": {"cell_m": 0.1}}
+    [problem] = plans.preview(asked)["problems"]
+    assert problem["setting"] == "cell_m"
+    assert "choose 1 m or more" in problem["message"]
+
+
+def test_a_kept_plan_is_a_survey_file_of_that_name(tmp_path):
+    path = tmp_path / "kept.gpkg"
+    plans.keep({"region": REGION, "settings": {"cell_m": 20.0}, "name": "Étang"}, str(path))
+    [line] = Library(tmp_path).summaries()
+    assert (line["name"], line["state"], line["reached"]) == ("Étang", "planned", 0)
+    shown = library.detail(line["id"], path)
+    assert len(shown["targets"]) == line["cells"]
+    json.dumps(shown, allow_nan=False)
+    json.dumps(library.snapshot(line["id"], path), allow_nan=False)
+
+
+def test_a_slow_tab_is_told_all_again_instead_of_a_queue():
+    tab = Tab(name="slow")
+    for _ in range(3 * QUEUE):
+        tab.tell("delta", {})
+    assert tab.behind
+    assert tab.queue.qsize() == QUEUE
+
+
+def test_one_page_steers_and_all_see_which():
+    lease = Lease()
+    lease.take("a")
+    assert (lease.seen_by("a")["holder"], lease.seen_by("b")["holder"]) == ("you", "other")
+    lease.leave("b")
+    assert lease.holder == "a"
+    lease.take("b")
+    assert lease.seen_by("a")["holder"] == "other"
+
+
+@pytest.mark.slow
+def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
+    path, _, told = simulated_survey
+    with SurveyFile.open(path) as file:
+        reached, samples = file.progress().reached, file.count("samples")
+    assert sum(word == "reached" for one in told for _, word in one.get("targets", ())) == reached
+    assert sum(len(one.get("samples", ())) for one in told) == samples
+    assert told[-1]["status"]["state"] == "complete"
+    assert library.snapshot("x", path)["status"]["state"] == "complete"
+    for one in told:
+        json.dumps(one, allow_nan=False)
+
+
+@pytest.mark.slow
+def test_a_map_is_read_where_there_is_water_alone(simulated_survey):
+    path, survey, _ = simulated_survey
+    lon, lat = survey.frame.to_wgs84((0.0, 0.0)).tolist()
+    read = maps.at(str(path), "ph", lon, lat, forming=False)
+    assert read["low"] < read["mean"] < read["high"]
+    made = maps._made(str(path), "ph", forming=False)
+    row, column = np.argwhere(made.map.grid.inside)[7]
+    node = (made.map.grid.north[row], made.map.grid.east[column])
+    there = maps.at(str(path), "ph", *survey.frame.to_wgs84(node).tolist(), forming=False)
+    assert there["mean"] == pytest.approx(made.map.mean[row, column], rel=1e-6)
+    assert there["sd"] == pytest.approx(made.map.sd[row, column], rel=1e-6)
+    with pytest.raises(maps.NoMapError):
+        maps.at(str(path), "ph", lon + 1.0, lat, forming=False)
+    grid = maps.grid(str(path), "ph", "probability", read["mean"], "above", forming=False)
+    assert grid["range"] == [0.0, 1.0]
+
+
+@pytest.fixture(scope="module")
+def simulated_survey(tmp_path_factory):
+    from conftest import simulate
+
+    from grebe.workflow.files import write_survey
+
+    region = Region(name="Heron", frame=HERON, water=shapely.Polygon(OUTLINE_M))
+    survey: Survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=15.0))
+    path = tmp_path_factory.mktemp("told") / "demo.gpkg"
+    write_survey(path, survey)
+    told = []
+    with SurveyFile.open(path) as file:
+        telling = Telling(survey, list(file.quantities))
+
+        def hear(event):
+            telling.hear(event)
+            if (one := telling.take()) is not None:
+                told.append(one)
+
+        report = simulate(file, listeners=[hear])
+    assert report.complete
+    return path, survey, told
+
+
+def test_a_paced_boat_takes_its_time(monkeypatch):
+    from grebe.links.base import Observation
+    from grebe.server import boat
+
+    clock, slept = [0.0], []
+    monkeypatch.setattr(boat.time, "monotonic", lambda: clock[0])
+
+    def sleep(seconds):
+        slept.append(seconds)
+        clock[0] += seconds
+
+    monkeypatch.setattr(boat.time, "sleep", sleep)
+
+    class Link:
+        times = iter((0.0, 0.1, 0.2, 0.3))
+
+        def observe(self):
+            return Observation(time_s=next(self.times), state=(0.0,) * 6)
+
+    paced = Paced(Link(), rate=2.0)
+    for _ in range(4):
+        paced.observe()
+    assert sum(slept) == pytest.approx(0.15)

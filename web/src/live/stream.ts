@@ -1,0 +1,189 @@
+/** What is known of a mission under way: a snapshot, then what changed, over one stream. */
+
+import { signal, type Signal } from "@preact/signals";
+import type {
+  Delta,
+  Lease,
+  LogLine,
+  MapNotice,
+  SamplePoint,
+  Snapshot,
+  Status,
+  TargetState,
+  TrackPoint,
+} from "../api";
+
+/** How much of the past the charts keep [s]. */
+const KEPT_S = 600;
+const LOG_KEPT = 500;
+/** The eye reads figures no faster than this [ms]; the boat on the map moves with each message. */
+const PULSE_MS = 250;
+
+export interface Hearing {
+  snapshot(snapshot: Snapshot): void;
+  delta(delta: Delta): void;
+}
+
+export class Stream {
+  readonly snapshot: Signal<Snapshot | null> = signal(null);
+  readonly status: Signal<Status | null> = signal(null);
+  readonly lease: Signal<Lease> = signal({ holder: null, since: null });
+  readonly events: Signal<LogLine[]> = signal([]);
+  readonly mapVersion: Signal<number> = signal(0);
+  readonly connected: Signal<boolean> = signal(true);
+  /** Counts up a few times a second while something comes: figures that are read watch it. */
+  readonly pulse: Signal<number> = signal(0);
+  /** Counts what has come. */
+  beat = 0;
+
+  estimate: Snapshot["estimate"] = null;
+  thrusts: Snapshot["thrusts"] = null;
+  current: Snapshot["current"] = null;
+  wind: Snapshot["wind"] = null;
+  horizon: Snapshot["horizon"] = [];
+  readonly samples: SamplePoint[] = [];
+  readonly track: TrackPoint[] = [];
+  readonly pushes: [number, number, number][] = [];
+  readonly states = new Map<number, TargetState>();
+
+  private source: EventSource | null = null;
+  private retry = 0;
+  private heard = 0;
+  private watch = 0;
+  private pulseDue = 0;
+  private latest: Status | null = null;
+  private readonly ears = new Set<Hearing>();
+
+  constructor(private readonly url: string) {}
+
+  open(): void {
+    this.connect();
+    this.watch = window.setInterval(() => this.look(), 2000);
+  }
+
+  close(): void {
+    this.source?.close();
+    this.source = null;
+    clearTimeout(this.retry);
+    clearInterval(this.watch);
+    clearTimeout(this.pulseDue);
+  }
+
+  hear(hearing: Hearing): () => void {
+    this.ears.add(hearing);
+    const snapshot = this.snapshot.peek();
+    if (snapshot) hearing.snapshot(snapshot);
+    return () => this.ears.delete(hearing);
+  }
+
+  private connect(): void {
+    const source = new EventSource(this.url);
+    this.source = source;
+    const on = (name: string, act: (data: string) => void): void => {
+      source.addEventListener(name, (event) => {
+        this.heard = performance.now();
+        this.connected.value = true;
+        act((event as MessageEvent<string>).data);
+      });
+    };
+    on("snapshot", (data) => this.onSnapshot(JSON.parse(data) as Snapshot));
+    on("delta", (data) => this.onDelta(JSON.parse(data) as Delta));
+    on("lease", (data) => {
+      this.lease.value = JSON.parse(data) as Lease;
+    });
+    on("map", (data) => {
+      this.mapVersion.value = (JSON.parse(data) as MapNotice).version;
+    });
+    source.onerror = () => {
+      this.connected.value = false;
+      // A refusal ends the stream for good: then it is for us to ask again.
+      if (source.readyState === EventSource.CLOSED) this.again();
+    };
+  }
+
+  private again(): void {
+    this.source?.close();
+    clearTimeout(this.retry);
+    this.retry = window.setTimeout(() => this.connect(), 2000);
+  }
+
+  /** A stream that is open but silent while the boat is under way is asked for anew. */
+  private look(): void {
+    const state = this.status.peek()?.state;
+    if (state !== "running" && state !== "returning") return;
+    if (this.source?.readyState === EventSource.OPEN && performance.now() - this.heard > 15_000) {
+      this.connected.value = false;
+      this.again();
+    }
+  }
+
+  private onSnapshot(snapshot: Snapshot): void {
+    this.estimate = snapshot.estimate;
+    this.thrusts = snapshot.thrusts;
+    this.current = snapshot.current;
+    this.wind = snapshot.wind;
+    this.horizon = snapshot.horizon;
+    this.samples.splice(0, Infinity, ...snapshot.samples);
+    this.track.splice(0, Infinity, ...snapshot.track.slice(-6000));
+    this.pushes.length = 0;
+    this.states.clear();
+    for (const target of snapshot.targets) this.states.set(target.seq, target.state);
+    this.snapshot.value = snapshot;
+    this.status.value = snapshot.status;
+    this.latest = snapshot.status;
+    this.lease.value = snapshot.lease;
+    this.events.value = snapshot.events;
+    this.mapVersion.value = snapshot.map_version;
+    for (const ear of this.ears) ear.snapshot(snapshot);
+    this.heartbeat();
+  }
+
+  private onDelta(delta: Delta): void {
+    if (delta.estimate) this.estimate = delta.estimate;
+    if (delta.thrusts) {
+      this.thrusts = delta.thrusts;
+      this.pushes.push([delta.t, ...delta.thrusts]);
+    }
+    if (delta.current !== undefined) this.current = delta.current;
+    if (delta.wind !== undefined) this.wind = delta.wind;
+    if (delta.horizon) this.horizon = delta.horizon;
+    if (delta.track) this.track.push(...delta.track);
+    if (delta.samples) this.samples.push(...delta.samples);
+    for (const [seq, state] of delta.targets ?? []) this.states.set(seq, state);
+    const status = this.latest ?? this.status.peek();
+    if (delta.status && status) this.tell({ ...status, ...delta.status });
+    if (delta.events?.length)
+      this.events.value = [...this.events.peek(), ...delta.events].slice(-LOG_KEPT);
+    this.forget(delta.t - KEPT_S);
+    for (const ear of this.ears) ear.delta(delta);
+    this.heartbeat();
+  }
+
+  /** A change of what the boat does is told at once, figures a few times a second. */
+  private tell(status: Status): void {
+    this.latest = status;
+    const shown = this.status.peek();
+    if (shown?.state !== status.state || shown.doing !== status.doing) this.status.value = status;
+  }
+
+  private heartbeat(): void {
+    this.beat++;
+    if (this.pulseDue) return;
+    this.pulseDue = window.setTimeout(() => {
+      this.pulseDue = 0;
+      if (this.latest) this.status.value = this.latest;
+      this.pulse.value++;
+    }, PULSE_MS);
+  }
+
+  private forget(before: number): void {
+    for (const kept of [this.samples, this.track, this.pushes] as [number, ...unknown[]][][]) {
+      // Seldom and many at once: to take one from the front of an array each time is slow.
+      if ((kept[0]?.[0] ?? Infinity) > before - 60) continue;
+      kept.splice(
+        0,
+        kept.findIndex((item) => item[0] >= before),
+      );
+    }
+  }
+}
