@@ -26,12 +26,14 @@ FLAGS = {
     "radius_m": "--radius",
     "rate_hz": "--rate",
     "resume": "--resume",
+    "scheduler": "--scheduler",
     "servos": "--servos",
     "shape": "--shape",
     "shore_margin_m": "--shore-margin",
     "speed": "--speed",
     "speed_max_mps": "--speed-limit",
     "until": "--until",
+    "workers": "--workers",
 }
 
 
