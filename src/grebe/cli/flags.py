@@ -18,6 +18,7 @@ FLAGS = {
     "header_from": "--header-from",
     "method": "--method",
     "home": "--home",
+    "many": "--many",
     "max_minutes": "--max-minutes",
     "minutes": "--minutes",
     "pattern": "--pattern",
