@@ -110,7 +110,7 @@ def command(
         )
         _map_many(files, task, engine_of(workers, scheduler), force=force, as_json=as_json)
         return
-    if len(files) > 1:
+    if len(files) != 1:
         raise UsageError(f"{len(files)} surveys are given, and one is mapped.", settings=("many",))
     file = files[0]
     make_folder(out)
