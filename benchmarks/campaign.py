@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 import random
 import resource
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -18,16 +15,17 @@ import shapely
 
 from grebe.campaigns.certificate import Claim, SequentialTest, Verdict, log_evidence
 from grebe.campaigns.engine import Processes, Serial
+from grebe.campaigns.results import Results
+from grebe.campaigns.run import run_campaign
 from grebe.campaigns.settings import Campaign, Success
 from grebe.campaigns.spread import spread_of
-from grebe.campaigns.task import Scene
+from grebe.campaigns.task import Scene, Summary
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
-from grebe.workflow.files import write_survey
 
 FRAME = LocalFrame(origin_lon_deg=3.17, origin_lat_deg=50.6)
 POND = [(0, 0), (28, 0), (28, 21), (55, 21), (55, 42), (0, 42)]
@@ -54,9 +52,12 @@ def survey_of(corners: list[tuple[float, float]], cell_m: float) -> Survey:
     return plan_survey(region, PRESETS["spyboat"], settings)
 
 
-def speeds(missions: int = 8) -> None:
-    """Seconds of CPU a mission; and what two workers need over what one process needs."""
-    print("| pond | sets | boat's s | CPU s a mission | with 2 workers | CPU efficiency |")
+def speeds(few: int = 4, many: int = 24) -> None:
+    """Seconds of CPU a mission; and what two workers need over what one process needs.
+
+    What a worker needs to begin is the same for few missions as for many, and is told apart so.
+    """
+    print("| pond | sets | boat's s | CPU s a mission | with 2 workers | to begin | efficiency |")
     for name, corners, cell_m in (("400 m2", SMALL, 10.0), ("1750 m2", POND, 10.0)):
         survey = survey_of(corners, cell_m)
         spreads = {key: spread_of(key, value) for key, value in WEATHER.items()}
@@ -65,85 +66,59 @@ def speeds(missions: int = 8) -> None:
         scene = Scene(campaign=campaign, survey=survey)
         scene(0)  # loads what is compiled
         before = time.process_time()
-        serial = dict(Serial().results(scene, range(missions)))
-        alone = time.process_time() - before
-        # What two workers need to begin is measured by themselves, on as good as nothing.
-        idle = _cpu_of_children(abs)
-        both = _cpu_of_children(scene, missions, serial) - idle
+        serial = dict(Serial().results(scene, range(many)))
+        alone = (time.process_time() - before) / many
+        begins = _cpu_of_two(scene, {i: serial[i] for i in range(few)})
+        both = (_cpu_of_two(scene, serial) - begins) / (many - few)
         boat_s = np.mean([one.duration_s for one in serial.values()])
         print(
-            f"| {name} | {len(survey.targets)} | {boat_s:.0f} | {alone / missions:.2f} "
-            f"| {both / missions:.2f} (+ {idle:.1f} to begin) | {alone / both:.2f} |"
+            f"| {name} | {len(survey.targets)} | {boat_s:.0f} | {alone:.2f} | {both:.2f} "
+            f"| {begins - few * both:.1f} | {alone / both:.2f} |",
+            flush=True,
         )
 
 
-def _cpu_of_children(task, missions: int = 2, same_as=None) -> float:
+def _cpu_of_two(scene: Scene, same_as: dict[int, Summary]) -> float:
+    """Seconds of CPU that two workers, and who gives them work, need for some missions."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     own = time.process_time()
-    got = dict(Processes(workers=2).results(task, range(missions)))
-    assert same_as is None or got == same_as
+    got = dict(Processes(workers=2).results(scene, range(len(same_as))))
+    assert got == same_as
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     children = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return children + time.process_time() - own
 
 
-FILE = """survey = "survey.gpkg"
-missions = 6
-[success]
-within_minutes = 2
-[claim]
-confidence = 0.9
-[draw]
-current_mps = [0.0, 0.2]
-wind_n = [0.0, 5.0]
-mismatch = 0.1
-velocity_noise_mps = 0.02
-"""
-
-
-def kills() -> None:
-    """Kill a worker, or the whole command, at random: the certificate must be the same."""
-    with tempfile.TemporaryDirectory() as name:
-        folder, chance = Path(name), random.Random(1)
-        write_survey(folder / "survey.gpkg", survey_of(SMALL, 10.0))
-        (folder / "c.toml").write_text(FILE)
-        began = time.monotonic()
-        wanted = _certificate(_command(folder, "undisturbed"))
-        takes = time.monotonic() - began
-        same, hit = 0, 0
-        for trial in range(TRIALS):
-            process = _command(folder, f"trial{trial}")
-            time.sleep(chance.uniform(0.1, 0.9) * takes)
-            victims = _workers(process.pid) if trial % 2 else [process.pid]
-            if victims and process.poll() is None:
-                os.kill(chance.choice(victims), signal.SIGKILL)
-                hit += 1
-            process.communicate()
-            # A command whose worker died goes on by itself; one that was killed is called again.
-            same += _certificate(_command(folder, f"trial{trial}")) == wanted
-        print(f"killed in {hit} of {TRIALS} trials, by turns the command and one of its workers:")
-        print(f"the same {wanted['missions']} missions and certificate in {same} of {TRIALS}")
-
-
-def _command(folder: Path, out: str) -> subprocess.Popen[str]:
-    words = ["campaign", "c.toml", "--out", out, "--workers", "2", "--json"]
-    program = "from grebe.cli.main import main; main()"
-    return subprocess.Popen(
-        [sys.executable, "-c", program, *words], cwd=folder, stdout=subprocess.PIPE, text=True
+def kills(missions: int = 60) -> None:
+    """Kill a worker at random after every third mission: the results must be the same."""
+    survey, chance, killed = survey_of(SMALL, 10.0), random.Random(1), list[int]()
+    spreads = {key: spread_of(key, value) for key, value in WEATHER.items()}
+    success, claim = Success(within_s=120.0), Claim()
+    campaign = Campaign(
+        name="kills", success=success, claim=claim, missions=missions, spreads=spreads
     )
 
+    def kill(done: int, _: int) -> None:
+        if done % 3 == 0 and len(killed) < TRIALS and (victims := _workers()):
+            killed.append(chance.choice(victims))
+            os.kill(killed[-1], signal.SIGKILL)
 
-def _certificate(process: subprocess.Popen[str]) -> dict:
-    told = json.loads(process.communicate()[0])
-    told.pop("files")
-    return told
+    with tempfile.TemporaryDirectory() as name:
+        results = Results(Path(name), "kills")
+        outcome = run_campaign(campaign, survey, results, Processes(workers=2), kill)
+        kept = Results(Path(name), "kills").known
+    scene = Scene(campaign=campaign, survey=survey)
+    undisturbed = [scene(number) for number in range(missions)]
+    same = sum(kept.get(one.number) == one for one in undisturbed)
+    print(f"{len(killed)} workers killed; {same} of {missions} missions on the disk are the same")
+    print(f"as undisturbed, the certificate too: {list(outcome.missions) == undisturbed}")
 
 
-def _workers(pid: int) -> list[int]:
-    """The processes that a command has started to work for it."""
-    children = Path(f"/proc/{pid}/task/{pid}/children")
-    pids = [int(word) for word in children.read_text().split()] if children.exists() else []
-    return [p for p in pids if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+def _workers() -> list[int]:
+    """The processes that this one has started to work for it."""
+    pid = os.getpid()
+    pids = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [int(p) for p in pids if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
 
 
 def coverage(missions: int = 1000, alpha: float = 0.01) -> None:

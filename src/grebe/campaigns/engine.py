@@ -72,10 +72,10 @@ class Processes:
                 for item, result in results:
                     tried.pop(item, None)
                     yield item, result
-            again = round_.lost
+            again = round_.lost + again
             if not again:
                 return
-            tried.update(again)
+            tried.update(round_.lost)
             hopeless = [item for item in again if tried[item] >= TRIES]
             if hopeless:
                 raise LinkError(
@@ -95,8 +95,16 @@ class _Round:
         self._task = task
         self._left = left
         self._again = again
-        self._under_way: dict[Future[Any], Any] = {}
-        self.lost: list[Any] = []
+        self._handed_out = 0
+        self._under_way: dict[Future[Any], tuple[int, Any]] = {}
+        self._lost: list[tuple[int, Any]] = []
+
+    @property
+    def lost(self) -> list[Any]:
+        """What was under way when a worker died, the longest waiting first: so it comes first
+        again, and none is lost time after time because others are killed.
+        """
+        return [item for _, item in sorted(self._lost, key=lambda one: one[0])]
 
     def results(self) -> Generator[tuple[Any, Any]]:
         """Give results until all is done or a worker dies; `lost` is what was under way then."""
@@ -108,12 +116,12 @@ class _Round:
             while self._under_way:
                 done, _ = wait(self._under_way, return_when=FIRST_COMPLETED)
                 for future in done:
-                    item = self._under_way.pop(future)
+                    number, item = self._under_way.pop(future)
                     if isinstance(future.exception(), BrokenProcessPool):
-                        self.lost.append(item)
+                        self._lost.append((number, item))
                     else:
                         yield item, future.result()
-                if not self.lost:
+                if not self._lost:
                     self._fill(pool)
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
@@ -122,13 +130,14 @@ class _Round:
         """Hand out what fits; a pool that broke meanwhile gives its items back."""
         room = AHEAD * self._count - len(self._under_way)
         for _ in range(room):
-            item = self._again.pop() if self._again else next(self._left, _END)
+            item = self._again.pop(0) if self._again else next(self._left, _END)
             if item is _END:
                 return
+            self._handed_out += 1
             try:
-                self._under_way[pool.submit(self._task, item)] = item
+                self._under_way[pool.submit(self._task, item)] = self._handed_out, item
             except BrokenProcessPool:
-                self.lost.append(item)
+                self._lost.append((self._handed_out, item))
                 return
 
 

@@ -14,7 +14,7 @@ from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.events import Warned
 from grebe.io.store import SurveyFile
-from grebe.links.base import BoatLink, ModelledLink
+from grebe.links.base import BoatLink, Instruments, ModelledLink
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.helm import Helm
@@ -51,13 +51,15 @@ def run_survey(
     force: bool = False,
     listeners: Sequence[Listener] = (),
     on_ready: Callable[[Mission], None] | None = None,
+    instruments: Instruments | None = None,
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
     mission sets out and what the link knows of the boat; `listeners` hear its events; `on_ready`
-    is handed the mission before it begins, to stop it or call it home. A recorded mission is
-    forgotten (`force`) only once all that the new one needs is there.
+    is handed the mission before it begins, to stop it or call it home; `instruments` are sondes
+    apart from the boat, which the caller closes, and whose quantities the file declares. A recorded
+    mission is forgotten (`force`) only once all that the new one needs is there.
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
     departure = prepare(survey_file, now, resume=resume, force=force)
@@ -87,6 +89,7 @@ def run_survey(
             started=departure.started,
             reached=departure.reached,
             pilot=lambda way: helm_of(replace(known, survey=way, reached=0)),
+            instruments=instruments,
         )
         if on_ready is not None:
             on_ready(mission)
