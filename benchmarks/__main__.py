@@ -15,6 +15,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from benchmarks.agreement import agreement
 from benchmarks.autopilot import autopilot
+from benchmarks.campaign import campaigns
 from benchmarks.cores import cores
 from benchmarks.identification import identification
 from benchmarks.mapping import mapping
@@ -47,6 +48,7 @@ BENCHMARKS = {
         soak,
         latency,
         survival,
+        campaigns,
     )
 }
 

@@ -20,6 +20,7 @@ FLAGS = {
     "instrument": "--instrument",
     "method": "--method",
     "home": "--home",
+    "many": "--many",
     "max_minutes": "--max-minutes",
     "minutes": "--minutes",
     "pattern": "--pattern",
@@ -29,6 +30,7 @@ FLAGS = {
     "radius_m": "--radius",
     "rate_hz": "--rate",
     "resume": "--resume",
+    "scheduler": "--scheduler",
     "servos": "--servos",
     "shape": "--shape",
     "shore_margin_m": "--shore-margin",
@@ -36,6 +38,7 @@ FLAGS = {
     "speed_max_mps": "--speed-limit",
     "until": "--until",
     "zone": "--zone",
+    "workers": "--workers",
 }
 
 
