@@ -56,8 +56,10 @@ class Planned:
 
 @dataclass(frozen=True, kw_only=True)
 class Draft:
-    """A meshed and ordered region, before transits and corridors; `harbour` where the order is
-    that of a sortie, which ends where it began.
+    """A meshed and ordered region, before transits and corridors.
+
+    Where the order is that of a sortie, `harbour` is the footprint in which it ends, a part of the
+    cell `home`, in which it began.
     """
 
     cells: list[Cell]
@@ -67,6 +69,7 @@ class Draft:
     cell_m: float
     angle_deg: float
     harbour: shapely.Polygon | None = None
+    home: int | None = None
 
 
 def plan_survey(
@@ -92,11 +95,23 @@ def plan(
     `no_go` are local polygons that the boat must stay out of. Without a start the boat
     begins in the cell that is nearest to the region's south-western corner.
     """
+    planner, notes = planner_of(region, vessel, settings, start_lonlat, no_go)
+    return planner.planned(notes)
+
+
+def planner_of(
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    start_lonlat: tuple[float, float] | None = None,
+    no_go: Sequence[shapely.Polygon] = (),
+) -> tuple[Planner, tuple[str, ...]]:
+    """Return what plans a region, and notes about its water; see `plan`."""
     check_speed(settings, vessel)
     given = start_lonlat and region.frame.place_near(region.water, start_lonlat, "start")
     region, told = _with_coast(region, settings)
     water, notes = navigable_water(region, no_go, settings.shore_margin_m, given)
-    return Planner(region, vessel, settings, tuple(no_go), water, given).planned(told + notes)
+    return Planner(region, vessel, settings, tuple(no_go), water, given), told + notes
 
 
 def _with_coast(region: Region, settings: PlanSettings) -> tuple[Region, tuple[str, ...]]:
@@ -126,8 +141,7 @@ class Planner:
         object.__setattr__(self, "travel", travel)
 
     def planned(self, notes: tuple[str, ...]) -> Planned:
-        cell_m = self.settings.cell_m or self._affordable_cell_m()
-        draft = self.draft(cell_m, self._angle(cell_m), quick=False)
+        draft = self.first_draft(quick=False)
         ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
         survey = self.survey(draft, ways)
         outcome = survey.outcome
@@ -136,13 +150,23 @@ class Planner:
             survey=survey, outcome=outcome, check=check_plan(survey, self.water), notes=notes
         )
 
-    def survey(self, draft: Draft, ways: Waterways) -> Survey:
-        """Return the survey of a draft's order: targets, transits, corridors and its numbers."""
+    def first_draft(self, *, quick: bool) -> Draft:
+        """Return a draft with cells of the size and direction that were asked for, or fit best."""
+        cell_m = self.settings.cell_m or self._affordable_cell_m()
+        return self.draft(cell_m, self._angle(cell_m), quick=quick)
+
+    def survey(self, draft: Draft, ways: Waterways, bound_m: float | None = None) -> Survey:
+        """Return the survey of a draft's order: targets, transits, corridors and its numbers.
+
+        `bound_m` is the lower bound of its length (None: it is worked out).
+        """
         stops = self._stops(draft, ways)
         corridors = self._corridors(draft, stops, ways)
         stops = widened(stops, corridors)
         targets = self._targets(draft, stops)
-        return self._survey(draft, targets, corridors, self._outcome(draft, stops, targets))
+        return self._survey(
+            draft, targets, corridors, self._outcome(draft, stops, targets, bound_m)
+        )
 
     def draft(self, cell_m: float, angle_deg: float, *, quick: bool) -> Draft:
         """Return a mesh of the water and an order of its cells."""
@@ -235,7 +259,8 @@ class Planner:
     def _stops(self, draft: Draft, ways: Waterways) -> list[Stop]:
         """Cells and transits: from the start, through all cells, and back where that is asked."""
         stops = ways.stops(draft.route.order)
-        home = int(np.argmin(np.hypot(*(draft.network.centres - draft.start).T)))
+        nearest = int(np.argmin(np.hypot(*(draft.network.centres - draft.start).T)))
+        home = nearest if draft.home is None else draft.home
         pair = np.array([self._start_footprint(draft)], dtype=object)
         if not ways.straight(pair, np.array([stops[0].footprint], dtype=object))[0]:
             gate = Stop(footprint=draft.cells[home].footprint, cell=None)
@@ -257,9 +282,7 @@ class Planner:
     def _start_footprint(draft: Draft) -> shapely.Polygon:
         return shapely.Point(draft.start).buffer(START_RADIUS_M, quad_segs=1)
 
-    def _corridors(
-        self, draft: Draft, stops: list[Stop], ways: Waterways
-    ) -> list[shapely.Polygon]:
+    def _corridors(self, draft: Draft, stops: list[Stop], ways: Waterways) -> list[shapely.Polygon]:
         footprints = [self._start_footprint(draft), *(stop.footprint for stop in stops)]
         return ways.corridors(footprints)
 
@@ -316,20 +339,28 @@ class Planner:
             ),
         )
 
-    def _outcome(
-        self, draft: Draft, stops: list[Stop], targets: tuple[Target, ...]
-    ) -> PlanOutcome:
-        points = _through_centres(draft.start, stops)
-        first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
-        last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
-        within = points[first + 1 : last + 2]
+    def bound_m(self, draft: Draft) -> float:
+        """Return a length [m] below which no way through the centres of all cells can be."""
         kept = np.flatnonzero([not cell.is_speck for cell in draft.cells])
-        bound = lower_bound_m(
+        return lower_bound_m(
             [draft.cells[i] for i in kept],
             self.settings.shape,
             draft.cell_m,
             draft.network.around[kept][:, kept],
         )
+
+    def _outcome(
+        self,
+        draft: Draft,
+        stops: list[Stop],
+        targets: tuple[Target, ...],
+        bound_m: float | None,
+    ) -> PlanOutcome:
+        points = _through_centres(draft.start, stops)
+        first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
+        last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
+        within = points[first + 1 : last + 2]
+        bound = self.bound_m(draft) if bound_m is None else bound_m
         length = _length(within)
         time_s = self._mission_s(draft, targets)
         return PlanOutcome(
