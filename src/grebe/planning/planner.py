@@ -141,6 +141,7 @@ class Planner:
         object.__setattr__(self, "travel", travel)
 
     def planned(self, notes: tuple[str, ...]) -> Planned:
+        """Return the plan with its check; `notes` are handed on."""
         draft = self.first_draft(quick=False)
         ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
         survey = self.survey(draft, ways)

@@ -49,7 +49,7 @@ ROUNDS_EACH, MOST_ROUNDS = 150, 600_000
 # Kicks of the polish of one trip.
 KICKS = 3_000
 # Cells that are looked at when a cell looks for a place.
-BESIDE = 24
+BESIDE = 12
 # A harbour's last target: a square of so many metres about it, or half of a smaller cell.
 HARBOUR_M = 6.0
 LEAST_MPS = 0.05

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from grebe.core.kernels import inlined_machine_code, machine_code
+from grebe.core.kernels import machine_code
 from grebe.planning.costs import Costs, leg
 
 if TYPE_CHECKING:
@@ -46,6 +46,27 @@ class Ports(NamedTuple):
     pitch_s: float
 
 
+class Fleet(NamedTuple):
+    """Trips as they stand: `routes` (trips, n) of cells with their `sizes`; `spent` (trips, n) the
+    seconds at each cell, and `late` (trips, n + 1) the most that any cell from there on has spent
+    and must have left for the way home; behind the last cell it is what the trip takes.
+    """
+
+    routes: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    spent: NDArray[np.float64]
+    late: NDArray[np.float64]
+
+
+def _fleet(trips: int, cells: int) -> Fleet:
+    return Fleet(
+        routes=np.full((trips, cells), -1),
+        sizes=np.zeros(trips, dtype=np.int64),
+        spent=np.zeros((trips, cells)),
+        late=np.zeros((trips, cells + 1)),
+    )
+
+
 def improved_trips(
     costs: Costs,
     ports: Ports,
@@ -59,17 +80,17 @@ def improved_trips(
     `harbours` (trips,) are the trips' own; cells that no trip holds are taken in where they can be.
     """
     n = len(costs.places) - 1
-    routes = np.full((len(trips), n), -1)
-    sizes = np.array([len(trip) for trip in trips])
-    for route, trip in zip(routes, trips, strict=True):
-        route[: len(trip)] = trip
+    now, kept = _fleet(len(trips), n), _fleet(len(trips), n)
+    for t, trip in enumerate(trips):
+        now.routes[t, : len(trip)] = trip
+        now.sizes[t] = len(trip)
     members = np.concatenate([*trips, np.zeros(0, dtype=np.int64)])
-    wanted = np.setdiff1d(np.arange(n), np.flatnonzero(ports.beside[:, 0] < 0))
-    absent = np.setdiff1d(wanted, members).astype(np.int64)
+    absent = np.setdiff1d(np.flatnonzero(ports.beside[:, 0] >= 0), members).astype(np.int64)
     waiting = np.full(n, -1)
     waiting[: len(absent)] = absent
-    count = _anneal(costs, ports, routes, sizes, harbours, waiting, len(absent), rounds, seed)
-    found = [route[:size].copy() for route, size in zip(routes, sizes, strict=True)]
+    old = _fleet(len(trips), n)
+    count = _anneal(costs, ports, now, old, kept, harbours, waiting, len(absent), rounds, seed)
+    found = [r[:size].copy() for r, size in zip(kept.routes, kept.sizes, strict=True)]
     return found, waiting[:count].copy()
 
 
@@ -98,89 +119,125 @@ def comes_home(costs, ports, harbour, route, size):
     return spent + ports.back[harbour, route[size - 1]] <= ports.limit_s
 
 
-@inlined_machine_code
-def _insertion(costs, ports, harbour, route, size, k, cell):
-    """What putting a cell before place k adds."""
+@machine_code
+def _clock(costs, ports, fleet, harbour, t):
+    """Work out what a trip has spent at each cell, and how late it may be there."""
+    size = fleet.sizes[t]
     if size == 0:
-        return ports.out[harbour, cell] + ports.back[harbour, cell]
-    if k == 0:
-        after = leg(costs, cell, route[0])
-        return ports.out[harbour, cell] + after - ports.out[harbour, route[0]]
-    before = leg(costs, route[k - 1], cell)
-    if k == size:
-        return before + ports.back[harbour, cell] - ports.back[harbour, route[size - 1]]
-    return before + leg(costs, cell, route[k]) - leg(costs, route[k - 1], route[k])
+        fleet.late[t, 0] = 0.0
+        return
+    spent = ports.out[harbour, fleet.routes[t, 0]]
+    for k in range(size):
+        if k > 0:
+            spent += leg(costs, fleet.routes[t, k - 1], fleet.routes[t, k])
+        fleet.spent[t, k] = spent
+    late = spent + ports.back[harbour, fleet.routes[t, size - 1]]
+    fleet.late[t, size] = late
+    for k in range(size - 1, -1, -1):
+        late = max(late, fleet.spent[t, k] + ports.home[harbour, fleet.routes[t, k]])
+        fleet.late[t, k] = late
 
 
 @machine_code
-def _take_out(routes, sizes, trip_of, place_of, trip, first, length, waiting, count):
+def _copy(source, target, t):
+    """Copy a trip from one fleet to another."""
+    size = source.sizes[t]
+    target.sizes[t] = size
+    for k in range(size):
+        target.routes[t, k] = source.routes[t, k]
+        target.spent[t, k] = source.spent[t, k]
+        target.late[t, k] = source.late[t, k]
+    target.late[t, size] = source.late[t, size]
+
+
+@machine_code
+def _take_out(fleet, trip_of, place_of, t, first, length, waiting, count):
     """Take a string out of a trip and let it wait."""
     for k in range(first, first + length):
-        waiting[count] = routes[trip, k]
-        trip_of[routes[trip, k]] = -1
+        waiting[count] = fleet.routes[t, k]
+        trip_of[fleet.routes[t, k]] = -1
         count += 1
-    for k in range(first + length, sizes[trip]):
-        cell = routes[trip, k]
-        routes[trip, k - length] = cell
+    for k in range(first + length, fleet.sizes[t]):
+        cell = fleet.routes[t, k]
+        fleet.routes[t, k - length] = cell
         place_of[cell] = k - length
-    sizes[trip] -= length
+    fleet.sizes[t] -= length
     return count
 
 
 @machine_code
-def _put_in(routes, sizes, trip_of, place_of, trip, k, cell):
-    for j in range(sizes[trip], k, -1):
-        moved = routes[trip, j - 1]
-        routes[trip, j] = moved
+def _put_in(ports, fleet, trip_of, place_of, harbour, t, k, cell, adds, at_s):
+    """Put a cell before place k of a trip, where it is reached at `at_s`."""
+    size = fleet.sizes[t]
+    for j in range(size, k, -1):
+        moved = fleet.routes[t, j - 1]
+        fleet.routes[t, j] = moved
         place_of[moved] = j
-    routes[trip, k] = cell
-    trip_of[cell], place_of[cell] = trip, k
-    sizes[trip] += 1
+        fleet.spent[t, j] = fleet.spent[t, j - 1] + adds
+    for j in range(size + 1, k, -1):
+        fleet.late[t, j] = fleet.late[t, j - 1] + adds
+    fleet.routes[t, k] = cell
+    fleet.spent[t, k] = at_s
+    trip_of[cell], place_of[cell] = t, k
+    fleet.sizes[t] = size + 1
+    for j in range(k, -1, -1):
+        own = fleet.spent[t, j] + ports.home[harbour, fleet.routes[t, j]]
+        fleet.late[t, j] = max(own, fleet.late[t, j + 1])
 
 
 @machine_code
-def _best_place(costs, ports, routes, sizes, seconds, harbours, trip_of, place_of, cell, choice):
-    """Write the cheapest place for a cell, trip and place, to `choice`; returns what it adds."""
+def _best_place(costs, ports, fleet, harbours, trip_of, place_of, cell, choice, at_s):
+    """Write the cheapest place for a cell, trip and place, to `choice`, and when it is reached
+    there to `at_s`; returns what it adds.
+    """
     best = np.inf
-    trips, near = sizes.shape[0], ports.beside.shape[1]
+    trips, near = fleet.sizes.shape[0], ports.beside.shape[1]
     for s in range(2 * near + 2 * trips):
         if s < 2 * near:
             other = ports.beside[cell, s // 2]
             if other < 0 or trip_of[other] < 0:
                 continue
-            trip, k = trip_of[other], place_of[other] + s % 2
+            t, k = trip_of[other], place_of[other] + s % 2
         else:
-            trip = (s - 2 * near) // 2
-            k = 0 if s % 2 == 0 else sizes[trip]
+            t = (s - 2 * near) // 2
+            k = 0 if s % 2 == 0 else fleet.sizes[t]
         if np.random.random() < BLINK:
             continue
-        adds = _insertion(costs, ports, harbours[trip], routes[trip], sizes[trip], k, cell)
-        if adds < best and seconds[trip] + adds <= ports.limit_s:
+        h, size = harbours[t], fleet.sizes[t]
+        before = fleet.routes[t, k - 1] if k > 0 else -1
+        after = fleet.routes[t, k] if k < size else -1
+        here = fleet.spent[t, k - 1] + leg(costs, before, cell) if k > 0 else ports.out[h, cell]
+        if after >= 0:
+            adds = here + leg(costs, cell, after) - fleet.spent[t, k]
+        else:
+            adds = here + ports.back[h, cell] - (fleet.late[t, size] if size > 0 else 0.0)
+        fits = here + ports.home[h, cell] <= ports.limit_s
+        if adds < best and fits and fleet.late[t, k] + adds <= ports.limit_s:
             best = adds
-            choice[0], choice[1] = trip, k
+            choice[0], choice[1] = t, k
+            at_s[0] = here
     return best
 
 
 @machine_code
-def _ruin(costs, ports, routes, sizes, trip_of, place_of, waiting, count, touched):
+def _ruin(costs, ports, fleet, trip_of, place_of, waiting, count, touched):
     """Take strings out of some trips around a random cell."""
     n = costs.places.shape[0] - 1
     seed = np.random.randint(0, n)
-    strings = np.random.randint(1, max(2, int(4 * MEAN_REMOVED / (1 + LONGEST_STRING))))
-    done = 0
+    strings = np.random.randint(1, max(2, int(4 * MEAN_REMOVED / (1 + LONGEST_STRING))) + 1)
     for s in range(ports.beside.shape[1] + 1):
         cell = seed if s == 0 else ports.beside[seed, s - 1]
         if cell < 0 or trip_of[cell] < 0 or touched[trip_of[cell]]:
             continue
-        trip = trip_of[cell]
-        length = np.random.randint(1, min(sizes[trip], LONGEST_STRING) + 1)
+        t = trip_of[cell]
+        length = np.random.randint(1, min(fleet.sizes[t], LONGEST_STRING) + 1)
         low = max(0, place_of[cell] - length + 1)
-        high = min(place_of[cell], sizes[trip] - length)
+        high = min(place_of[cell], fleet.sizes[t] - length)
         first = np.random.randint(low, high + 1)
-        touched[trip] = True
-        count = _take_out(routes, sizes, trip_of, place_of, trip, first, length, waiting, count)
-        done += 1
-        if done == strings:
+        touched[t] = True
+        count = _take_out(fleet, trip_of, place_of, t, first, length, waiting, count)
+        strings -= 1
+        if strings == 0:
             break
     return count
 
@@ -192,95 +249,94 @@ def _sort_waiting(ports, waiting, count, keys):
     for i in range(count):
         away = ports.out[:, waiting[i]].min()
         keys[i] = np.random.random() if kind < 4 else (-away if kind < 6 else away)
-    order = np.argsort(keys[:count])
-    ranked = waiting[:count][order]
-    for i in range(count):
-        waiting[i] = ranked[i]
+    waiting[:count] = waiting[:count][np.argsort(keys[:count])]
 
 
 @machine_code
-def _anneal(costs, ports, routes, sizes, harbours, waiting, count, rounds, seed):
-    """Improve trips in place; returns how many cells still wait for one."""
+def _recreate(costs, ports, fleet, harbours, trip_of, place_of, waiting, count, touched):
+    """Put those that wait back, each where it costs least; returns how many find no place."""
+    choice, at_s = np.zeros(2, dtype=np.int64), np.zeros(1)
+    left = 0
+    for w in range(count):
+        cell = waiting[w]
+        adds = _best_place(costs, ports, fleet, harbours, trip_of, place_of, cell, choice, at_s)
+        if np.isfinite(adds):
+            t = choice[0]
+            _put_in(ports, fleet, trip_of, place_of, harbours[t], t, choice[1], cell, adds, at_s[0])
+            touched[t] = True
+        else:
+            waiting[left] = cell
+            left += 1
+    return left
+
+
+@machine_code
+def _cost(ports, fleet, count):
+    """What the trips take together; a cell that waits costs more than any way to it."""
+    total = ABSENT_PITCHES * ports.pitch_s * count
+    for t in range(fleet.sizes.shape[0]):
+        total += fleet.late[t, fleet.sizes[t]]
+    return total
+
+
+@machine_code
+def _take_back(fleet, old, trip_of, place_of, touched):
+    """Put the trips that were touched back as they were."""
+    for t in range(fleet.sizes.shape[0]):
+        if touched[t]:
+            for k in range(fleet.sizes[t]):
+                trip_of[fleet.routes[t, k]] = -1
+    for t in range(fleet.sizes.shape[0]):
+        if touched[t]:
+            _copy(old, fleet, t)
+            for k in range(fleet.sizes[t]):
+                trip_of[fleet.routes[t, k]], place_of[fleet.routes[t, k]] = t, k
+
+
+@machine_code
+def _anneal(costs, ports, fleet, old, kept, harbours, waiting, count, rounds, seed):
+    """Improve trips; the best are `kept`. Returns how many cells still wait for one."""
     np.random.seed(seed)
-    trips, n = routes.shape
-    trip_of, place_of = np.full(n, -1), np.full(n, -1)
-    seconds = np.zeros(trips)
+    trips, n = fleet.routes.shape
+    trip_of, place_of, keys = np.full(n, -1), np.full(n, -1), np.zeros(n)
     for t in range(trips):
-        for k in range(sizes[t]):
-            trip_of[routes[t, k]], place_of[routes[t, k]] = t, k
-        seconds[t] = trip_s(costs, ports, harbours[t], routes[t], sizes[t])
-    absent_s = ABSENT_PITCHES * ports.pitch_s
-    # An absent cell is worth all that is spared by leaving it out.
-    total = seconds.sum() + absent_s * count
-    best = total
-    kept, kept_sizes, kept_waiting, kept_count = routes.copy(), sizes.copy(), waiting.copy(), count
-    old, old_sizes, old_seconds = routes.copy(), sizes.copy(), seconds.copy()
-    old_waiting, old_count = waiting.copy(), count
-    keys, choice = np.zeros(n), np.zeros(2, dtype=np.int64)
-    touched = np.zeros(trips, dtype=np.bool_)
+        _clock(costs, ports, fleet, harbours[t], t)
+        for k in range(fleet.sizes[t]):
+            trip_of[fleet.routes[t, k]], place_of[fleet.routes[t, k]] = t, k
+        _copy(fleet, old, t)
+        _copy(fleet, kept, t)
+    total = _cost(ports, fleet, count)
+    best, kept_count = total, count
+    old_waiting, kept_waiting = waiting.copy(), waiting.copy()
+    touched, changed = np.zeros(trips, dtype=np.bool_), np.zeros(trips, dtype=np.bool_)
     for i in range(rounds):
         heat = ports.pitch_s * HOT * (COLD / HOT) ** (i / rounds)
         touched[:] = False
-        count = _ruin(costs, ports, routes, sizes, trip_of, place_of, waiting, count, touched)
+        before = count
+        count = _ruin(costs, ports, fleet, trip_of, place_of, waiting, count, touched)
         for t in range(trips):
             if touched[t]:
-                seconds[t] = trip_s(costs, ports, harbours[t], routes[t], sizes[t])
+                _clock(costs, ports, fleet, harbours[t], t)
         _sort_waiting(ports, waiting, count, keys)
-        left = 0
-        for w in range(count):
-            cell = waiting[w]
-            adds = _best_place(
-                costs, ports, routes, sizes, seconds, harbours, trip_of, place_of, cell, choice
-            )
-            if np.isfinite(adds):
-                _put_in(routes, sizes, trip_of, place_of, choice[0], choice[1], cell)
-                seconds[choice[0]] += adds
-                touched[choice[0]] = True
-            else:
-                waiting[left] = cell
-                left += 1
-        count = left
-        now = seconds.sum() + absent_s * count
-        accepted = now < total - heat * np.log(np.random.random())
-        if accepted:
-            for t in range(trips):
-                if touched[t] and not comes_home(costs, ports, harbours[t], routes[t], sizes[t]):
-                    accepted = False
-                    break
-        if accepted:
-            total = now
-        for t in range(trips):
-            if not touched[t]:
-                continue
-            if accepted:
-                old_sizes[t], old_seconds[t] = sizes[t], seconds[t]
-                for k in range(sizes[t]):
-                    old[t, k] = routes[t, k]
-            else:
-                for k in range(sizes[t]):
-                    trip_of[routes[t, k]] = -1
-                sizes[t], seconds[t] = old_sizes[t], old_seconds[t]
-        if accepted:
-            old_count = count
-            old_waiting[:count] = waiting[:count]
-        else:
-            count = old_count
+        count = _recreate(costs, ports, fleet, harbours, trip_of, place_of, waiting, count, touched)
+        now = _cost(ports, fleet, count)
+        if now >= total - heat * np.log(np.random.random()):
+            _take_back(fleet, old, trip_of, place_of, touched)
+            count = before
             waiting[:count] = old_waiting[:count]
-            for t in range(trips):
-                if touched[t]:
-                    for k in range(sizes[t]):
-                        cell = old[t, k]
-                        routes[t, k] = cell
-                        trip_of[cell], place_of[cell] = t, k
-        if accepted and total < best - 1e-9:
-            best = total
-            kept_sizes[:] = sizes
-            kept_count = count
+            continue
+        total = now
+        old_waiting[:count] = waiting[:count]
+        for t in range(trips):
+            if touched[t]:
+                _copy(fleet, old, t)
+                changed[t] = True
+        if total < best - 1e-9:
+            best, kept_count = total, count
             kept_waiting[:count] = waiting[:count]
             for t in range(trips):
-                for k in range(sizes[t]):
-                    kept[t, k] = routes[t, k]
-    sizes[:] = kept_sizes
-    routes[:] = kept
+                if changed[t]:
+                    _copy(fleet, kept, t)
+                    changed[t] = False
     waiting[:] = kept_waiting
     return kept_count
