@@ -42,12 +42,11 @@ class SortieSettings:
                 "What bounds a sortie is not given; give the battery's watt-hours or the minutes.",
                 settings=("sortie_battery_wh", "sortie_minutes"),
             )
-        for given, name in ((self.battery_wh, "battery_wh"), (self.minutes, "minutes")):
+        for given in (self.battery_wh, self.minutes):
             if given is not None and not 0 < given < math.inf:
                 raise UsageError(
-                    f"A sortie with {given:g} {'Wh' if name == 'battery_wh' else 'min'} is none; "
-                    "give a positive number.",
-                    settings=(f"sortie_{name}",),
+                    f"A sortie cannot last {given:g} Wh or minutes; give a positive number.",
+                    settings=("sortie_battery_wh", "sortie_minutes"),
                 )
         if not 0 <= self.reserve < 1:
             raise UsageError(

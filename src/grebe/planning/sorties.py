@@ -45,7 +45,7 @@ HOME_SHARE, HOME_SLACK_S = 0.25, 30.0
 # A flown sortie may take so much longer than predicted before the guard calls the boat home.
 MARGIN = 1.08
 # Rounds of the exchange between trips, for each cell and at most.
-ROUNDS_EACH, MOST_ROUNDS = 150, 600_000
+ROUNDS_EACH, MOST_ROUNDS = 100, 400_000
 # Kicks of the polish of one trip.
 KICKS = 3_000
 # Cells that are looked at when a cell looks for a place.
@@ -214,17 +214,35 @@ def trips_within(lake: Lake, endurance: Endurance, rounds: int | None = None) ->
     count = int(lake.wanted.sum())
     rounds = min(ROUNDS_EACH * count, MOST_ROUNDS) if rounds is None else rounds
     # How much longer a trip takes than its legs through the centres: turns, and corners cut.
-    factor, trips, fewest = WANDER, None, 1
+    factor, trips, best = _first_factor(lake), None, None
     for _ in range(FITTINGS):
         ports = ports_of(lake, endurance, factor)
         _refuse_unreachable(lake, ports)
-        fewest = max(fewest, math.ceil(bound_s(lake, ports, fewest) / ports.limit_s))
-        trips, fewest = _fewest(lake, ports, fewest, rounds, trips)
-        longest = _longest_share(lake, trips, endurance)
+        trips = _fewest(lake, ports, rounds, trips)
+        seconds = _predicted_s(lake, trips)
+        longest = float(seconds.max()) / (endurance.limit_s - HOME_SLACK_S)
         if longest <= 1:
-            return trips
-        factor *= 1.002 * longest
-    raise PlanError("No sorties were found whose predicted times keep the limit: a fault.")
+            best = trips if best is None or len(trips.orders) < len(best.orders) else best
+            if len(best.orders) <= math.ceil(seconds.sum() / endurance.limit_s):
+                return best
+        elif best is not None:
+            return best
+        factor *= 1.005 * longest
+    if best is None:
+        raise PlanError("No sorties were found whose predicted times keep the limit: a fault.")
+    return best
+
+
+def _first_factor(lake: Lake) -> float:
+    """What one way through all cells is predicted to take, over its legs through the centres."""
+    order = lake.draft.route.order
+    footprints = np.array([cell.footprint for cell in lake.draft.cells], dtype=object)[order]
+    centres = lake.draft.network.centres[order]
+    if len(order) < 2:
+        return WANDER
+    north, east = centres[0].tolist()
+    legs_s = float(lake.travel.leg_s(np.diff(centres, axis=0)).sum())
+    return lake.travel.path_s(taut_way((north, east), footprints)) / legs_s
 
 
 def ports_of(lake: Lake, endurance: Endurance, factor: float) -> Ports:
@@ -276,10 +294,9 @@ def _refuse_unreachable(lake: Lake, ports: Ports) -> None:
         )
 
 
-def _fewest(
-    lake: Lake, ports: Ports, fewest: int, rounds: int, before: Trips | None
-) -> tuple[Trips, int]:
+def _fewest(lake: Lake, ports: Ports, rounds: int, before: Trips | None) -> Trips:
     """The best trips of the smallest number that hold all cells."""
+    fewest = math.ceil(bound_s(lake, ports) / ports.limit_s)
     for count in range(fewest, MOST_SORTIES + 1):
         known = before is not None and len(before.orders) == count
         if known and before is not None:
@@ -292,7 +309,7 @@ def _fewest(
         found, absent = improved_trips(lake.costs, ports, trimmed, harbours, rounds)
         if len(absent) == 0:
             kept = [i for i, order in enumerate(found) if len(order)]
-            return _trips(lake, ports, [found[i] for i in kept], harbours[kept]), count
+            return _trips(lake, ports, [found[i] for i in kept], harbours[kept])
     raise PlanError(
         f"More than {MOST_SORTIES} sorties would be needed; give them more time or larger cells.",
         settings=("sortie_battery_wh", "sortie_minutes", "cell_m"),
@@ -350,17 +367,16 @@ def _trimmed(lake: Lake, ports: Ports, harbour: int, order: Order) -> Order:
     return order[:low].copy()
 
 
-def _longest_share(lake: Lake, trips: Trips, endurance: Endurance) -> float:
-    """The longest predicted time of a trip, as a share of what it may take."""
-    shares: list[float] = []
+def _predicted_s(lake: Lake, trips: Trips) -> NDArray[np.float64]:
+    """What each trip is predicted to take [s]."""
+    found: list[float] = []
     for harbour, order in zip(trips.harbours.tolist(), trips.orders, strict=True):
         footprints = [stop.footprint for stop in lake.ways.stops(order)]
         way = taut_way(lake.homes[harbour].place, footprints)
         home_m = float(lake.homes[harbour].ways_m[order[-1]])
         back_s = WANDER * home_m * float(np.mean(lake.travel.slowness))
-        seconds = lake.travel.path_s(way) + back_s
-        shares.append((seconds + HOME_SLACK_S) / endurance.limit_s)
-    return max(shares)
+        found.append(lake.travel.path_s(way) + back_s)
+    return np.array(found)
 
 
 def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSorties:

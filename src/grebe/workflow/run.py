@@ -49,10 +49,12 @@ def run_survey(
     *,
     resume: bool = False,
     force: bool = False,
+    sortie: int | None = None,
     listeners: Sequence[Listener] = (),
     on_ready: Callable[[Mission], None] | None = None,
 ) -> MissionReport:
-    """Steer a boat through the targets of a survey file and record what it measures.
+    """Steer a boat through the targets of a survey file and record what it measures; of a plan
+    in sorties through those of one, the first that is not done where `sortie` names none.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
     mission sets out and what the link knows of the boat; `listeners` hear its events; `on_ready`
@@ -60,7 +62,7 @@ def run_survey(
     forgotten (`force`) only once all that the new one needs is there.
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
-    departure = prepare(survey_file, now, resume=resume, force=force)
+    departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     survey_file.claim()
     link = boat_at(departure)
     recorder = SurveyRecorder(survey_file)
