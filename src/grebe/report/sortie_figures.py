@@ -25,7 +25,7 @@ from grebe.report.canvas import (
 
 # Okabe and Ito's colours, in an order in which neighbours differ in lightness too; beyond six
 # sorties they come again, hatched.
-COLOURS = (ORANGE, BLUE, SKY, VERMILLION, "#F0E442", GREEN)
+COLOURS = (ORANGE, BLUE, "#F0E442", GREEN, SKY, VERMILLION)
 HATCHES = ("", "////", "....", "xxxx")
 MANY_CELLS = 3_000
 
@@ -70,5 +70,5 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
     )  # fmt: skip
     axes.set_title(f"{survey.name}: {len(revision.sorties)} sorties")
     finish_map(axes, survey)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
     return figure
