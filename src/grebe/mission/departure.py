@@ -88,13 +88,16 @@ def prepare(
                 settings=("force", "resume"),
             )
         survey, reached = part.survey, part.reached
+    vessel, start = survey.vessel, survey.start
+    assert vessel is not None
+    assert start is not None
     if ends and not (resume or force):
         raise SurveyFileError(
             f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
             "targets reached); resume it, or begin anew by force.",
             settings=("resume", "force"),
         )
-    state, started = survey.start.at_rest(), now
+    state, started = start.at_rest(), now
     if ends and resume:
         state = ends[1].state
         # Simulated time runs ahead of the clock: the new part must not begin before the old ends.
@@ -103,7 +106,7 @@ def prepare(
         started = max(now, over + timedelta(seconds=AFTER_S))
     return Departure(
         survey=survey,
-        vessel=survey.vessel,
+        vessel=vessel,
         state=state,
         reached=reached if resume else 0,
         started=started,
@@ -142,13 +145,14 @@ def _fresh_sortie(
 ) -> Departure:
     """Set out from the harbour; times go on after all that is recorded."""
     survey = part.survey
-    assert survey.start is not None
-    assert survey.vessel is not None
+    vessel, start = survey.vessel, survey.start
+    if vessel is None or start is None:
+        raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
     over = survey_file.last_time()
     return Departure(
         survey=survey,
-        vessel=survey.vessel,
-        state=survey.start.at_rest(),
+        vessel=vessel,
+        state=start.at_rest(),
         reached=0,
         started=now if over is None else max(now, over + timedelta(seconds=AFTER_S)),
         clears=False,

@@ -46,6 +46,9 @@ HOME_SHARE, HOME_SLACK_S = 0.25, 30.0
 MARGIN = 1.08
 # Rounds of the exchange between trips, for each cell and at most.
 ROUNDS_EACH, MOST_ROUNDS = 100, 400_000
+# The share of the rounds that tells whether a number of trips can hold all cells, and the share of
+# the cells that may be left then.
+TRIAL_SHARE, MOST_ABSENT_SHARE = 0.15, 0.01
 # Kicks of the polish of one trip.
 KICKS = 3_000
 # Cells that are looked at when a cell looks for a place.
@@ -283,7 +286,7 @@ def bound_s(lake: Lake, ports: Ports, trips: int = 1) -> float:
 
 
 def _refuse_unreachable(lake: Lake, ports: Ports) -> None:
-    best = np.minimum.reduce(ports.out + np.maximum(ports.home, ports.back))[lake.wanted]
+    best = np.min(ports.out + np.maximum(ports.home, ports.back), axis=0)[lake.wanted]
     if best.max() > ports.limit_s:
         away = np.min([home.ways_m for home in lake.homes], axis=0)[lake.wanted].max()
         raise PlanError(
@@ -306,7 +309,12 @@ def _fewest(lake: Lake, ports: Ports, rounds: int, before: Trips | None) -> Trip
         trimmed = [
             _trimmed(lake, ports, int(h), order) for h, order in zip(harbours, orders, strict=True)
         ]
-        found, absent = improved_trips(lake.costs, ports, trimmed, harbours, rounds)
+        # A first, short exchange tells whether so many trips may do at all.
+        tried = max(1, int(TRIAL_SHARE * rounds))
+        found, absent = improved_trips(lake.costs, ports, trimmed, harbours, tried)
+        if len(absent) > MOST_ABSENT_SHARE * lake.wanted.sum():
+            continue
+        found, absent = improved_trips(lake.costs, ports, found, harbours, rounds)
         if len(absent) == 0:
             kept = [i for i, order in enumerate(found) if len(order)]
             return _trips(lake, ports, [found[i] for i in kept], harbours[kept])

@@ -37,7 +37,9 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
     axes = figure.subplots()
     draw_water(axes, survey)
     many = len(revision.targets) > MANY_CELLS
-    outline = [patheffects.withStroke(linewidth=3, foreground="white")]
+    outline: list[patheffects.AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=3, foreground="white")
+    ]
     for i, sortie in enumerate(revision.sorties):
         part = survey_of(survey, revision, sortie)
         cells = [t for t in part.targets if t.kind == "cell"]
