@@ -148,6 +148,13 @@ def _weight_options(command: Any) -> Any:
     type=click.IntRange(min=1),
     help="Which sortie of a plan in sorties.  [default: the first that is not done]",
 )
+@click.option(
+    "--replan",
+    "replans",
+    is_flag=True,
+    help="Plan the rest anew, while the boat sails, where a target is not reached in time (it is "
+    "left out) or the current is another than was planned with.",
+)
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
 @click.option("--preview", is_flag=True, help="Say what would be done, and do nothing.")
@@ -162,6 +169,7 @@ def command(
     yes: bool,
     quantities_file: Path | None,
     sortie: int | None,
+    replans: bool,
     resume: bool,
     preview: bool,
     force: bool,
@@ -207,6 +215,7 @@ def command(
             resume=goes_on,
             force=force,
             sortie=sortie,
+            replans=replans,
             listeners=[ProgressMeter(bar.update), Alarm(output.note)],
             on_ready=heed_mission,
         )

@@ -27,10 +27,15 @@ class Sampler:
         sampling: Sampling,
         quantities: Quantities,
     ) -> None:
-        self._targets, self._link = targets, link
+        self._link = link
         self._sampling, self._quantities = sampling, quantities
-        self._tree = shapely.STRtree([target.set.polygon for target in targets])
         self._next_s = 0.0
+        self.look_for(targets)
+
+    def look_for(self, targets: Sequence[Target]) -> None:
+        """Say of samples in which of these targets they were taken."""
+        self._targets = targets
+        self._tree = shapely.STRtree([target.set.polygon for target in targets])
 
     def take(
         self, observation: Observation, time: datetime, entered: Sequence[Target], ahead: TargetSet

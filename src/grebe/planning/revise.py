@@ -22,10 +22,10 @@ from grebe.core.revision import PlanRevision, Reason, Sortie, numbered_on, revis
 from grebe.core.sets import TargetSet, footprints_of, ring_vertices
 from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
-from grebe.planning.corridors import Stop, Waterways, widened
+from grebe.planning.corridors import REACH_CELLS, Stop, Waterways, corridors_of, widened
 from grebe.planning.costs import costs_of
 from grebe.planning.mesh import Cell
-from grebe.planning.network import Network, connect
+from grebe.planning.network import ROUNDING_M, Network, connect
 from grebe.planning.polish import polished
 from grebe.planning.taut import taut_way
 from grebe.planning.travel import travel_of
@@ -99,8 +99,8 @@ def open_water(survey: Survey, water: shapely.Polygon) -> OpenWater:
 
 @dataclass(frozen=True, kw_only=True)
 class Halfway:
-    """How far an order has come: `reached` targets of it, or of its `sortie`, and the boat's `place`
-    (north, east).
+    """How far an order, or its `sortie`, has come: `reached` targets, and where the boat's `place`
+    (north, east) is.
     """
 
     reached: int
@@ -138,7 +138,7 @@ def replanned(
     ends_at = part.targets[-1] if part.targets[-1].kind == "transit" else None
     stops = _stops(open_, halfway.place, order, ends_at)
     begin = shapely.Point(halfway.place).buffer(PLACE_RADIUS_M, quad_segs=1)
-    corridors = open_.ways.corridors([begin, *(stop.footprint for stop in stops)])
+    corridors = _corridors(old, open_, begin, stops)
     targets = _targets(old, open_, widened(stops, corridors), part, ends_at)
     ahead = [*done, *targets], [*part.corridors[: halfway.reached], *corridors]
     return _joined(old, halfway.sortie, *ahead, reason=reason, note=note)
@@ -164,7 +164,15 @@ def _ordered(
     assert settings is not None
     travel = travel_of(vessel, (settings.speed_min_mps, settings.speed_max_mps), weather)
     costs = costs_of(open_.network, travel, halfway.place, returns=halfway.sortie is not None)
-    return polished(costs, rest, KICKS)[0] if len(rest) > 1 else rest
+    if len(rest) < 2:
+        return rest
+    # Legs through the centres are not all: an order is taken that is predicted to be faster.
+    shapes = np.array([cell.footprint for cell in open_.cells], dtype=object)
+    return min(
+        polished(costs, rest, KICKS)[0],
+        rest,
+        key=lambda order: travel.path_s(taut_way(halfway.place, shapes[order])),
+    )
 
 
 def _stops(
@@ -190,8 +198,50 @@ def _stops(
     return stops
 
 
+def _corridors(
+    old: PlanRevision, open_: OpenWater, begin: shapely.Polygon, stops: Sequence[Stop]
+) -> list[shapely.Polygon]:
+    """A corridor for each leg: the old order's where it had the same leg, there or back.
+
+    Cutting corridors out of the water is most of the work of a plan, and a new order keeps most
+    of the legs of the old one.
+    """
+    known = _known_corridors(old, open_.water)
+    shapes = np.array([begin, *(stop.footprint for stop in stops)], dtype=object)
+    numbers = [0, *(0 if s.cell is None else open_.targets[s.cell].seq for s in stops)]
+    legs = [frozenset(pair) for pair in itertools.pairwise(numbers)]
+    found = [known.get(leg) for leg in legs]
+    missing = [k for k, corridor in enumerate(found) if corridor is None]
+    reach_m = REACH_CELLS * open_.cell_m
+    ends = [k + 1 for k in missing]
+    cut = corridors_of(shapes[missing], shapes[ends], open_.water, reach_m)
+    made = dict(zip(missing, cut, strict=True))
+    return [made[k] if one is None else one for k, one in enumerate(found)]
+
+
+def _known_corridors(
+    old: PlanRevision, water: shapely.Polygon
+) -> dict[frozenset[int], shapely.Polygon]:
+    """The corridors of the old order's legs from cell to cell that are still water."""
+    legs = [
+        (frozenset((a.seq, b.seq)), corridor)
+        for (a, b), corridor in zip(
+            itertools.pairwise(old.targets), old.corridors[1:], strict=False
+        )
+        if a.kind == b.kind == "cell"
+    ]
+    allowed = water.buffer(ROUNDING_M, join_style="mitre")
+    shapely.prepare(allowed)
+    stays = shapely.covers(allowed, np.array([corridor for _, corridor in legs], dtype=object))
+    return dict(itertools.compress(legs, np.atleast_1d(stays).tolist()))
+
+
 def _targets(
-    old: PlanRevision, open_: OpenWater, stops: Sequence[Stop], part: Survey, ends_at: Target | None
+    old: PlanRevision,
+    open_: OpenWater,
+    stops: Sequence[Stop],
+    part: Survey,
+    ends_at: Target | None,
 ) -> list[Target]:
     """The targets of stops: the cells' own, new transits, and the old end."""
     fastest = max(target.set.speed_max_mps for target in part.targets)
