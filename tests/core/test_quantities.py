@@ -75,13 +75,13 @@ def test_an_entry_that_is_known_is_changed_and_not_lost():
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("new = 3", "new is no table"),
+        ("new = 3", "new is not a table"),
         ("[new]\nunit = 'm'", "is new and lacks label, cf_unit, span, resolution"),
         (ENTRY.replace("columns", "colums"), "holds 'colums'"),
         (ENTRY.replace("[0, 100]", "[100, 0]"), "give "),
         (ENTRY.replace("[0, 100]", "[0, nan]"), "give "),
-        (ENTRY.replace("0.01", "'fine'"), "'fine', which is no number"),
-        (ENTRY.replace("0.01", "true"), "True, which is no number"),
+        (ENTRY.replace("0.01", "'fine'"), "'fine', which is not a number"),
+        (ENTRY.replace("0.01", "true"), "True, which is not a number"),
         (ENTRY.replace("trp(", "trp(("), "no regular expression"),
         (ENTRY.replace("en = ", "de = "), "no English text"),
         (ENTRY.replace("tryptophan_rfu", "geom"), "cannot be a quantity's key"),

@@ -17,7 +17,7 @@ from mavsdk.plugins.telemetry import Telemetry
 
 from grebe.io.store import SurveyFile
 from grebe.links.mavlink.rehearsal import serve
-from grebe.links.mavlink.wires import UdpWire
+from grebe.links.wires import UdpWire
 from grebe.simulation.autopilot import Mode
 from grebe.workflow.files import write_survey
 

@@ -18,7 +18,6 @@ from grebe.core.errors import GrebeError, LinkError, StoppedError
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import IDLE, Order
-from grebe.links.mavlink.wires import UdpWire
 from grebe.links.nmea.clock import StreamClock
 from grebe.links.nmea.link import NmeaLink, open_nmea
 from grebe.links.nmea.navigation import Track
@@ -36,6 +35,7 @@ from grebe.links.nmea.sentences import (
 )
 from grebe.links.nmea.settings import NmeaSettings, settings_of
 from grebe.links.nmea.thrusts import RECEIVER_S, read_thrust_line
+from grebe.links.wires import UdpWire
 from grebe.mission.departure import prepare
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder

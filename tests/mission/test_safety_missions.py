@@ -140,7 +140,7 @@ def test_without_a_fence_the_same_helm_leaves_the_water():
         ({"safety": SafetySettings(until=NOON + timedelta(seconds=70))}, "daylight_short"),
         ({"asks": [(30.0, lambda mission: mission.come_home("rain"))]}, "asked_to_come_home"),
         (
-            {"faults": Faults(rising=(0.03, 0.0), rises_at_s=0.0, rises_until_s=40.0)},
+            {"faults": Faults(rising=(0.03, 0.0), rises_at_s=0.0, rises_until_s=55.0)},
             "current_too_strong",
         ),
     ],

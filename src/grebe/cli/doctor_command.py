@@ -19,14 +19,23 @@ COLOURS = {Verdict.GOOD: "green", Verdict.DOUBTFUL: "yellow", Verdict.BAD: "red"
 @click.command(name="doctor")
 @click.argument("link", required=False)
 @click.option("--survey", "survey_file", type=options.EXISTING, help="The survey to be sailed.")
+@click.option(
+    "--instrument",
+    "instruments",
+    multiple=True,
+    metavar="ADDRESS@PROFILE",
+    help="A sonde apart from the boat; may be given several times.",
+)
 @options.json_option
-def command(link: str | None, survey_file: Path | None, as_json: bool) -> None:
-    """Check this computer, a survey, and the boat behind LINK (mavlink:udp:HOST:PORT).
+def command(
+    link: str | None, survey_file: Path | None, instruments: tuple[str, ...], as_json: bool
+) -> None:
+    """Check this computer, a survey, the boat behind LINK (mavlink:udp:HOST:PORT) and sondes.
 
-    Nothing is armed, moved or written. Leaves with 7 when a line says NOT.
+    Nothing is armed, moved or written. Exits with 7 when a line says NOT.
     """
     found: list[Check] = []
-    for line in diagnose(link, survey_file, datetime.now(UTC)):
+    for line in diagnose(link, survey_file, datetime.now(UTC), instruments):
         found.append(line)
         if not as_json:
             _show(line)

@@ -16,6 +16,7 @@ FLAGS = {
     "feature": "--feature",
     "force": "--force",
     "header_from": "--header-from",
+    "instrument": "--instrument",
     "method": "--method",
     "home": "--home",
     "max_minutes": "--max-minutes",

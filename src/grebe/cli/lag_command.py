@@ -21,7 +21,7 @@ def command(first: Path, second: Path, as_json: bool) -> None:
     """Compare two runs of one line, FIRST and SECOND, at different speeds or directions.
 
     For each quantity the delay and time constant that bring the runs closest, and whether
-    that is worth a correction: what the water itself did between the runs no lag explains.
+    that is worth a correction: no lag explains what the water itself did between the runs.
     """
     found = compare_runs(first, second)
     advised = " ".join(

@@ -19,6 +19,7 @@ COMMANDS = {
     "run": "steer a boat through every target set of a survey",
     "identify": "know a boat from a drive: masses, drags, thrusters, with standard errors",
     "doctor": "check the computer, the survey and the boat before they go out",
+    "instruments": "the sondes that can be read: list them, watch one, pretend to be one",
     "autopilot": "stand in for a boat's autopilot, to rehearse without a boat",
     "physics": "be the water and the hull under ArduPilot's real firmware",
     "check": "flag suspect and failed samples by QARTOD's tests",

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from grebe.mission.statistics import Progress as MissionProgress
 
 TIP = "Next: "
-# Where there is no terminal for a bar, so much time passes between two lines at most [s].
+# Where there is no terminal for a bar, the longest time between two lines [s].
 LONGEST_SILENCE_S = 30.0
 
 
 def make_streams_safe() -> None:
-    """Open what is closed of the standard streams, and let none who watches end the work.
+    """Open what is closed of the standard streams, and let nobody who watches end the work.
 
     A closed one would be the next file opened, and what is printed would go into that file.
     """

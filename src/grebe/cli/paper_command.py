@@ -64,7 +64,7 @@ def command(
                               default=str))  # fmt: skip
     missed = [one.figure for one in made if not one.holds]
     if missed:
-        raise IncompleteError(f"{', '.join(missed)}: not all that must show does.")
+        raise IncompleteError(f"{', '.join(missed)}: not everything that must show does.")
 
 
 def _reproduced(

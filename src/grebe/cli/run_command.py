@@ -18,6 +18,7 @@ from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, LinkError, StoppedError, UsageError
 from grebe.core.events import EndReason
+from grebe.core.quantities import BUILTIN
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
@@ -26,6 +27,7 @@ from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.instruments import declare_quantities, instrument_named, instruments_at
 from grebe.workflow.preview import preview_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
@@ -141,6 +143,14 @@ def _weight_options(command: Any) -> Any:
     help="Keep readings within target sets alone, as in the paper.  "
     "[default: every second within the speed window]",
 )
+@click.option(
+    "--instrument",
+    "instruments",
+    multiple=True,
+    metavar="ADDRESS@PROFILE",
+    help="A sonde apart from the boat, such as serial:/dev/ttyUSB0@ysi-exo; may be given several "
+    "times.  (grebe instruments lists the profiles)",
+)
 @safety_options
 @options.quantities_option
 @click.option(
@@ -166,6 +176,7 @@ def command(
     file: Path,
     url: str,
     in_sets_only: bool,
+    instruments: tuple[str, ...],
     yes: bool,
     quantities_file: Path | None,
     sortie: int | None,
@@ -178,25 +189,36 @@ def command(
 ) -> None:
     """Steer the boat through every target set of FILE and record what it measures.
 
-    With --resume, what is not said again is as it was in the run that is gone on with. A
+    With --resume, options that are not given again are taken from the run that is resumed. A
     terminal that closes does not end the mission; Ctrl-C and SIGTERM do.
     """
     if (resume or run["returns"]) and force:
         raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
     now = datetime.now(UTC)
+    # What was typed is judged before the file is opened.
     boat_named(url)
     safety_of(run, now)
+    _settings(run)
+    for one in instruments:
+        instrument_named(one)
     goes_on = resume or run["returns"]
     if preview:
         _show_preview(file, sortie, resume=goes_on, force=force, as_json=as_json)
         return
     ignore_hangup()
     output.compile_once()
-    with SurveyFile.open(file) as survey_file, output.MissionBar(quiet=as_json) as bar:
-        own = user_quantities(quantities_file, file)
+    own = user_quantities(quantities_file, file)
+    with (
+        SurveyFile.open(file) as survey_file,
+        instruments_at(instruments, BUILTIN.extended(own)) as bench,
+        output.MissionBar(quiet=as_json) as bar,
+    ):
         if own:
             survey_file.claim()
             survey_file.declare(own)
+        if bench is not None:
+            survey_file.claim()
+            declare_quantities(survey_file, bench, BUILTIN.extended(own))
         if goes_on:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
         rule, solver, world = _settings(run)
@@ -218,6 +240,7 @@ def command(
             replans=replans,
             listeners=[ProgressMeter(bar.update), Alarm(output.note)],
             on_ready=heed_mission,
+            instruments=bench,
         )
         file = survey_file.path
         check_samples(survey_file)

@@ -11,7 +11,7 @@ import click
 from grebe.cli import options
 from grebe.mission.safety.settings import CAREFUL, SafetySettings
 
-# Options of one run alone: a mission that is gone on with does not take them over.
+# Options of a single run, which a resumed mission does not inherit.
 ONCE = ("returns",)
 ASKED = "the operator has asked for the way home"
 
@@ -81,6 +81,6 @@ def next_instant(clock: str, now: datetime) -> datetime:
     try:
         time = datetime.strptime(clock, "%H:%M").replace(tzinfo=UTC)
     except ValueError:
-        raise click.BadParameter(f"{clock!r} is no time of day such as 19:30.") from None
+        raise click.BadParameter(f"{clock!r} is not a time of day such as 19:30.") from None
     today = now.astimezone(UTC).replace(hour=time.hour, minute=time.minute, second=0, microsecond=0)
     return today if today > now else today + timedelta(days=1)

@@ -43,8 +43,8 @@ END_SD = np.array([0.15, 0.15, 0.03, 0.05, 0.05, 0.03])
 # and lag [s]; compass [rad]; current [m/s]; wind as a share of full thrust; how fast the current
 # changes [m/s^2].
 PRIOR_SD = np.array([0.4, 0.4, 0.6, 0.6, 0.4, 0.6, 0.6, 0.6, 0.15, 0.3, 0.3, 0.1, 0.1, 0.01, 0.01])
-LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -1.5, -1.5, -0.5, -0.5, -0.05, -0.05])
-HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 1.5, 1.5, 0.5, 0.5, 0.05, 0.05])
+LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -3.0, -3.0, -0.5, -0.5, -0.05, -0.05])
+HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 3.0, 3.0, 0.5, 0.5, 0.05, 0.05])
 PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
 COUNT = len(PRIOR_SD)
 BOAT, WEATHER, DRIFT, ALL = slice(0, 9), slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)
@@ -104,7 +104,10 @@ class Correction:
         )
 
     def __str__(self) -> str:
+        if self == AS_MODELLED:
+            return "the boat is as its model says after all"
         return (
+            "the boat is not as its model says: "
             f"thrusters give {self.port:.2f} and {self.starboard:.2f} of their orders, drag x "
             f"{self.drag:.2f}, sway drag x {self.sway_drag:.2f}, yaw inertia x "
             f"{self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
@@ -144,8 +147,8 @@ Found = tuple[Correction, Weather]
 def fitting(
     model: Vessel, flown: Flown, followed: Correction
 ) -> Generator[None, None, Found | None]:
-    """Find the correction that the data ask for and the weather with it; None where the model
-    explains them well enough. `followed` is the correction that was followed so far.
+    """Find the correction that the data ask for and the weather with it; None where the model, or
+    the correction that was followed so far explains them well enough.
 
     A generator, for a boat's small computer must not think for long at once: it yields after
     every roll-out of the model and returns what it found.
@@ -156,20 +159,24 @@ def fitting(
     plain, plain_cost = yield from problem.solve(np.zeros(COUNT), WEATHER)
     if plain_cost < LEAST_GAIN:
         return None
-    others = OTHER_STARTS_S if followed == AS_MODELLED else ()
-    starts = [followed, *(replace(AS_MODELLED, dead_s=dead_s) for dead_s in others)]
-    best, cost = plain, plain_cost
-    for start in starts:
-        begin = _numbers(start)
-        begin[WEATHER] = plain[WEATHER]
-        numbers, its_cost = yield from problem.solve(begin, ALL)
+    best, cost, kept_cost = plain, plain_cost, plain_cost
+    if followed == AS_MODELLED:
+        starts = [(plain, dead_s) for dead_s in (0.0, *OTHER_STARTS_S)]
+    else:
+        kept, kept_cost = yield from problem.solve(_numbers(followed), WEATHER)
+        if kept_cost < LEAST_GAIN:
+            return None
+        starts = [(kept, followed.dead_s)]
+    for begin, dead_s in starts:
+        numbers, its_cost = yield from problem.solve(_with_dead_time(begin, dead_s), ALL)
         if its_cost < cost:
             best, cost = numbers, its_cost
         if problem.is_better(plain_cost, cost):
             break
-    return (
-        (_correction(best), _weather(model, best)) if problem.is_better(plain_cost, cost) else None
-    )
+    if problem.is_better(plain_cost, cost) and problem.is_better(kept_cost, cost):
+        return _correction(best), _weather(model, best)
+    # What was followed has turned out to be worse than no correction at all.
+    return (AS_MODELLED, _weather(model, plain)) if kept_cost > plain_cost else None
 
 
 def fitted(model: Vessel, flown: Flown, followed: Correction = AS_MODELLED) -> Found | None:
@@ -205,7 +212,7 @@ class _Problem:
 
         What is left over scales what counts as much, where the data are noisier than assumed.
         """
-        unit = max(1.0, 2 * cost / (6 * len(self.first)))
+        unit = max(1.0, 2 * cost / max(1, 6 * len(self.first) - COUNT))
         return plain_cost - cost > max(LEAST_GAIN * unit, LEAST_SHARE * plain_cost)
 
     def residuals(self, numbers: Array) -> Array:
@@ -283,6 +290,12 @@ def moved_enough(before: Correction, after: Correction) -> bool:
     """Whether a correction differs so much from the one that is followed that it is worth it."""
     change = np.abs(_numbers(after) - _numbers(before))[BOAT]
     return bool(np.any(change > WORTH_A_CHANGE))
+
+
+def _with_dead_time(numbers: Array, dead_s: float) -> Array:
+    out = numbers.copy()
+    out[6] = dead_s
+    return out
 
 
 def _numbers(correction: Correction) -> Array:

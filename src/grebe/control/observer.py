@@ -29,7 +29,7 @@ VELOCITY_SD = 0.03
 # a share of full thrust; and how far each may wander in a second.
 CURRENT_SD, WIND_SHARE_SD = 0.4, 0.15
 CURRENT_DRIFT, WIND_SHARE_DRIFT = 0.01, 0.005
-LARGEST_CURRENT_MPS = 1.5
+LARGEST_CURRENT_MPS = 3.0
 
 
 class Observer:

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 Thrusts = tuple[float, float]
 # Roll-outs of the model that are done for the correction at one estimate: some 3 ms.
 WORK_PER_ESTIMATE = 12
-# A lag below this is none [s]; and the share of a longer one in which thrusters are to follow.
+# Lags below this are ignored [s]; and the share of a longer one within which thrusters respond.
 LEAST_LAG_S, HURRY = 0.15, 0.45
-# An age below this is none: the clock of a line is not that good [s].
+# Ages below this are treated as zero: a link's clock is no better than that [s].
 LEAST_AGE_S = 0.02
 # Longer gaps between estimates are not learned from [s].
 LONGEST_GAP_S = 2.0
@@ -61,8 +61,8 @@ class _Order:
 
 
 class Tracker:
-    """Follows one boat. `model` is the boat as it is said to be; `corrects` whether it is asked
-    if it is so, `observes` whether current and wind are estimated.
+    """Follows one boat. `model` is the boat as it is said to be; `corrects`: whether that is
+    put to the test; `observes` whether current and wind are estimated.
     """
 
     def __init__(self, model: Vessel, *, observes: bool = True, corrects: bool = True) -> None:

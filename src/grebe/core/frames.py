@@ -47,7 +47,7 @@ class LocalFrame:
             raise InputError(f"The frame's origin ({lon}, {lat}) is not a pair of finite degrees.")
         if abs(lon) > 180 or abs(lat) > 89:
             raise InputError(
-                f"The frame's origin ({lon}, {lat}) is no longitude and latitude in degrees; "
+                f"The frame's origin ({lon}, {lat}) is not a longitude and latitude in degrees; "
                 "longitudes lie within 180 and latitudes within 89."
             )
 

@@ -1,4 +1,4 @@
-"""The boat under an autopilot that holds speed and yaw rate: another plant than the bare hull.
+"""The boat under an autopilot that holds speed and yaw rate: a different plant from the bare hull.
 
 An inner loop that follows a speed u_ref and a yaw rate r_ref with first-order lags,
 
@@ -6,8 +6,8 @@ An inner loop that follows a speed u_ref and a yaw rate r_ref with first-order l
 
 is Eq. (9) with linear drag and equal masses in surge and sway: with m = m11 = m22, x_u = -m / T_u
 and n_r = -m33 / T_r, the steady rates u_ref = tau_u / -x_u and r_ref = tau_r / -n_r stand for the
-thrusts, and no moment couples surge and sway into yaw, for the inner loop takes it up. Sway is
-nobody's to hold: it keeps the hull's own drag. So whatever plans for a `Vessel` plans for this
+thrusts, and no moment couples surge and sway into yaw, for the inner loop takes it up. Nothing
+holds sway: it keeps the hull's own drag. So whatever plans for a `Vessel` plans for this
 boat too, and the limits of its two thrusters become those of speed and turn together: a boat at
 full speed has nothing left to turn with.
 """

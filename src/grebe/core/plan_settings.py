@@ -93,7 +93,7 @@ class PlanSettings:
             )
         if self.cell_m is not None and not 0 < self.cell_m < math.inf:
             raise UsageError(
-                f"A cell of {self.cell_m:g} m is none; give a positive number of metres.",
+                f"A cell of {self.cell_m:g} m is impossible; give a positive number of metres.",
                 settings=("cell_m",),
             )
         if self.shape not in SHAPES:
@@ -108,13 +108,13 @@ class PlanSettings:
             )
         if not SMALLEST_CORE <= self.core <= 1:
             raise UsageError(
-                f"A core of {self.core:g} is none; give a share of the cell from {SMALLEST_CORE:g} "
-                "to 1.",
+                f"A core of {self.core:g} is impossible; give a share of the cell "
+                f"from {SMALLEST_CORE:g} to 1.",
                 settings=("core",),
             )
         if not 0 <= self.shore_margin_m < math.inf:
             raise UsageError(
-                f"A shore margin of {self.shore_margin_m} m is none; give 0 or more.",
+                f"A shore margin of {self.shore_margin_m} m is impossible; give 0 or more.",
                 settings=("shore_margin_m",),
             )
         tolerance = self.coast_tolerance_m
@@ -131,7 +131,7 @@ class PlanSettings:
             )
         if budgets and not 0 < budgets[0] < math.inf:
             raise UsageError(
-                f"A budget of {budgets[0]} is none; it must be positive.",
+                f"A budget of {budgets[0]} is impossible; it must be positive.",
                 settings=("minutes", "energy_wh"),
             )
 

@@ -124,7 +124,7 @@ class Quantity:
                 re.compile(pattern)
             except re.error as error:
                 raise InputError(
-                    f"columns: {pattern!r} is no regular expression: {error}."
+                    f"columns: {pattern!r} is not a regular expression: {error}."
                 ) from None
 
     def __reduce__(self) -> tuple[Any, ...]:

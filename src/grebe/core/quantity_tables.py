@@ -22,7 +22,9 @@ def quantities_of(
     entries: list[Quantity] = []
     for key, table in tables.items():
         if not isinstance(table, Mapping):
-            raise InputError(f"{source}: {key} is no table; write [{key}] and its entries below.")
+            raise InputError(
+                f"{source}: {key} is not a table; write [{key}] and its entries below."
+            )
         try:
             entries.append(_entry(key, cast("Mapping[str, Any]", table), base.get(key)))
         except InputError as error:
@@ -97,7 +99,7 @@ def read_limit_table(value: object, name: str = "limits") -> dict[str, float | S
 
 def _read_number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{name} is {value!r}, which is no number.")
+        raise InputError(f"{name} is {value!r}, which is not a number.")
     if not isfinite(value):
         raise InputError(f"{name} is {value}; give a finite number.")
     return float(value)
@@ -105,7 +107,7 @@ def _read_number(name: str, value: object) -> float:
 
 def _read_text(name: str, value: object) -> str:
     if not isinstance(value, str):
-        raise InputError(f"{name} is {value!r}, which is no text.")
+        raise InputError(f"{name} is {value!r}, which is not text.")
     return value
 
 

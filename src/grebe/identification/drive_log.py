@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 CommandUnit = Literal["newton", "throttle"]
 SHORTEST_S = 30.0
-# Rows with a heading each second, at the least: a turn must not pass between two of them.
+# Rows with a heading each second, at least: a turn must not pass between two of them.
 SPARSEST_HZ = 1.0
 # A throttle that never leaves a band this narrow excites nothing.
 LEAST_SPREAD = 0.05
@@ -71,7 +71,7 @@ class DriveLog:
         if self.duration_s < SHORTEST_S:
             raise InputError(
                 f"{self.name} lasts {self.duration_s:.0f} s; to know a boat takes {SHORTEST_S:.0f} "
-                "s at the least, and three minutes of steps and turns do well."
+                "s at least, and three minutes of steps and turns do well."
             )
         if measured[:, 2].sum() < SPARSEST_HZ * self.duration_s:
             raise InputError(

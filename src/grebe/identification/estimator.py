@@ -35,10 +35,10 @@ LEAST_NOISE = np.array([1e-3, 1e-3, 2e-4, 1e-3, 1e-3, 5e-4])
 START_SD = np.array([30.0, 30.0, 1.0, 1.0, 1.0, 1.0])
 HUBER = 3.0
 STEPS_AT_MOST = 40
-# The rounds of a descent, after each of which the noise is told anew: the share of every piece
-# that is looked at, and the share of the cost that a step must gain to be followed by another. A
-# boat may be unstable in yaw, and a start that is a little off is then far off after ten seconds:
-# so pieces are taken in from their beginnings.
+# The rounds of a descent, after each of which the noise is estimated again: the share of every
+# piece that is looked at, and the share of the cost that a step must gain to be followed by
+# another. A boat may be unstable in yaw, and a start that is a little off is then far off after
+# ten seconds: so pieces are taken in from their beginnings.
 ROUNDS = ((0.25, 1e-3), (0.5, 1e-3), (1.0, 1e-3), (1.0, 1e-5))
 PROBE = 1e-5
 

@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 # Every fourth piece is held out.
 HELD_OUT_EVERY = 4
-# Longer logs are told from so many pieces, spread evenly.
+# Of longer logs this many pieces are used, spread evenly.
 MOST_PIECES = 240
 # A drag that the preset has none of is believed beyond so many standard errors.
 BELIEVED_SD = 3.0
-# A thruster that is stronger than the other by this share is told of.
+# A thruster that is stronger than the other by this share is reported.
 UNEVEN = 0.03
 
 
@@ -60,7 +60,8 @@ DEFAULT = IdentifySettings()
 
 
 def identify(log: DriveLog, preset: Vessel, settings: IdentifySettings = DEFAULT) -> Identification:
-    """Tell a boat from a drive; where the drive says nothing, the preset stands, and is named.
+    """Estimate a boat's parameters from a drive; where the drive says nothing, the preset
+    stands, and is named.
 
     Commands in newtons are read as `preset` gave them. Raises `InputError` for a log that tells
     nothing.

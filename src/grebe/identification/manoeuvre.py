@@ -42,7 +42,8 @@ class Circle:
     def __post_init__(self) -> None:
         if not self.radius_m > 0:
             raise UsageError(
-                f"A circle of {self.radius_m:g} m is none; give a radius.", settings=("radius_m",)
+                f"A circle of {self.radius_m:g} m is impossible; give a radius.",
+                settings=("radius_m",),
             )
 
 

@@ -1,4 +1,6 @@
-"""Predictions without a look at what came: the test that counts, for a plan looks ahead so."""
+"""Predictions that never see the measurements: the test that counts, since a plan
+looks ahead in the same way.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is told of a boat, and in which coordinates: positive numbers by their logarithm.
+"""What is estimated of a boat, and in which coordinates: positive numbers by their logarithm.
 
 Motion alone tells masses, drags and thrusts up to one common factor, so the thrust at full command
 ahead is taken as known (the vessel's `thrust_max_n`, or a pull measured at a bollard). In yaw
@@ -38,8 +38,8 @@ LEAST_TOLD_LAG_S = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One number that is told: `start` and `prior_sd` in its own coordinate, the logarithm where
-    `log`. `unit` of the number itself; `of_the_day` where it is not the boat's own.
+    """One parameter that is estimated: `start` and `prior_sd` in its own coordinate, the
+    logarithm where `log`. `unit` of the number itself; `of_the_day` where it is not the boat's own.
     """
 
     name: str
@@ -71,9 +71,9 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """The coordinates theta (p,) of what is told, and what they stand for.
+    """The coordinates theta (p,) of what is estimated, and what they stand for.
 
-    `base` says what is not told, and which drags there are.
+    `base` says what is not estimated, and which drags there are.
     """
 
     base: Vessel
@@ -101,7 +101,7 @@ class Model:
         return np.clip(theta, low, high)
 
     def told_apart(self, theta: Array) -> Array:
-        """Coordinates at which lag and latency can be told apart.
+        """Coordinates at which lag and latency can be distinguished.
 
         Where there is no lag, a little of it is to first order the same as as much latency.
         """

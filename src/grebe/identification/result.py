@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# A number is told where its standard error is below this share of it.
+# A number counts as determined where its standard error is below this share of it.
 TOLD_SHARE = 0.25
 CHANNELS = ("surge", "sway", "yaw rate")
 

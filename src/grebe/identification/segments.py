@@ -1,7 +1,7 @@
 """A drive in pieces of a few seconds, each of which is predicted from a start of its own.
 
 Over a few seconds a model's prediction has not yet drifted off with every gust, and its errors
-still tell of all that the model says: that is multiple shooting, whose starts are told as well.
+still tell of all that the model says: that is multiple shooting, whose starts are estimated too.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Below this a lag is none: its exponential would only round.
+# Lags below this are treated as zero: their exponential would only add rounding errors.
 SHORTEST_LAG_S = 1e-4
 
 

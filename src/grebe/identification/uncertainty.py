@@ -1,7 +1,7 @@
-"""Standard errors that errors which hang together do not fool.
+"""Standard errors that hold up when residuals are correlated.
 
-The inverse of the information counts every row as news. Errors of a filter last for seconds, so
-many rows are one; and gusts leave errors that last, too. With tau_c = 1 + 2 sum_k rho_k, the
+The inverse of the information treats every row as independent. Errors of a filter last for seconds,
+so many rows are one; and gusts leave errors that last, too. With tau_c = 1 + 2 sum_k rho_k, the
 integrated autocorrelation of channel c's residuals, the covariance is the sandwich
 
     A^-1 (sum_c tau_c A_c + P) A^-1,    A = sum_c A_c + P,

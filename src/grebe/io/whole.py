@@ -44,7 +44,7 @@ def written_whole(
 
 
 def forget_parts() -> None:
-    """Remove what is being written now: for who ends a process that can no longer do so."""
+    """Remove what is being written now: for whoever ends a process that can no longer do so."""
     for part in tuple(_under_way):
         _forget(part)
 

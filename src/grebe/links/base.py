@@ -22,7 +22,7 @@ A link knows nothing of targets or maps. `tests/contracts/test_links.py` holds e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -112,13 +112,54 @@ class BoatLink(Protocol):
         ...
 
 
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What an instrument apart from the boat measured `age_s` ago: values by quantity."""
+
+    age_s: float
+    values: Mapping[str, float]
+
+
+class Instruments(Protocol):
+    """Sondes apart from the boat, which measure at their own rate; `keys` says which quantities."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The quantities that they may measure."""
+        ...
+
+    def readings(self) -> Sequence[Reading]:
+        """Hand out what has come since the last call, without waiting."""
+        ...
+
+    def notes(self) -> Sequence[tuple[str, str]]:
+        """Hand out what an operator should know, a code and a sentence each, without waiting."""
+        ...
+
+    def close(self) -> None:
+        """Let go of their lines."""
+        ...
+
+
 @runtime_checkable
 class ModelledLink(Protocol):
     """A link that knows the boat better than the survey does: the hull under an autopilot's inner
-    loops is another plant than the hull.
+    loops is a different plant from the hull.
     """
 
     @property
     def model(self) -> Vessel:
         """The boat as whoever steers should take it to be."""
         ...
+
+    @property
+    def drives_motion(self) -> bool:
+        """Whether an autopilot holds the speed and yaw rate of an order, whatever its thrusts."""
+        ...
+
+
+def drives_thrusts(link: BoatLink) -> bool:
+    """Whether the thrusts of an order reach the thrusters, so that the boat can be judged by
+    what they do; an autopilot's inner loops give other ones.
+    """
+    return not (isinstance(link, ModelledLink) and link.drives_motion)

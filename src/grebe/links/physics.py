@@ -1,4 +1,4 @@
-"""The socket below ArduPilot's firmware: UDP packets in, lines of JSON back to who sent them."""
+"""The socket below ArduPilot's firmware: UDP packets in, lines of JSON back to their sender."""
 
 from __future__ import annotations
 

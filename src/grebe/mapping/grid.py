@@ -50,7 +50,7 @@ def make_grid(water: shapely.Polygon, resolution_m: float | None = None) -> Grid
     if resolution_m is None:
         resolution_m = math.sqrt(water.area / DEFAULT_NODES)
     if not (math.isfinite(resolution_m) and resolution_m > 0):
-        raise InputError(f"A map resolution of {resolution_m} m is none; give metres.")
+        raise InputError(f"A map resolution of {resolution_m} m is impossible; give metres.")
     north0, east0, north1, east1 = water.bounds
     rows = int((north1 - north0) / resolution_m) + 1
     columns = int((east1 - east0) / resolution_m) + 1

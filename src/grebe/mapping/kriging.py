@@ -163,7 +163,7 @@ def _trend(samples: _Samples, model: CovarianceModel) -> _Trend:
     both = np.column_stack([samples.values, samples.functions])
     white = solve_triangular(samples.factor(model), both, lower=True, check_finite=False)
     data, basis = np.split(white, [samples.values.shape[1]], axis=1)
-    # Relative to the information of one sample, so that no unit matters.
+    # Relative to the information of one sample, so that units do not matter.
     jitter = JITTER / max(model.sill + model.nugget, 1e-300)
     information = cholesky(basis.T @ basis + jitter * np.eye(basis.shape[1]), lower=True)
     return _Trend(
@@ -187,8 +187,8 @@ def _joined(positions: Array, columns: Array, model: CovarianceModel) -> tuple[A
 
 
 def distinct(positions: Array, columns: Array) -> tuple[Array, Array]:
-    """Leave out rows that say the same of the same place, the first of each kept in its order:
-    one reading, recorded for several sets that overlap there.
+    """Leave out rows that repeat the same reading at the same place, the first of each kept in its
+    order: one reading, recorded for several sets that overlap there.
     """
     table = np.column_stack([positions, columns])
     _, once = np.unique(table, axis=0, return_index=True)

@@ -345,7 +345,7 @@ class Guard:
             way.deadline_s = self._patience(way.survey, way.helm.reached, observation)
 
     def _become(self, after: Memory, observation: Observation) -> None:
-        """Take a new state; who is sent home is given a way."""
+        """Take a new state; a boat that is sent home is given a way."""
         before = self.state
         self._say(after)
         if after.state is SafetyState.RETURNING and before is not SafetyState.RETURNING:

@@ -1,4 +1,4 @@
-"""Headings that go on: a compass wraps, a controller must not."""
+"""Unwrapped headings: a compass wraps, a controller must not."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from grebe.links.base import Observation
 
 
 def unwrapped(observation: Observation, before: Observation | None) -> Observation:
-    """Return the observation with its heading within half a turn of the one before.
+    """Return the observation with its heading within half a turn of the previous one.
 
     One that is so already is left as it is, to the last digit.
     """

@@ -41,7 +41,7 @@ from grebe.core.events import (
 from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.survey import Survey
-from grebe.links.base import BoatLink, Observation, Order
+from grebe.links.base import BoatLink, Instruments, Observation, Order, drives_thrusts
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard, Pilot
@@ -71,7 +71,8 @@ class Mission:
     """Runs one survey with one boat; `run` returns when it is over, and says why.
 
     `reached` targets count as reached before it begins; `started` is the UTC time of the link's
-    second zero; `stopwatch` times the steps [s]; `pilot` makes who steers a way home.
+    second zero; `stopwatch` times the steps [s]; `pilot` makes who steers a way home;
+    `instruments` are sondes apart from the boat, which the caller closes.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class Mission:
         stopwatch: Callable[[], float] = time.perf_counter,
         pilot: Pilot | None = None,
         replanner: Replanner | None = None,
+        instruments: Instruments | None = None,
     ) -> None:
         self._replanner = replanner
         self._targets = survey.targets
@@ -100,9 +102,12 @@ class Mission:
         self._stopwatch = stopwatch
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
         self._ears = Broadcast(recorder, [self._statistics, *listeners])
-        self._sampler = Sampler(self._targets, link, self._settings.sampling, quantities)
-        observes, adapts = self._settings.observes, isinstance(controller, AdaptableHelm)
-        self._tracker = Tracker(controller.vessel, observes=observes, corrects=observes and adapts)
+        self._sampler = Sampler(
+            self._targets, link, self._settings.sampling, quantities, instruments
+        )
+        observes = self._settings.observes
+        corrects = observes and isinstance(controller, AdaptableHelm) and drives_thrusts(link)
+        self._tracker = Tracker(controller.vessel, observes=observes, corrects=corrects)
         self._reached = controller.reached = reached
         self._gate = Gate(link)
         safety = self._settings.safety
@@ -164,6 +169,7 @@ class Mission:
         while True:
             self._tell(Estimate, observation, state=observation.state, weather=self._weather)
             self._visit(observation)
+            self._read_instruments(observation)
             self._watch(observation)
             self._replan(observation)
             end = self._end_reached(observation)
@@ -309,7 +315,7 @@ class Mission:
         for one in (self._controller, self._guard.helm, self._guard):
             if isinstance(one, AdaptableHelm):
                 one.take_for(vessel)
-        message = f"the boat is not as its model says: {self._tracker.correction}"
+        message = str(self._tracker.correction)
         self._tell(Warned, observation, code="model_corrected", message=message)
 
     def _visit(self, observation: Observation) -> None:
@@ -327,6 +333,14 @@ class Mission:
             self._tell(Reached, observation, target_seq=target.seq, count=i)
         if entered:
             self._give_patience(observation)
+
+    def _read_instruments(self, observation: Observation) -> None:
+        """Take what instruments apart from the boat have measured, and what they are like."""
+        for sample in self._sampler.instruments(observation, self._time_at):
+            self._guard.depth_m = sample.values.get(DEPTH, self._guard.depth_m)
+            self._tell(SampleTaken, observation, sample=sample)
+        for code, message in self._sampler.notes():
+            self._tell(Warned, observation, code=code, message=message)
 
     def _steer(self, observation: Observation) -> None:
         began = self._stopwatch()
@@ -402,7 +416,10 @@ class Mission:
         self._deadline_s = observation.time_s + longest
 
     def _time(self, observation: Observation) -> datetime:
-        return self._started + timedelta(seconds=observation.time_s)
+        return self._time_at(observation.time_s)
+
+    def _time_at(self, time_s: float) -> datetime:
+        return self._started + timedelta(seconds=time_s)
 
     def _tell(self, kind: type[MissionEvent], observation: Observation, **what: Any) -> None:
         self._ears.hold(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))

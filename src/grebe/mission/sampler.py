@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 
 import numpy as np
@@ -13,12 +14,18 @@ from grebe.core.quantities import Quantities
 from grebe.core.samples import Sample, gross_range_flag
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Target
-from grebe.links.base import BoatLink, Observation
+from grebe.links.base import BoatLink, Instruments, Observation, Reading
 from grebe.mission.sampling import Sampling
+
+# How long the boat's way is remembered for readings that come late [s], and how far beyond the last
+# estimate one may lie.
+REMEMBERED_S, AHEAD_S = 30.0, 1.0
 
 
 class Sampler:
-    """Reads a boat's sonde where its mission wants a sample."""
+    """Reads a boat's sonde where its mission wants a sample, and takes all that instruments apart
+    from the boat have measured, at their own rate, wherever the boat was.
+    """
 
     def __init__(
         self,
@@ -26,10 +33,14 @@ class Sampler:
         link: BoatLink,
         sampling: Sampling,
         quantities: Quantities,
+        instruments: Instruments | None = None,
     ) -> None:
         self._link = link
         self._sampling, self._quantities = sampling, quantities
+        self._instruments = instruments
+        self._apart = frozenset(instruments.keys if instruments else ())
         self._next_s = 0.0
+        self._way: deque[tuple[float, State]] = deque()
         self.look_for(targets)
 
     def look_for(self, targets: Sequence[Target]) -> None:
@@ -50,18 +61,72 @@ class Sampler:
             return None
         reading = dict(self._link.measure())
         self._next_s = observation.time_s + self._sampling.period_s
+        if self._apart:
+            reading = {key: value for key, value in reading.items() if key not in self._apart}
         if not reading:
             return None
-        north, east, _, surge, _, _ = observation.state
+        return self._sample(observation.state, time, within, reading)
+
+    def instruments(
+        self, observation: Observation, time_at: Callable[[float], datetime]
+    ) -> list[Sample]:
+        """Return all that instruments apart from the boat have measured since the last estimate,
+        each where the boat was at its time; `time_at` turns seconds of the link into UTC.
+        """
+        if self._instruments is None:
+            return []
+        self._way.append((observation.time_s - observation.age_s, observation.state))
+        while self._way[0][0] < observation.time_s - REMEMBERED_S:
+            self._way.popleft()
+        found: list[Sample] = []
+        for reading in self._instruments.readings():
+            sample = self._placed(reading, observation.time_s - reading.age_s, time_at)
+            if sample is not None:
+                found.append(sample)
+        return found
+
+    def notes(self) -> Sequence[tuple[str, str]]:
+        """What an operator should know of the instruments."""
+        return () if self._instruments is None else self._instruments.notes()
+
+    def _placed(
+        self, reading: Reading, at_s: float, time_at: Callable[[float], datetime]
+    ) -> Sample | None:
+        """A reading where the boat was; None where that is not known."""
+        state = self._state_at(at_s)
+        if state is None:
+            return None
+        return self._sample(state, time_at(at_s), self._containing(state), reading.values)
+
+    def _state_at(self, at_s: float) -> State | None:
+        """The state on the line between two estimates, or the last one a little beyond it."""
+        last_s, last = self._way[-1]
+        if at_s >= last_s:
+            return last if at_s - last_s <= AHEAD_S else None
+        if at_s < self._way[0][0]:
+            return None
+        times = [time_s for time_s, _ in self._way]
+        after = int(np.searchsorted(times, at_s, side="right"))
+        (from_s, before), (until_s, then) = self._way[after - 1], self._way[after]
+        share = (at_s - from_s) / (until_s - from_s)
+        north, east, heading, surge, sway, yaw_rate = (
+            a + share * (b - a) for a, b in zip(before, then, strict=True)
+        )
+        return north, east, heading, surge, sway, yaw_rate
+
+    def _sample(
+        self, state: State, time: datetime, within: Sequence[Target], values: Mapping[str, float]
+    ) -> Sample:
+        north, east, _, surge, _, _ = state
         return Sample(
             time=time,
             north_m=north,
             east_m=east,
             target_seq=within[0].seq if within else None,
             speed_mps=surge,
-            values=reading,
+            values=values,
             flags={
-                key: gross_range_flag(reading.get(key), one.span)
+                key: gross_range_flag(values.get(key), one.span)
                 for key, one in self._quantities.items()
             },
         )

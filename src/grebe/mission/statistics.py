@@ -1,4 +1,4 @@
-"""What a mission comes to, summed up from its events."""
+"""A mission's summary, gathered from its events."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from grebe.core.vessel import Vessel
 
 @dataclass(frozen=True, kw_only=True)
 class MissionReport:
-    """What a mission came to; times are the boat's, `step_ms` the controller's own.
+    """A mission's summary; times are the boat's, `step_ms` the controller's own.
 
     `samples` counts every reading kept, `samples_in_sets` those within a target set and its
     speed window. `ended` says why the mission ended, None where there was nothing left to do.
@@ -135,7 +135,7 @@ class Progress:
 
 
 class Alarm:
-    """Listens to a mission and tells `say` what an operator should know, as often as is of use."""
+    """Listens to a mission and tells `say` what an operator should know, not too often."""
 
     def __init__(self, say: Callable[[str], None], every_s: float = 30.0) -> None:
         self._say = say

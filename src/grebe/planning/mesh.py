@@ -85,7 +85,7 @@ def mesh_water(
 
 def _check_size(water: shapely.Polygon, cell_m: float, angle_deg: float) -> None:
     if not (math.isfinite(cell_m) and cell_m > 0 and math.isfinite(angle_deg)):
-        raise PlanError(f"A cell of {cell_m} m at {angle_deg} degrees is no cell; give metres.")
+        raise PlanError(f"A cell of {cell_m} m at {angle_deg} degrees is impossible; give metres.")
     if water.area < cell_m**2:
         raise PlanError(
             f"The region has {water.area:.1f} m2, less than one cell of {cell_m:g} m x "

@@ -87,7 +87,7 @@ def _check_degrees(coordinates: np.ndarray, name: str) -> None:
             "longitude look swapped; GeoJSON wants longitude first."
         )
     raise RegionError(
-        f"The region {name!r} has a vertex {given}, which is no longitude and latitude: the "
+        f"The region {name!r} has a vertex {given}, which is not a longitude and latitude: the "
         "coordinates look projected; reproject them to WGS 84 (EPSG:4326)."
     )
 

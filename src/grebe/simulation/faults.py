@@ -30,7 +30,7 @@ class Faults:
     polygon) the boat is held until `weeds_until_s`. Over `shoal` the water is `shoal_depth_m`
     deep, elsewhere `depth_m`; None: no sonar. `rising` (north, east) [m/s per s] is added to the
     current from `rises_at_s` to `rises_until_s`. A battery that lasts `battery_s` from full begins
-    at `battery_share`; None: it does not say. In the spells `blind` estimates are no numbers.
+    at `battery_share`; None: it does not say. In the spells `blind` estimates are not numbers.
     """
 
     dead: Literal["port", "starboard"] | None = None

@@ -138,7 +138,7 @@ def open_mavlink(
     Without a frame places are counted from the autopilot's own origin.
     """
     from grebe.links.mavlink.link import open_link
-    from grebe.links.mavlink.wires import wire_at
+    from grebe.links.wires import wire_at
 
     return open_link(wire_at(address), frame, hull, settings)
 

@@ -19,7 +19,7 @@ from grebe.mapping.maps import Mapper, QuantityMap, map_all
 from grebe.report import canvas, map_figures
 from grebe.workflow.files import make_folder
 
-# Less common water than this is no map.
+# With less common water than this there is nothing to map.
 LEAST_WATER_M2 = 25.0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import shutil
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,16 +15,21 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.checks import Check, Verdict, check
 from grebe.workflow.boats import MAVLINK_SCHEME, mavlink_address, open_mavlink
+from grebe.workflow.instruments import checks_of
 
 # What an hour of a mission writes, with all its tables: measured at some 9 MB at 10 Hz.
 ROOM_BYTES = 500e6
 # A clock that is set to before this was never set.
 RELEASED = datetime(2026, 1, 1, tzinfo=UTC)
-EXTRAS = {"pymavlink": "mavlink", "serial": "mavlink"}
+EXTRAS = {"pymavlink": "mavlink", "serial": "mavlink", "pymodbus": "instruments"}
 
 
-def diagnose(link: str | None, survey_file: Path | None, now: datetime) -> Iterator[Check]:
-    """Yield the lines of the list: this computer, the survey, the boat behind a link."""
+def diagnose(
+    link: str | None, survey_file: Path | None, now: datetime, instruments: Sequence[str] = ()
+) -> Iterator[Check]:
+    """Yield the lines of the list: this computer, the survey, the boat behind a link, and the
+    instruments apart from it (`ADDRESS@PROFILE` each).
+    """
     yield from _computer(survey_file.parent if survey_file else Path(), now)
     survey: Survey | None = None
     if survey_file is not None:
@@ -34,6 +39,8 @@ def diagnose(link: str | None, survey_file: Path | None, now: datetime) -> Itera
             yield check("survey", str(error), holds=False, advice="plan it with grebe plan")
     if link is not None:
         yield from _boat(link, survey)
+    for one in instruments:
+        yield checks_of(one)
 
 
 def _computer(folder: Path, now: datetime) -> Iterator[Check]:
@@ -71,7 +78,7 @@ def _survey(path: Path) -> Generator[Check, None, Survey]:
     name = "none" if survey.vessel is None else survey.vessel.name
     yield check(
         "vessel", name, holds=survey.vessel is not None,
-        advice="plan the survey for a boat: grebe plan --vessel",
+        advice="plan the survey again, and name the vessel",
     )  # fmt: skip
     return survey
 

@@ -118,7 +118,7 @@ def drive_manoeuvre(
 def identify_file(
     path: Path, preset: Vessel, settings: IdentifySettings = DEFAULT, *, name: str = ""
 ) -> Identification:
-    """Tell the boat of a log, and name it: by default as the log is named."""
+    """Identify the boat of a log, and name it: by default as the log is named."""
     found = identify(read_drive(path), preset, settings)
     return replace(found, vessel=replace(found.vessel, name=name or path.stem))
 

@@ -23,7 +23,7 @@ class Rehearsal:
     """A boat for the firmware: its hull, the weather, where it lies (longitude, latitude [deg]; the
     firmware's home) and its heading [deg].
 
-    Raises `UsageError` for a place that is none.
+    Raises `UsageError` for an impossible place.
     """
 
     vessel: Vessel

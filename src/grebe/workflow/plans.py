@@ -23,7 +23,7 @@ from grebe.report import canvas, mission_figures
 from grebe.report.sortie_figures import sorties_figure
 from grebe.workflow.files import write_survey
 
-# A start further than this from the water is told to whoever asked for it [m].
+# A start further than this from the water is reported to whoever asked for it [m].
 ASHORE_M = 1.0
 
 

@@ -1,4 +1,4 @@
-"""What a mission would do, before it does anything: for who stands at the shore with a file."""
+"""What a mission would do, before it does anything: for whoever stands at the shore with a file."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def replay_boat(rest: str) -> BoatAt:
 def recording_of(path: Path, survey: Survey, quantities: Quantities) -> Recording:
     """Read the track of a survey file and its samples of some quantities, in the frame of the
     survey they are played to. Raises `LinkError` for a file without a track, `SurveyFileError` for
-    one that is none.
+    one that is not a survey file.
     """
     with SurveyFile.open(path) as file:
         track, samples, recorded = file.track(), file.samples(), file.survey

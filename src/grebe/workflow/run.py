@@ -15,7 +15,7 @@ from grebe.control.solvers.base import SolverBuilder
 from grebe.core.events import Warned
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
-from grebe.links.base import BoatLink, ModelledLink
+from grebe.links.base import BoatLink, Instruments, ModelledLink
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
@@ -56,6 +56,7 @@ def run_survey(
     replans: bool = False,
     listeners: Sequence[Listener] = (),
     on_ready: Callable[[Mission], None] | None = None,
+    instruments: Instruments | None = None,
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures; of a plan
     in sorties through those of one, the first that is not done where `sortie` names none. With
@@ -63,8 +64,9 @@ def run_survey(
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
     mission sets out and what the link knows of the boat; `listeners` hear its events; `on_ready`
-    is handed the mission before it begins, to stop it or call it home. A recorded mission is
-    forgotten (`force`) only once all that the new one needs is there.
+    is handed the mission before it begins, to stop it or call it home; `instruments` are sondes
+    apart from the boat, which the caller closes, and whose quantities the file declares. A recorded
+    mission is forgotten (`force`) only once all that the new one needs is there.
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
@@ -99,6 +101,7 @@ def run_survey(
             reached=departure.reached,
             pilot=pilot,
             replanner=_replanner(survey_file, known, pilot, link) if replans else None,
+            instruments=instruments,
         )
         if on_ready is not None:
             on_ready(mission)

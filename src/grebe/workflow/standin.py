@@ -11,7 +11,7 @@ from grebe.core.frames import LocalFrame
 from grebe.core.vessel import Vessel
 from grebe.links.mavlink.rehearsal import serve
 from grebe.links.mavlink.standin import StandIn
-from grebe.links.mavlink.wires import UdpWire
+from grebe.links.wires import UdpWire
 from grebe.simulation.autopilot import Autopilot, AutopilotSettings
 from grebe.simulation.plant import Plant
 
@@ -35,7 +35,7 @@ def serve_stand_in(
     """Let a boat live in real time and speak to HOST:PORT, until it is stopped."""
     host, _, port = address.rpartition(":")
     if not (host and port.isdigit()):
-        raise LinkError(f"{address!r} is no HOST:PORT to speak to, such as 127.0.0.1:14550.")
+        raise LinkError(f"{address!r} is not a HOST:PORT to speak to, such as 127.0.0.1:14550.")
     wire = UdpWire(host, int(port), speaks_first=True)
     try:
         serve(boat, wire, stopped, speed)

@@ -1,4 +1,4 @@
-"""The solvers in CasADi's wheel; only who solves with them imports CasADi."""
+"""The solvers in CasADi's wheel; CasADi is imported only by those who use them."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class DriveCsv:
             raise self._unwritten(error) from None
 
     def state(self, time_s: float, state: State) -> None:
-        """Write a state estimate; what is no number is left empty."""
+        """Write a state estimate; what is not a number is left empty."""
         north, east, heading, surge, sway, yaw_rate = state
         cells = (
             f"{north:.4f}",

@@ -111,7 +111,7 @@ def _messages(path: Path, kinds: list[str]) -> Iterator[Any]:
         else:
             log = mavutil.mavlogfile(str(path))
     except Exception as error:
-        raise InputError(f"{path} is no log of ArduPilot ({error}).") from None
+        raise InputError(f"{path} is not an ArduPilot log ({error}).") from None
     try:
         while True:
             message: Any = log.recv_match(type=kinds)

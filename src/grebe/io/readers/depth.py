@@ -25,7 +25,7 @@ def read_depth(path: Path, frame: LocalFrame) -> DriftFunction:
     """Return the depth in the first band of a raster as a function of local positions (n, 2).
 
     Between pixels bilinear; where the raster says nothing, as at its nearest pixel that does.
-    Raises `InputError` for what is no raster, has no CRS, no values, or is too large.
+    Raises `InputError` for what is not a raster, has no CRS, no values, or is too large.
     """
     import rasterio
     from rasterio.errors import RasterioError

@@ -25,7 +25,7 @@ def feature_name(attributes: object) -> str:
 
 
 def feature_text(number: int, area: BaseGeometry, name: str) -> str:
-    """Number, name, size and place of a feature, for who has to choose."""
+    """Number, name, size and place of a feature, for whoever has to choose."""
     x0, y0, x1, y1 = area.bounds
     where = f"at {(y0 + y1) / 2:.4f} N {(x0 + x1) / 2:.4f} E"
     return f"{number} {name or 'without a name'} ({_size(area)}{where})"

@@ -1,4 +1,4 @@
-"""Refuse files that would harm rather than inform: too large, bombs, nested beyond reason.
+"""Refuse files that would do harm: too large, bombs, nested beyond reason.
 
 Everything here is decided before a parser sees the file, or by one that counts as it goes.
 """

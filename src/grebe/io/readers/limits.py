@@ -21,7 +21,7 @@ def read_limits(path: Path, quantities: Quantities) -> Quantities:
         if key not in quantities:
             raise InputError(f"{path}: no quantity {key!r}; one of {quantities.keys_text}.")
         if not isinstance(table, dict):
-            raise InputError(f"{path}: {key} is no table; write [{key}] and its limits below.")
+            raise InputError(f"{path}: {key} is not a table; write [{key}] and its limits below.")
         try:
             limits[key] = read_limit_table(table)
         except InputError as error:

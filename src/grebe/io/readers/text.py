@@ -31,7 +31,7 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: the file is empty.")
     if "\0" in text:
         raise InputError(
-            f"{path}: character {text.index(chr(0))} is a zero byte: this is no text, or UTF-16 "
+            f"{path}: character {text.index(chr(0))} is a zero byte: this is not text, or UTF-16 "
             "without its mark; save the file as UTF-8."
         )
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -81,8 +81,8 @@ def read_track(
     if times is None and "time" in given:
         example = cells["time"][0]
         raise TrackError(
-            f"{path}: column {given['time']!r} holds {example!r} and the like, which are no times; "
-            "give unix seconds or ISO 8601."
+            f"{path}: column {given['time']!r} holds {example!r} and the like, which are not "
+            "times; give unix seconds or ISO 8601."
         )
     lonlat = np.column_stack([_numbers(cells["lon"]), _numbers(cells["lat"])])
     keep, notes = _find_glitches(lonlat, times)

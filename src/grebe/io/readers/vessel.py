@@ -28,7 +28,7 @@ def read_vessel(path: Path) -> Vessel:
                 f"{path}: {key} = {value!r}, which is no {'text' if text else 'number'}."
             )
         if not text and not isinstance(value, int | float):
-            raise VesselError(f"{path}: {key} = {value!r}, which is no number.")
+            raise VesselError(f"{path}: {key} = {value!r}, which is not a number.")
     missing = [name for name, one in known.items() if one.default is MISSING and name not in table]
     if missing:
         raise VesselError(f"{path}: a vessel needs {', '.join(missing)} as well.")

@@ -1,4 +1,4 @@
-"""A survey file that is taken away while a mission writes it: deleted, moved, or replaced.
+"""A survey file that disappears while a mission writes it: deleted, moved, or replaced.
 
 The system lets a program write on into a file that no name leads to any more, and all of it is gone
 when the program ends. So whoever writes looks whether the file and its journal are still the ones

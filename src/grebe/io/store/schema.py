@@ -237,10 +237,10 @@ def _polygons(frame: LocalFrame, blobs: list[bytes]) -> list[shapely.Polygon]:
 
 
 def check(path: Path, connection: sqlite3.Connection) -> None:
-    """Refuse a file that is no survey file, damaged, or newer than this program."""
+    """Refuse a file that is not a survey file, damaged, or newer than this program."""
     with path.open("rb") as file:
         if file.read(16) != b"SQLite format 3\x00":
-            raise SurveyFileError(f"{path} is not a survey file: it is no SQLite database.")
+            raise SurveyFileError(f"{path} is not a survey file: it is not an SQLite database.")
     version = int(connection.execute("PRAGMA user_version").fetchone()[0])
     problem = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
     if problem != "ok":

@@ -508,7 +508,7 @@ class SurveyFile:
 
 @contextmanager
 def new_file(path: Path, *, force: bool) -> Generator[Path]:
-    """Give the path at which a survey file is made that then takes `path`'s place, whole.
+    """Yield a temporary path for a new survey file that takes `path`'s place once it is complete.
 
     Raises `SurveyFileError` where that cannot be written, or is there already and not forced.
     """

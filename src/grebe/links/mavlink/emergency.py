@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from grebe.links.base import IDLE
 from grebe.links.mavlink.orders import motion_order, sticks_released
 from grebe.links.mavlink.station import OUR_COMPONENT, OUR_SYSTEM
-from grebe.links.mavlink.wires import wire_at
+from grebe.links.wires import wire_at
 
 TIMES, BETWEEN_S = 10, 0.1
 

@@ -24,7 +24,7 @@ from grebe.links.emergency import EmergencyStop
 from grebe.links.mavlink.navigation import Fix, Navigator
 from grebe.links.mavlink.orders import motion_order, sticks_order, sticks_released
 from grebe.links.mavlink.station import Station
-from grebe.links.mavlink.wires import Wire
+from grebe.links.wires import Wire
 
 Drive = Literal["motion", "sticks"]
 # Messages by their number and how often they are asked for [Hz].

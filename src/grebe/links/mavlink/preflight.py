@@ -95,7 +95,7 @@ def _place_checks(link: MavlinkLink, last: Observation, survey: Survey | None) -
         to_start_m = here.distance(shapely.Point(survey.start.north_m, survey.start.east_m))
         yield check(
             "start", f"{to_start_m:.0f} m away", holds=to_start_m <= FAR_FROM_START_M,
-            advice="bring the boat nearer to the plan's start, or plan from here with --start",
+            advice="bring the boat nearer to the plan's start, or plan from where it lies",
             otherwise=Verdict.DOUBTFUL,
         )  # fmt: skip
 

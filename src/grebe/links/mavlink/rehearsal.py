@@ -1,7 +1,8 @@
 """Lines to a stand-in autopilot: one in memory with a time of its own and faults on the air, and
 one over UDP in real time.
 
-In memory a line is deterministic: who waits on it lets the stand-in sail on until something comes.
+In memory a line is deterministic: whoever waits on it lets the stand-in sail on until something
+comes.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from grebe.core.errors import UsageError
 from grebe.links.mavlink.standin import StandIn
-from grebe.links.mavlink.wires import UdpWire
+from grebe.links.wires import UdpWire
 from grebe.simulation.autopilot import STEP_S
 
 

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from grebe.core.errors import LinkError
 from grebe.links.mavlink.clock import BoatClock
 from grebe.links.mavlink.vehicle import Vehicle
-from grebe.links.mavlink.wires import Wire
+from grebe.links.wires import Wire
 
 OUR_SYSTEM, OUR_COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 HEARTBEAT_S = 1.0

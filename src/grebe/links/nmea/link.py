@@ -18,7 +18,6 @@ from grebe.core.events import State
 from grebe.core.frames import LocalFrame
 from grebe.core.vessel import Vessel
 from grebe.links.base import IDLE, BoatStatus, Observation, Order
-from grebe.links.mavlink.wires import Wire
 from grebe.links.nmea.clock import StreamClock
 from grebe.links.nmea.navigation import Navigator
 from grebe.links.nmea.sentences import (
@@ -34,6 +33,7 @@ from grebe.links.nmea.sentences import (
 )
 from grebe.links.nmea.settings import NmeaSettings, open_wire
 from grebe.links.nmea.thrusts import KEEP_ALIVE_S, thrust_line
+from grebe.links.wires import Wire
 
 # Between two positions a heading makes an estimate after this long [s].
 BETWEEN_S = 0.09

@@ -15,9 +15,9 @@ import numpy as np
 
 from grebe.core.errors import UsageError
 from grebe.core.frames import LocalFrame
-from grebe.links.mavlink.wires import UdpWire
 from grebe.links.nmea.sentences import KNOT_MPS
 from grebe.links.nmea.thrusts import RECEIVER_S, read_thrust_line
+from grebe.links.wires import UdpWire
 from grebe.simulation.plant import PLANT_STEP_S, Plant
 from grebe.simulation.sonde import ReadsWater
 

@@ -17,7 +17,7 @@ TALKERS = frozenset(
     ("GP", "GN", "GL", "GA", "GB", "GQ", "HE", "HC", "HN", "II", "IN", "TI", "SD", "YX", "WI")
 )
 # GGA's quality, in words, and the standard deviation of such a position [m]. A position that was
-# typed in (7) or guessed on (6) is none to steer by.
+# typed in (7) or guessed on (6) is nothing to steer by.
 QUALITIES: dict[int, tuple[str, float]] = {
     1: ("GPS", 1.0),
     2: ("DGPS", 0.5),
@@ -91,7 +91,7 @@ Said = Place | NoFix | Motion | Bow | Variation | Turn | Reading
 
 def read_sentence(line: bytes) -> tuple[Said, ...] | None:
     """Return what a sentence says, in its order; None where it is damaged: not ASCII, its sum
-    missing or wrong, a number that is none.
+    missing or wrong, or a number that cannot be read.
     """
     import pynmea2
 
@@ -110,7 +110,7 @@ def read_sentence(line: bytes) -> tuple[Said, ...] | None:
     try:
         said = reader(sentence)
     except (ValueError, TypeError, AttributeError, IndexError, OverflowError):
-        # An empty field is no number: pynmea2 hands out what it could not turn into one as text.
+        # An empty field is not a number: pynmea2 hands out what it could not turn into one as text.
         return None
     return said if _finite(said) else None
 
@@ -152,7 +152,7 @@ def _vtg(sentence: Any) -> tuple[Said, ...]:
 
 
 def _ths(sentence: Any) -> tuple[Said, ...]:
-    """A heading that is estimated, typed in, simulated or void (E, M, S, V) is none to steer by."""
+    """Nobody steers by a heading that is estimated, typed in, simulated or void (E, M, S, V)."""
     if sentence.mode != "A":
         return ()
     return (Bow(heading_rad=math.radians(float(sentence.heading)), true=True),)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from urllib.parse import parse_qsl
 
 from grebe.core.errors import LinkError, UsageError
-from grebe.links.mavlink.wires import SerialWire, UdpWire, Wire
+from grebe.links.wires import SerialWire, UdpWire, Wire
 
 USUAL_BAUD = 4800
 ADDRESSES = "udp:HOST:PORT or serial:DEVICE@BAUD"

@@ -27,11 +27,9 @@ BRAKED_S, SLOW_MPS, BACK_M, LONGEST_S = 1.0, 0.4, 1.6, 20.0
 OUTSIDE_S = 60.0
 # A boat to which current and wind leave less than this share of its speed goes home, after so long
 # [s]: what rises may rise further.
-TIRED_SHARE, TIRED_S = 0.55, 5.0
+TIRED_SHARE, TIRED_S = 0.35, 5.0
 # A boat that has fallen no further behind its thrust moves freely [m].
 UNHELD_M = 1.0
-# One that has fallen behind by so much is probably held [m].
-HELD_M = 3.0
 # What the boat must be faster than its current by to be going anywhere [m/s].
 LEAST_REACH_MPS = 0.05
 
@@ -172,8 +170,6 @@ def _watched(memory: Memory, facts: Facts, settings: SafetySettings, vessel: Ves
     """What is remembered, with this estimate in it."""
     drives = memory.state in (SafetyState.SURVEYING, SafetyState.RETURNING)
     motion = watched_motion(memory.motion, facts, vessel, settings.least_depth_m)
-    # Weeds that hold a boat, and let it go astern, are no fault of a thruster.
-    held = motion.behind_m > HELD_M or memory.state is SafetyState.FREEING
     if memory.reached != facts.reached:
         memory = replace(memory, fenced=0, astern=0, reached=facts.reached)
     left = reach_mps(vessel, facts.weather)
@@ -185,7 +181,7 @@ def _watched(memory: Memory, facts: Facts, settings: SafetySettings, vessel: Ves
     return replace(
         memory,
         motion=motion if drives else Motion(),
-        turning=Turning() if held else watched_turning(memory.turning, facts, vessel),
+        turning=watched_turning(memory.turning, facts, vessel),
         battery=watched_battery(memory.battery, facts),
         against_s=since if strong or astray else None,
         carried=strong,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # A battery's share must have fallen by this much before its consumption is measured.
 LEAST_DROP = 0.01
-# A leg that is made at less than this is no way home [m/s].
+# A leg sailed more slowly than this does not count as a way home [m/s].
 LEAST_MPS = 0.05
 HALF = 0.5
 
@@ -56,7 +56,7 @@ def must_go_home(battery: Battery, facts: Facts, settings: SafetySettings) -> Fi
     """Why the boat must set out for home now, if it must."""
     if facts.home_s is None:
         return None
-    # Where current and wind let nobody home now, what is left is used up first.
+    # Where current and wind leave no way home for now, the boat carries on with the survey.
     home_s = facts.home_s if math.isfinite(facts.home_s) else 0.0
     longest = home_s * (1 + settings.home_share) + settings.home_slack_s
     way = f"home is {facts.home_s:.0f} s away"

@@ -53,18 +53,18 @@ class SafetySettings:
     def __post_init__(self) -> None:
         if not 0 <= self.battery_reserve < 1:
             raise UsageError(
-                f"A battery reserve of {self.battery_reserve:g} is none; give a share from 0 to "
-                "less than 1.",
+                f"A battery reserve of {self.battery_reserve:g} is impossible; give a share from 0 "
+                "to less than 1.",
                 settings=("battery_reserve",),
             )
         if self.battery_wh is not None and not 0 < self.battery_wh < math.inf:
             raise UsageError(
-                f"A battery of {self.battery_wh:g} Wh is none; give more than 0.",
+                f"A battery of {self.battery_wh:g} Wh is impossible; give more than 0.",
                 settings=("battery_wh",),
             )
         if not self.max_s > 0:
             raise UsageError(
-                f"A mission of {self.max_s / 60:g} minutes is none; give more than 0.",
+                f"A mission of {self.max_s / 60:g} minutes is impossible; give more than 0.",
                 settings=("max_minutes",),
             )
         if self.until is not None and self.until.tzinfo is None:

@@ -15,7 +15,7 @@ MOVED_M = 1.0
 BEHIND_M, BEHIND_S = 6.0, 8.0
 # Of the speed that its thrust would give it, a boat that moves has more than this share.
 MOVING_SHARE = 0.35
-# Turning on the spot is no standing still [rad/s].
+# Turning on the spot is not standing still [rad/s].
 TURNING = 0.1
 # Readings in a row that must be too shallow: a fish is one.
 SHALLOW_READINGS = 2

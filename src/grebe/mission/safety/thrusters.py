@@ -1,45 +1,57 @@
 """A thruster that gives nothing: found by how the boat turns.
 
-Three models compete: both thrusters work, port gives nothing, starboard gives nothing. Each
-predicts the moment about the vertical axis, last row of Eq. (9); what it misses of the moment that
-the yaw rate shows is squared and averaged. Both sides go through one low-pass filter, so that the
-yaw rate need not be differentiated, and neither a lag nor noise is mistaken for a fault. A weak
-thruster is not a dead one: the boat goes on as long as it turns more like a whole boat.
+The moment about the vertical axis, last row of Eq. (9), is the sum of what either thruster makes
+and of the drag. How much of each the boat shows is found by least squares over the last seconds,
+with a prior at the boat as it is said to be. A thruster is dead when its share is nothing, whatever
+the drag may be and the other thruster gives: a boat with twice the drag, or a weak thruster, goes
+on. All goes through one low-pass filter, so that the yaw rate need not be differentiated and
+neither a lag nor noise is mistaken for a fault.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from grebe.core.dynamics import Weather
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Cause, Facts, Finding
 
-# Time constants of the filter and of the average [s].
-FILTER_S, AVERAGE_S = 1.5, 6.0
-# A model without one thruster must miss this many times less than the whole one, for so long.
-BETTER, PERSIST_S = 10.0, 3.0
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# Time constants of the filter and of the least squares [s].
+FILTER_S, AVERAGE_S = 1.5, 8.0
+# Of the shares of port, starboard and drag, before anything is seen.
+AS_SAID, PRIOR_SD = np.ones(3), np.array([0.5, 0.5, 1.0])
 # Smallest root mean square that counts, as a share of one thruster's full moment.
 FLOOR_SHARE = 0.04
-# Thrust factors (port, starboard) of the models: both, starboard alone, port alone.
-MODELS = ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0))
+# A dead thruster surely gives less than the first of its order, by so many standard deviations, and
+# the other seems to give more than the second, for so long [s].
+DEAD, SURE, ALIVE, PERSIST_S = 0.3, 2.0, 0.5, 3.0
 SIDES = ("", "port", "starboard")
 
-Three = tuple[float, float, float]
+# Filtered moments [N m]: port's, starboard's, the drag's, what remains of the hull's coupling and
+# inertia.
+Four = tuple[float, float, float, float]
+NONE: Four = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Turning:
-    """Filtered yaw rate, filtered moments of the models [N m], and their averaged squared misses;
-    `shown` that of the moment which the boat shows. `since_s`: since when a side seems dead.
+    """Filtered yaw rate and moments, and the averages of their products (16,), row by row; `side`
+    that seems dead, `since_s` when.
     """
 
     time_s: float | None = None
     yaw_rate: float = 0.0
-    moments: Three = (0.0, 0.0, 0.0)
-    misses: Three = (0.0, 0.0, 0.0)
-    shown: float = 0.0
+    moments: Four = NONE
+    products: tuple[float, ...] = (0.0,) * 16
     side: int = 0
     since_s: float = 0.0
 
@@ -53,25 +65,18 @@ def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
     if seconds <= 0:
         return before
     share, keep = 1 - math.exp(-seconds / FILTER_S), math.exp(-seconds / AVERAGE_S)
-    free = _free_moment(vessel, facts)
-    port, starboard = facts.thrusts
-    filtered: list[float] = []
-    misses: list[float] = []
     seen = vessel.m33_kgm2 * (yaw_rate - before.yaw_rate) / FILTER_S
-    for (a, b), old, missed in zip(MODELS, before.moments, before.misses, strict=True):
-        moment = free + vessel.arm_m * (a * port - b * starboard)
-        filtered.append(old + share * (moment - old))
-        misses.append(keep * missed + (1 - keep) * (seen - filtered[-1]) ** 2)
-    # What the thrusters turn the boat with, as it shows: nothing where weeds hold it.
-    idle = filtered[0] - vessel.arm_m * _mean_difference(filtered, vessel)
-    shown = keep * before.shown + (1 - keep) * (seen - idle) ** 2
-    side = _dead_side((misses[0], misses[1], misses[2]), shown, vessel)
+    now = _moments(vessel, facts)
+    moments = tuple(old + share * (new - old) for old, new in zip(before.moments, now, strict=True))
+    port, starboard, drag, coupling = moments
+    row = np.array([port, starboard, drag, seen - coupling])
+    products = keep * np.array(before.products) + (1 - keep) * np.outer(row, row).ravel()
+    side = _dead_side(products.reshape(4, 4), vessel)
     return Turning(
         time_s=facts.time_s,
         yaw_rate=before.yaw_rate + share * (yaw_rate - before.yaw_rate),
-        moments=(filtered[0], filtered[1], filtered[2]),
-        misses=(misses[0], misses[1], misses[2]),
-        shown=shown,
+        moments=(port, starboard, drag, coupling),
+        products=tuple(products.tolist()),
         side=side,
         since_s=before.since_s if side == before.side else facts.time_s,
     )
@@ -88,12 +93,16 @@ def dead_thruster(turning: Turning) -> Finding | None:
     )
 
 
-def _free_moment(vessel: Vessel, facts: Facts) -> float:
-    """Moment [N m] of drag and of the coupling of surge and sway, without thrusters."""
+def _moments(vessel: Vessel, facts: Facts) -> Four:
+    """Moments [N m] of the thrusters as ordered, of the drag, and of the coupling of surge and
+    sway.
+    """
     _, _, heading, surge, sway, yaw_rate = facts.state
     ahead, aside = _through(heading, facts.weather)
+    port, starboard = facts.thrusts
     drag = (vessel.n_r + vessel.n_rr * abs(yaw_rate)) * yaw_rate
-    return vessel.yaw_coupling_kg * (surge - ahead) * (sway - aside) + drag
+    coupling = vessel.yaw_coupling_kg * (surge - ahead) * (sway - aside)
+    return vessel.arm_m * port, -vessel.arm_m * starboard, drag, coupling
 
 
 def _through(heading: float, weather: Weather) -> tuple[float, float]:
@@ -103,16 +112,25 @@ def _through(heading: float, weather: Weather) -> tuple[float, float]:
     return c * north + s * east, c * east - s * north
 
 
-def _mean_difference(filtered: list[float], vessel: Vessel) -> float:
-    """Filtered F_1 - F_2 [N], from the models' moments: each lacks one thruster."""
-    port = (filtered[0] - filtered[1]) / vessel.arm_m
-    starboard = (filtered[2] - filtered[0]) / vessel.arm_m
-    return port - starboard
-
-
-def _dead_side(misses: Three, shown: float, vessel: Vessel) -> int:
+def _dead_side(products: Array, vessel: Vessel) -> int:
+    """The thruster whose share is nothing: 1 port, 2 starboard, 0 none."""
+    normal, right, square = products[:3, :3], products[:3, 3], float(products[3, 3])
     floor = (FLOOR_SHARE * vessel.arm_m * vessel.thrust_max_n) ** 2
-    if misses[0] < floor or shown < floor:
-        return 0
-    best = 1 if misses[1] < misses[2] else 2
-    return best if BETTER * misses[best] < misses[0] else 0
+    prior = np.diag(PRIOR_SD**-2)
+    # What is seen within the filter's time constant counts once.
+    count = AVERAGE_S / FILTER_S
+
+    def fitted(noise: float) -> tuple[Array, Array]:
+        information = count * normal / noise + prior
+        weighed: Array = count * right / noise + prior @ AS_SAID
+        return np.linalg.solve(information, weighed), information
+
+    # The first fit tells how well the second may be trusted.
+    shares, _ = fitted(floor)
+    missed = square - 2 * shares @ right + shares @ normal @ shares
+    shares, information = fitted(max(floor, float(missed)))
+    sd = np.sqrt(np.diag(np.linalg.inv(information)))
+    for side, at, other in ((1, 0, 1), (2, 1, 0)):
+        if shares[at] + SURE * sd[at] < DEAD and shares[other] > ALIVE:
+            return side
+    return 0

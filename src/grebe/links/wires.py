@@ -1,4 +1,4 @@
-"""Wires that carry MAVLink's bytes: UDP, TCP, a serial line; and their clock.
+"""Wires that carry bytes to and from boats and instruments: UDP, TCP, serial lines; their clock.
 
 An address is `udp:HOST:PORT` (listen there, answer whoever speaks), `udpout:HOST:PORT` (speak to
 that place), `tcp:HOST:PORT`, or `serial:DEVICE[:BAUD]`.
@@ -15,7 +15,7 @@ from grebe.core.errors import LinkError
 
 LARGEST_DATAGRAM = 65_535
 CONNECT_S = 10.0
-USUAL_BAUD = 57_600
+USUAL_BAUD, USUAL_FRAME = 57_600, "8N1"
 
 
 class Wire(Protocol):
@@ -66,7 +66,7 @@ class UdpWire:
 
     @property
     def for_others(self) -> str:
-        """See `Wire`: a datagram may come from anybody, to who has spoken last."""
+        """See `Wire`: a datagram may come from anybody, to whoever spoke last."""
         return "" if self._peer is None else f"udpout:{self._peer[0]}:{self._peer[1]}"
 
     def now_s(self) -> float:
@@ -113,7 +113,7 @@ class TcpWire:
 
     @property
     def for_others(self) -> str:
-        """See `Wire`: an autopilot's port takes one client."""
+        """See `Wire`: a port may take one client alone."""
         return ""
 
     def now_s(self) -> float:
@@ -127,7 +127,7 @@ class TcpWire:
         except BlockingIOError:
             return
         except OSError as error:
-            raise LinkError(f"The TCP line to the autopilot broke ({error}).") from error
+            raise LinkError(f"The TCP line broke ({error}).") from error
 
     def receive(self, timeout_s: float) -> bytes:
         """See `Wire`; `LinkError` when the other side has closed."""
@@ -139,7 +139,7 @@ class TcpWire:
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise LinkError(f"The TCP line to the autopilot broke ({error}).") from error
+            raise LinkError(f"The TCP line broke ({error}).") from error
         if not data:
             raise LinkError("The autopilot closed the TCP line.")
         return data
@@ -150,14 +150,17 @@ class TcpWire:
 
 
 class SerialWire:
-    """A serial line, by pyserial."""
+    """A serial line, by pyserial; `frame` is bits, parity and stop bits, as in 8N1."""
 
-    def __init__(self, device: str, baud: int) -> None:
+    def __init__(self, device: str, baud: int, frame: str = USUAL_FRAME) -> None:
         import serial
 
         self._errors: type[Exception] = serial.SerialException
+        bits, parity, stops = int(frame[0]), frame[1], float(frame[2:])
         try:
-            self._port: Any = serial.Serial(device, baud, timeout=0, write_timeout=0.1)
+            self._port: Any = serial.Serial(
+                device, baud, bits, parity, stops, timeout=0, write_timeout=0.1
+            )
         except (serial.SerialException, ValueError) as error:
             raise LinkError(f"The serial line {device} cannot be opened ({error}).") from error
         self._address = f"serial:{device}:{baud}"
@@ -178,7 +181,7 @@ class SerialWire:
         except (OSError, self._errors) as error:
             if "timeout" in str(error).lower():
                 return
-            raise LinkError(f"The serial line to the autopilot broke ({error}).") from error
+            raise LinkError(f"The serial line broke ({error}).") from error
 
     def receive(self, timeout_s: float) -> bytes:
         """See `Wire`."""
@@ -187,7 +190,7 @@ class SerialWire:
             first = self._port.read(1)
             return first + self._port.read(self._port.in_waiting) if first else b""
         except (OSError, self._errors) as error:
-            raise LinkError(f"The serial line to the autopilot broke ({error}).") from error
+            raise LinkError(f"The serial line broke ({error}).") from error
 
     def close(self) -> None:
         """See `Wire`."""
@@ -208,6 +211,6 @@ def wire_at(address: str) -> Wire:
         if kind == "tcp":
             return TcpWire(host, int(port))
     raise LinkError(
-        f"There is no MAVLink wire {address!r}; give udp:HOST:PORT (to listen), udpout:HOST:PORT, "
+        f"There is no wire {address!r}; give udp:HOST:PORT (to listen), udpout:HOST:PORT, "
         "tcp:HOST:PORT or serial:DEVICE:BAUD."
     )

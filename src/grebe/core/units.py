@@ -1,0 +1,137 @@
+"""Units as loggers write them in the names of columns, and what turns one into another.
+
+What is hard about units here is their spelling, not their arithmetic: `uS/cm`, `µS/cm@25`,
+`% sat`, `degC`, `(F)`. So the spellings are a table, and a conversion is a factor and an offset.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Each unit by the name that the registry of quantities gives it, and how else it is spelled once
+# letters are small, micro is u, and spaces, dots, carets and underscores are gone.
+SPELLINGS: dict[str, tuple[str, ...]] = {
+    "°C": ("°c", "degc", "c", "degreesc", "celsius", "degreecelsius", "degcelsius"),
+    "°F": ("°f", "degf", "f", "degreesf", "fahrenheit", "degfahrenheit"),
+    "K": ("k", "kelvin", "degk"),
+    "mg/L": ("mg/l", "mgl", "mgl-1", "mg/lt", "mg/liter", "mg/litre", "mgperl", "mgn/l", "mg/l-n"),
+    "ppm": ("ppm",),
+    "g/L": ("g/l", "gl-1"),
+    "µg/L": ("ug/l", "ugl", "ugl-1", "ugperl", "mg/m3"),
+    "ppb": ("ppb",),
+    "µmol/L": ("umol/l", "umoll", "umol", "um", "micromol/l", "mmol/m3"),
+    "%": ("%", "%sat", "sat", "percent", "pct", "%saturation", "percentsat", "%local", "%airsat"),
+    "µS/cm": ("us/cm", "uscm", "uscm-1", "us/cm@25", "us/cm@25°c", "umho/cm", "umhos/cm"),
+    "mS/cm": ("ms/cm", "mscm", "mscm-1", "ms/cm@25", "ms/cm@25°c", "mmho/cm"),
+    "S/m": ("s/m", "sm-1", "siemens/m"),
+    "mS/m": ("ms/m",),
+    "NTU": ("ntu", "ntus"),
+    "FNU": ("fnu", "fnus"),
+    "FTU": ("ftu",),
+    "RFU": ("rfu", "rfus"),
+    "QSU": ("qsu", "ppbqse"),
+    "mV": ("mv", "millivolt", "millivolts"),
+    "V": ("v", "volt", "volts"),
+    "PSU": ("psu", "pss", "pss-78", "ppt", "‰", "g/kg"),
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "cm": ("cm",),
+    "mm": ("mm",),
+    "ft": ("ft", "feet", "foot"),
+    "dbar": ("dbar",),
+}  # fmt: skip
+_NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
+
+# An oxygen molecule [g/mol]: the only substance that loggers give in moles here.
+OXYGEN_G_PER_MOL = 31.9988
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conversion:
+    """y = factor x + offset."""
+
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values (n,) in the other unit."""
+        return self.factor * values + self.offset
+
+
+SAME = Conversion()
+_CONVERSIONS: dict[tuple[str, str], Conversion] = {
+    ("°F", "°C"): Conversion(factor=5 / 9, offset=-160 / 9),
+    ("K", "°C"): Conversion(offset=-273.15),
+    # Fresh water weighs a kilogram a litre.
+    ("ppm", "mg/L"): SAME,
+    ("g/L", "mg/L"): Conversion(factor=1000.0),
+    ("µg/L", "mg/L"): Conversion(factor=0.001),
+    ("ppb", "µg/L"): SAME,
+    ("mg/L", "µg/L"): Conversion(factor=1000.0),
+    ("ppb", "QSU"): SAME,
+    ("µmol/L", "mg/L"): Conversion(factor=OXYGEN_G_PER_MOL / 1000.0),
+    ("mS/cm", "µS/cm"): Conversion(factor=1000.0),
+    ("S/m", "µS/cm"): Conversion(factor=10_000.0),
+    ("mS/m", "µS/cm"): Conversion(factor=10.0),
+    # Both are calibrated with formazin, by light of another colour.
+    ("FNU", "NTU"): SAME,
+    ("FTU", "NTU"): SAME,
+    ("V", "mV"): Conversion(factor=1000.0),
+    ("cm", "m"): Conversion(factor=0.01),
+    ("mm", "m"): Conversion(factor=0.001),
+    ("ft", "m"): Conversion(factor=0.3048),
+}
+# What is only a unit of moles of oxygen, and of nothing else.
+_OF_OXYGEN_ALONE = ("µmol/L",)
+
+# A unit in brackets, or behind the first comma: `Temp, °C (LGR S/N: 1)`.
+_BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]")
+
+
+def unit_of(text: str) -> str | None:
+    """The unit that a text is, by the registry's name; None where it is none."""
+    return _NAMES.get(_plain(text))
+
+
+def split_unit(name: str) -> tuple[str, str | None]:
+    """A column's name without its unit, and the unit, None where the name tells none.
+
+    The unit stands in brackets, behind a comma, or as the last words: `DO (%)`, `Temp, °C`,
+    `SpCond mS/cm`, `ODO % sat`.
+    """
+    for found in _BRACKETS.finditer(name):
+        unit = unit_of(found.group(1))
+        if unit is not None:
+            return (name[: found.start()] + name[found.end() :]).strip(), unit
+    bare = _BRACKETS.sub(" ", name).strip()
+    stem, comma, rest = bare.partition(",")
+    if comma and unit_of(rest) is not None:
+        return stem.strip(), unit_of(rest)
+    words = re.split(r"[\s_]+", bare)
+    # The longest ending that is a unit: `% sat` before `sat`.
+    for first in range(1, len(words)):
+        unit = unit_of(" ".join(words[first:])) or unit_of("/".join(words[first:]))
+        if unit is not None:
+            return " ".join(words[:first]), unit
+    return bare, None
+
+
+def conversion(given: str, wanted: str, key: str = "") -> Conversion | None:
+    """What turns values of one unit into those of another; None where nothing does."""
+    if given == wanted:
+        return SAME
+    if given in _OF_OXYGEN_ALONE and "oxygen" not in key:
+        return None
+    return _CONVERSIONS.get((given, wanted))
+
+
+def _plain(text: str) -> str:
+    small = unicodedata.normalize("NFKC", text).replace("º", "°").lower()
+    return re.sub(r"[\s._^]", "", small.replace("μ", "u").replace("µ", "u"))

@@ -1,0 +1,190 @@
+"""An instrument in a thread of its own: it never holds up the mission, whatever becomes of it.
+
+Readings wait in a queue of bounded length until the mission takes them. A line that breaks, or an
+instrument that falls silent, is opened again, at longer and longer intervals; both are said once.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from grebe.core.errors import GrebeError
+from grebe.core.quantities import Quantities
+from grebe.links.base import Reading
+from grebe.links.instruments.decoding import Said
+from grebe.links.instruments.profile import Profile
+from grebe.links.instruments.speakers import Speaker, speaker_at
+
+# Readings that wait at most: some minutes of the fastest instrument.
+MOST_WAITING = 20_000
+# Without a reading for this long, or so many of its periods, an instrument is silent [s].
+SILENT_S, SILENT_PERIODS = 10.0, 5.0
+# Between two attempts to open a line: the first, and the longest [s].
+RETRY_S, LONGEST_RETRY_S = 1.0, 15.0
+# An instrument's clock against ours: over how many readings the fastest way is looked for, and a
+# change that is a clock set anew [s].
+CLOCK_READINGS, CLOCK_JUMP_S = 100, 5.0
+
+
+class OwnClock:
+    """An instrument's clock by ours: the reading that came soonest after its own time stamp came
+    without delay; the others waited somewhere.
+    """
+
+    def __init__(self) -> None:
+        self._offsets: deque[float] = deque(maxlen=CLOCK_READINGS)
+
+    def age_s(self, stamp: float, arrived: float) -> float:
+        """Return how old [s] a reading was when it arrived, at a time on our clock [s]."""
+        offset = arrived - stamp
+        if self._offsets and abs(offset - min(self._offsets)) > CLOCK_JUMP_S:
+            self._offsets.clear()
+        self._offsets.append(offset)
+        return offset - min(self._offsets)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Waiting:
+    measured_s: float
+    said: Said
+
+
+class Instrument:
+    """One instrument at an address; `name` in messages. Its thread starts at once and ends with
+    `close`. `counts` tell what came since the line was opened.
+    """
+
+    def __init__(self, address: str, name: str, profile: Profile, quantities: Quantities) -> None:
+        self.address, self.name, self.profile = address, name, profile
+        self._quantities = quantities
+        self._waiting: deque[_Waiting] = deque(maxlen=MOST_WAITING)
+        self._notes: deque[tuple[str, str]] = deque(maxlen=100)
+        self._clock = OwnClock()
+        self._speaker: Speaker | None = None
+        self._stopping = threading.Event()
+        self._heard_s = time.monotonic()
+        self._speaks = False
+        self._broken = ""
+        self._thread = threading.Thread(target=self._run, name=f"instrument {name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The quantities that it may measure."""
+        return self.profile.keys
+
+    @property
+    def state(self) -> str:
+        """What there is to say of it, in words."""
+        speaker = self._speaker
+        if self._broken:
+            return self._broken
+        if speaker is None:
+            return "the line is not open yet"
+        counts = speaker.counts
+        text = f"{counts.readings} readings, {counts.damaged} damaged"
+        return text + (f"; not kept: {', '.join(counts.unused)}" if counts.unused else "")
+
+    @property
+    def speaks(self) -> bool:
+        """Whether readings come."""
+        return self._speaks
+
+    def readings(self) -> list[Reading]:
+        """Hand out what has come since the last call, in its order."""
+        now_s = time.monotonic()
+        taken: list[Reading] = []
+        while self._waiting:
+            one = self._waiting.popleft()
+            taken.append(Reading(age_s=max(0.0, now_s - one.measured_s), values=one.said.values))
+        return taken
+
+    def notes(self) -> list[tuple[str, str]]:
+        """Hand out what an operator should know: a code and a sentence each."""
+        return [self._notes.popleft() for _ in range(len(self._notes))]
+
+    def close(self) -> None:
+        """End the thread and let go of the line."""
+        self._stopping.set()
+        self._thread.join(5.0)
+
+    def _run(self) -> None:
+        retry_s = RETRY_S
+        while not self._stopping.is_set():
+            before = self._speaks
+            try:
+                self._listen()
+                broke = f"no reading for {self._silence_s:.0f} s"
+            except (GrebeError, OSError) as error:
+                broke = str(error).rstrip(".")
+            if self._stopping.is_set():
+                return
+            retry_s = RETRY_S if before or self._speaks else min(2 * retry_s, LONGEST_RETRY_S)
+            self._fall_silent(broke)
+            self._stopping.wait(retry_s)
+
+    def _listen(self) -> None:
+        """Read until the instrument is silent, the line breaks, or the thread is to end."""
+        speaker = self._speaker = speaker_at(self.address, self.profile, self._quantities)
+        try:
+            self._heard_s = time.monotonic()
+            for said in speaker.readings(self._stopping.is_set):
+                now_s = time.monotonic()
+                if said is None:
+                    if now_s - self._heard_s > self._silence_s:
+                        return
+                    continue
+                self._heard_s = now_s
+                self._take(said, now_s)
+        finally:
+            speaker.close()
+
+    def _take(self, said: Said, now_s: float) -> None:
+        if not self._speaks:
+            if self._broken:
+                self._notes.append(("instrument_again", f"{self.name} sends readings again"))
+            self._speaks, self._broken = True, ""
+        late_s = self.profile.late_s
+        if said.stamp is not None:
+            late_s += self._clock.age_s(said.stamp, now_s)
+        self._waiting.append(_Waiting(measured_s=now_s - late_s, said=said))
+
+    @property
+    def _silence_s(self) -> float:
+        asked = self.profile.text or self.profile.modbus
+        every_s = asked.every_s if asked is not None else 1.0
+        return max(SILENT_S, SILENT_PERIODS * every_s)
+
+    def _fall_silent(self, why: str) -> None:
+        if self._speaks or not self._broken:
+            self._notes.append(("instrument_silent", f"{self.name} at {self.address}: {why}"))
+        self._speaks, self._broken = False, why
+
+
+class Bench:
+    """Several instruments as one; see `grebe.links.base.Instruments`."""
+
+    def __init__(self, instruments: Sequence[Instrument]) -> None:
+        self.each = tuple(instruments)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The quantities that any of them may measure, each once."""
+        return tuple(dict.fromkeys(key for one in self.each for key in one.keys))
+
+    def readings(self) -> list[Reading]:
+        """See `Instruments`."""
+        return [reading for one in self.each for reading in one.readings()]
+
+    def notes(self) -> list[tuple[str, str]]:
+        """See `Instruments`."""
+        return [note for one in self.each for note in one.notes()]
+
+    def close(self) -> None:
+        """See `Instruments`."""
+        for one in self.each:
+            one.close()

@@ -1,0 +1,202 @@
+"""What an instrument speaks: a profile, read from TOML; docs/how-to/connect-a-sonde.md lists them.
+
+A profile says how to read lines of text (NMEA sentences among them) or Modbus registers, and which
+quantity each value is, in which unit. Several instruments send numbers for what they measure:
+`codes` says what those stand for.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from grebe.core.errors import InputError
+from grebe.core.quantities import BUILTIN, Quantities
+from grebe.core.units import conversion, unit_of
+
+BUILT_IN = Path(__file__).parent / "profiles"
+_FRAME = re.compile(r"[5-8][NEOMS][12]")
+
+
+class Measured(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A quantity by its key, and the unit in which the instrument gives it: ours, if empty."""
+
+    quantity: str
+    unit: str = ""
+
+
+class Column(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A field of a line, counted from 1, and what it holds."""
+
+    at: int
+    quantity: str
+    unit: str = ""
+
+
+class Coded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A field with a code, the field with its value, and the one with its unit, if there is one."""
+
+    code_at: int
+    value_at: int
+    unit_at: int = 0
+
+
+class Stamp(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The fields of an instrument's own clock, joined by a space, and how to read them."""
+
+    at: tuple[int, ...]
+    format: str
+
+
+class Text(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Lines of text. `begins` with it, or the line is passed over; fields are split at
+    `delimiter`, white space if empty. `checksum` is the exclusive or between $ and *, as NMEA has
+    it. `width`: how many fields a line has, if that is always the same. Of the rest, `columns`,
+    `coded` and `pairs_from` (code, value, code, value and so on) say what is where.
+    `ask` is sent every `every_s` seconds for a line, `setup` once at first; the answer to
+    `list_codes` names the code of each field.
+    """
+
+    begins: str = ""
+    delimiter: str = ","
+    checksum: Literal["none", "optional", "required"] = "none"
+    width: int = 0
+    columns: tuple[Column, ...] = ()
+    coded: tuple[Coded, ...] = ()
+    pairs_from: int = 0
+    stamp: Stamp | None = None
+    setup: tuple[str, ...] = ()
+    list_codes: str = ""
+    ask: str = ""
+    every_s: float = 1.0
+
+
+class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A value of two registers (a float) or one (an integer, times `scale`)."""
+
+    register: int
+    quantity: str
+    unit: str = ""
+    kind: Literal["float", "int"] = "float"
+    scale: float = 1.0
+
+
+class Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Registers that list the codes of what is measured, the state of each (0 is good), and its
+    value, a float each.
+    """
+
+    codes: int
+    states: int
+    values: int
+    count: int
+
+
+class Write(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A register that is written before each reading, to have the instrument measure."""
+
+    register: int
+    value: int
+
+
+class Modbus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Registers over Modbus. `first` is the number that the manual gives to the first register, 0
+    or 1; `order` that of a float's bytes. `blocks` are registers where a float is followed by its
+    code, its unit's number and its quality (0 is good).
+    """
+
+    device: int = 1
+    first: int = 0
+    order: Literal["ABCD", "CDAB"] = "ABCD"
+    every_s: float = 1.0
+    write: tuple[Write, ...] = ()
+    wait_s: float = 0.0
+    values: tuple[Register, ...] = ()
+    listed: Listed | None = None
+    blocks: tuple[int, ...] = ()
+
+
+class Serial(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The serial line, if it is one."""
+
+    baud: int = 9600
+    frame: str = "8N1"
+
+
+class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One kind of instrument. `source` says where its format is described; `codes` what its codes
+    stand for, `units` what its numbers or names of units do; `late_s` by how much it is late.
+    """
+
+    title: str
+    source: str
+    setting_up: str = ""
+    serial: Serial = msgspec.field(default_factory=Serial)
+    text: Text | None = None
+    modbus: Modbus | None = None
+    codes: dict[str, Measured] = {}
+    units: dict[str, str] = {}
+    late_s: float = 0.0
+
+    @property
+    def measured(self) -> tuple[Measured, ...]:
+        """All that it may measure."""
+        fixed = [
+            *(self.text.columns if self.text else ()),
+            *(self.modbus.values if self.modbus else ()),
+        ]
+        return (
+            *(Measured(quantity=one.quantity, unit=one.unit) for one in fixed),
+            *self.codes.values(),
+        )
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the quantities that it may measure, each once."""
+        return tuple(dict.fromkeys(one.quantity for one in self.measured))
+
+
+def profile_names() -> list[str]:
+    """The names of the built-in profiles."""
+    return sorted(path.stem for path in BUILT_IN.glob("*.toml"))
+
+
+def profile_named(name: str, quantities: Quantities = BUILTIN) -> Profile:
+    """Return the built-in profile of a name, or that of a file that ends in .toml.
+
+    Raises `InputError` that says what is wrong with it.
+    """
+    path = Path(name) if name.endswith(".toml") else BUILT_IN / f"{name}.toml"
+    if not path.is_file():
+        raise InputError(
+            f"There is no instrument profile {name!r}; give a file that ends in .toml, or one of "
+            f"{', '.join(profile_names())}."
+        )
+    try:
+        profile = msgspec.toml.decode(path.read_bytes(), type=Profile)
+        _check(profile, quantities)
+    except (msgspec.DecodeError, InputError, OSError) as error:
+        raise InputError(f"The instrument profile {path.name}: {error}") from None
+    return profile
+
+
+def is_frame(text: str) -> bool:
+    """Whether a text says bits, parity and stop bits, such as 8N1."""
+    return _FRAME.fullmatch(text) is not None
+
+
+def _check(profile: Profile, quantities: Quantities) -> None:
+    """Refuse a profile that could not be followed; `InputError` says why."""
+    if (profile.text is None) == (profile.modbus is None):
+        raise InputError("give a table [text] or a table [modbus], one of them.")
+    if not is_frame(profile.serial.frame) or profile.serial.baud <= 0:
+        raise InputError(f"a serial frame {profile.serial.frame!r} is not like 8N1.")
+    if not profile.measured:
+        raise InputError("it says of no value what it is.")
+    for one in profile.measured:
+        wanted = quantities.known(one.quantity).unit
+        if one.unit and conversion(unit_of(one.unit) or one.unit, wanted, one.quantity) is None:
+            raise InputError(f"{one.quantity} is kept in {wanted}, and {one.unit!r} is not.")

@@ -1,0 +1,262 @@
+"""How an instrument is asked: lines over a wire, or Modbus registers. One that falls silent is
+left and opened anew by whoever reads it; see `instrument`.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from grebe.core.errors import InputError, LinkError
+from grebe.core.quantities import Quantities
+from grebe.links.instruments.decoding import Counts, RegisterDecoder, Said, TextDecoder
+from grebe.links.instruments.profile import Profile, is_frame
+from grebe.links.wires import SerialWire, Wire, wire_at
+
+# How long one look at the line waits, so that whoever wants to end is heard [s].
+LOOK_S = 0.2
+# A line longer than this is noise: another rate of bits, or a binary protocol [bytes].
+LONGEST_LINE = 4096
+# How long an answer to a question before the readings is waited for [s].
+ANSWER_S = 1.0
+ADDRESSES = (
+    "serial:DEVICE[:BAUD[:8N1]], udp:HOST:PORT (to listen), udpout:, tcp:HOST:PORT or file:PATH"
+)
+
+Stopped = Callable[[], bool]
+
+
+class Speaker(Protocol):
+    """An open line to an instrument; `counts` of what came over it."""
+
+    @property
+    def counts(self) -> Counts:
+        """See the class."""
+        ...
+
+    def readings(self, stopped: Stopped) -> Generator[Said | None]:
+        """Yield readings as they come, and None where none came for a moment, until `stopped`.
+
+        Raises `LinkError` or `OSError` where the line breaks.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of the line."""
+        ...
+
+
+def speaker_at(address: str, profile: Profile, quantities: Quantities) -> Speaker:
+    """Open the line to an instrument; `LinkError` says why that fails."""
+    if profile.modbus is not None:
+        return ModbusSpeaker(address, profile, quantities)
+    return LineSpeaker(_wire(address, profile), profile, quantities)
+
+
+def _wire(address: str, profile: Profile) -> Wire:
+    kind, _, rest = address.partition(":")
+    if kind == "serial" and rest:
+        return SerialWire(*_serial(address, profile))
+    if kind == "file" and rest:
+        return FileTail(Path(rest))
+    if kind not in ("udp", "udpin", "udpout", "tcp"):
+        raise LinkError(f"There is no instrument line {address!r}; give {ADDRESSES}.")
+    return wire_at(address)
+
+
+class FileTail:
+    """What is appended to a file from now on, as a wire: a logger's own file."""
+
+    for_others = ""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = path.open("rb")
+            self._file.seek(0, 2)
+        except OSError as error:
+            raise LinkError(f"{path} cannot be read ({error.strerror}).") from None
+
+    def now_s(self) -> float:
+        """See `Wire`."""
+        return time.monotonic()
+
+    def send(self, data: bytes) -> None:
+        """A file is not asked anything."""
+
+    def receive(self, timeout_s: float) -> bytes:
+        """See `Wire`; a file that was begun anew is read from its beginning."""
+        data = self._file.read()
+        if not data:
+            if self._path.stat().st_size < self._file.tell():
+                self._file.seek(0)
+            time.sleep(timeout_s)
+        return data
+
+    def close(self) -> None:
+        """See `Wire`."""
+        self._file.close()
+
+
+class LineSpeaker:
+    """Lines of text, as they come or as they are asked for."""
+
+    def __init__(self, wire: Wire, profile: Profile, quantities: Quantities) -> None:
+        assert profile.text is not None
+        self._wire, self._text = wire, profile.text
+        self._decoder = TextDecoder(profile, quantities)
+        self._part = b""
+
+    @property
+    def counts(self) -> Counts:
+        """See `Speaker`."""
+        return self._decoder.counts
+
+    def readings(self, stopped: Stopped) -> Generator[Said | None]:
+        """See `Speaker`."""
+        for question in self._text.setup:
+            self._wire.send(question.encode())
+            self._answers(stopped, lambda _: False)
+        if self._text.list_codes:
+            self._wire.send(self._text.list_codes.encode())
+            if not self._answers(stopped, self._decoder.list_codes):
+                raise LinkError("The instrument does not say which values it sends.")
+        next_s = self._wire.now_s()
+        while not stopped():
+            if self._text.ask and self._wire.now_s() >= next_s:
+                next_s = max(next_s + self._text.every_s, self._wire.now_s())
+                self._wire.send(self._text.ask.encode())
+            lines = self._lines()
+            yield from (said for said in map(self._decoder.take, lines) if said is not None)
+            if not lines:
+                yield None
+
+    def close(self) -> None:
+        """See `Speaker`."""
+        self._wire.close()
+
+    def _answers(self, stopped: Stopped, heeded: Callable[[bytes], bool]) -> bool:
+        """Whether one of the lines of the next moment is the answer that is waited for."""
+        until_s = self._wire.now_s() + ANSWER_S
+        while self._wire.now_s() < until_s and not stopped():
+            lines = self._lines()
+            if any(heeded(line) for line in lines):
+                return True
+        return False
+
+    def _lines(self) -> list[bytes]:
+        """The lines that are whole by now; what never ends is dropped, and counted."""
+        wait_s = min(LOOK_S, self._text.every_s) if self._text.ask else LOOK_S
+        data = self._part + self._wire.receive(wait_s)
+        *lines, self._part = data.replace(b"\r", b"\n").split(b"\n")
+        if len(self._part) > LONGEST_LINE:
+            self._part = b""
+            self._decoder.counts.damaged += 1
+        return [line for line in lines if line.strip()]
+
+
+class ModbusSpeaker:
+    """Registers over Modbus RTU on a serial line, or over TCP."""
+
+    def __init__(self, address: str, profile: Profile, quantities: Quantities) -> None:
+        assert profile.modbus is not None
+        self._modbus = profile.modbus
+        self._decoder = RegisterDecoder(profile, quantities)
+        self._client = _modbus_client(address, profile)
+        if not self._client.connect():
+            raise LinkError(f"Nothing answers at {address}; check the line and its speed.")
+
+    @property
+    def counts(self) -> Counts:
+        """See `Speaker`."""
+        return self._decoder.counts
+
+    def readings(self, stopped: Stopped) -> Generator[Said | None]:
+        """See `Speaker`."""
+        next_s = time.monotonic()
+        while not stopped():
+            wait_s = next_s - time.monotonic()
+            if wait_s > 0:
+                time.sleep(min(wait_s, LOOK_S))
+                continue
+            next_s = max(next_s + self._modbus.every_s, time.monotonic())
+            try:
+                yield self._measure()
+            except _NoAnswerError:
+                self._decoder.counts.damaged += 1
+                yield None
+
+    def close(self) -> None:
+        """See `Speaker`."""
+        self._client.close()
+
+    def _measure(self) -> Said | None:
+        modbus = self._modbus
+        for one in modbus.write:
+            answer = self._client.write_register(
+                one.register - modbus.first, one.value, device_id=modbus.device
+            )
+            if answer.isError():
+                raise _NoAnswerError
+        time.sleep(modbus.wait_s)
+        return self._decoder.take(self._read, self._as_float)
+
+    def _read(self, register: int, count: int) -> Sequence[int]:
+        modbus = self._modbus
+        from pymodbus.exceptions import ModbusException
+
+        try:
+            answer = self._client.read_holding_registers(
+                register - modbus.first, count=count, device_id=modbus.device
+            )
+        except ModbusException:
+            raise _NoAnswerError from None
+        if answer.isError() or len(answer.registers) != count:
+            raise _NoAnswerError
+        return answer.registers
+
+    def _as_float(self, words: Sequence[int]) -> float:
+        high, low = words if self._modbus.order == "ABCD" else reversed(words)
+        return float(struct.unpack(">f", struct.pack(">HH", high, low))[0])
+
+
+class _NoAnswerError(Exception):
+    """The instrument did not answer, or not in full, or with a sum that does not hold."""
+
+
+def _serial(address: str, profile: Profile) -> tuple[str, int, str]:
+    """Device, baud and frame: of the address where it gives them, else the profile's."""
+    device, _, rest = address.removeprefix("serial:").partition(":")
+    baud, _, frame = rest.partition(":")
+    if (baud and not baud.isdigit()) or (frame and not is_frame(frame)):
+        raise LinkError(f"There is no instrument line {address!r}; give {ADDRESSES}.")
+    return device, int(baud or profile.serial.baud), frame or profile.serial.frame
+
+
+def _modbus_client(address: str, profile: Profile) -> Any:
+    try:
+        from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+    except ImportError:
+        raise InputError(
+            "A Modbus instrument takes pymodbus; install grebe with its extra 'instruments'."
+        ) from None
+    kind, _, rest = address.partition(":")
+    if kind == "serial" and rest:
+        device, baud, frame = _serial(address, profile)
+        return ModbusSerialClient(
+            device,
+            baudrate=baud,
+            bytesize=int(frame[0]),
+            parity=frame[1],
+            stopbits=int(frame[2]),
+            timeout=0.5,
+            retries=0,
+        )
+    host, _, port = rest.rpartition(":")
+    if kind == "tcp" and port.isdigit():
+        return ModbusTcpClient(host, port=int(port), timeout=0.5, retries=0)
+    raise LinkError(f"A Modbus instrument is at serial:DEVICE[:BAUD] or tcp:HOST:PORT, not at "
+                    f"{address!r}.")  # fmt: skip

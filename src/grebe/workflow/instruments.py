@@ -1,0 +1,96 @@
+"""Instruments by what a user says: `ADDRESS@PROFILE`, as in serial:/dev/ttyUSB0@ysi-exo."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+
+from grebe.core.errors import UsageError
+from grebe.core.quantities import BUILTIN, Quantities
+from grebe.io.store import SurveyFile
+from grebe.links.base import Reading
+from grebe.links.checks import Check, check
+from grebe.links.instruments.instrument import Bench, Instrument
+from grebe.links.instruments.profile import Profile, profile_named
+
+# How long an instrument is listened to before it counts as silent [s].
+LISTEN_S = 12.0
+
+
+def instrument_named(text: str, quantities: Quantities = BUILTIN) -> tuple[str, str, Profile]:
+    """Return the address, the profile's name and the profile of `ADDRESS@PROFILE`.
+
+    Raises `UsageError` for another form, `InputError` for an unknown profile.
+    """
+    address, at, name = text.rpartition("@")
+    if not at or not address or not name:
+        raise UsageError(
+            f"{text!r} is not ADDRESS@PROFILE, such as serial:/dev/ttyUSB0@ysi-exo.",
+            settings=("instrument",),
+        )
+    return address, name, profile_named(name, quantities)
+
+
+@contextmanager
+def instruments_at(
+    texts: Sequence[str], quantities: Quantities = BUILTIN
+) -> Generator[Bench | None]:
+    """Open instruments for as long as they are needed; None where there are none."""
+    named = [instrument_named(text, quantities) for text in texts]
+    bench = Bench([Instrument(a, name, profile, quantities) for a, name, profile in named])
+    try:
+        yield bench if named else None
+    finally:
+        bench.close()
+
+
+def declare_quantities(file: SurveyFile, bench: Bench, quantities: Quantities = BUILTIN) -> None:
+    """Declare what the instruments may measure and the file does not hold yet."""
+    new = [key for key in bench.keys if key not in file.quantities]
+    if new:
+        file.declare(quantities.subset(new))
+
+
+def watch_instrument(
+    text: str,
+    on_reading: Callable[[Reading], None],
+    on_note: Callable[[str], None],
+    *,
+    seconds: float | None = None,
+    quantities: Quantities = BUILTIN,
+) -> str:
+    """Hand out readings as they come, for so long; return what there is to say at the end."""
+    address, name, profile = instrument_named(text, quantities)
+    instrument = Instrument(address, name, profile, quantities)
+    until_s = None if seconds is None else time.monotonic() + seconds
+    try:
+        while until_s is None or time.monotonic() < until_s:
+            for _, message in instrument.notes():
+                on_note(message)
+            for reading in instrument.readings():
+                on_reading(reading)
+            time.sleep(0.05)
+        return instrument.state
+    finally:
+        instrument.close()
+
+
+def checks_of(text: str, quantities: Quantities = BUILTIN) -> Check:
+    """The line of a preflight list about an instrument: whether it speaks, and what it says."""
+    address, name, profile = instrument_named(text, quantities)
+    instrument = Instrument(address, name, profile, quantities)
+    try:
+        until_s = time.monotonic() + LISTEN_S
+        heard: dict[str, float] = {}
+        while not heard and time.monotonic() < until_s:
+            for reading in instrument.readings():
+                heard.update(reading.values)
+            time.sleep(0.05)
+        said = ", ".join(f"{key} {value:.6g}" for key, value in heard.items())
+        return check(
+            f"instrument {name}", said or instrument.state, holds=bool(heard),
+            advice=f"check power, cable, line speed and the sonde's output. {profile.setting_up}",
+        )  # fmt: skip
+    finally:
+        instrument.close()
