@@ -238,7 +238,7 @@ def _angle_deg(text: str) -> float | None:
 def plan_numbers(planned: Planned) -> dict[str, Any]:
     """Return what a plan reports of itself."""
     survey, outcome, check = planned.survey, planned.outcome, planned.check
-    numbers = {
+    numbers: dict[str, Any] = {
         "name": survey.name,
         "targets": len(survey.targets),
         "transits": sum(target.kind == "transit" for target in survey.targets),

@@ -257,8 +257,8 @@ def ports_of(lake: Lake, endurance: Endurance, factor: float) -> Ports:
     if many > 1:
         from scipy.spatial import KDTree
 
-        _, near = KDTree(centres[members]).query(centres[members], k=many)
-        beside[members, : many - 1] = members[near[:, 1:]]
+        near = KDTree(centres[members]).query(centres[members], k=many)[1]
+        beside[members, : many - 1] = members[np.asarray(near)[:, 1:]]
     else:
         beside[members, 0] = members
     ways_m = np.array([home.ways_m for home in lake.homes])
