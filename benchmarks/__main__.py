@@ -26,6 +26,7 @@ from benchmarks.robustness import robustness
 from benchmarks.routes import routes
 from benchmarks.sets import sets
 from benchmarks.soak import latency, soak
+from benchmarks.sorties import sorties
 from benchmarks.steps import steps
 from benchmarks.survival import survival
 
@@ -41,6 +42,7 @@ BENCHMARKS = {
         lakes,
         cores,
         routes,
+        sorties,
         mapping,
         identification,
         mismatch,
