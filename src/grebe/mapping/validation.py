@@ -128,8 +128,8 @@ def predicted(readings: Readings, field: Field, folds: Indices) -> Errors:
     passed over.
     """
     turns = [folds == k for k in np.unique(folds) if (folds != k).sum() >= FEWEST_SAMPLES]
-    nothing = np.empty(0)
-    errors, sds, beside = [nothing], [nothing], [nothing]
+    nothing: Array = np.empty(0)
+    errors, sds, beside = list[Array]([nothing]), list[Array]([nothing]), list[Array]([nothing])
     for out in turns:
         rest = field.given(readings.part(~out))
         places = readings.positions[out]

@@ -136,7 +136,7 @@ def _correlations(one: Array, other: Array) -> Array:
     ones = np.ones_like(one), np.ones_like(other)
 
     def at_all_shifts(a: Array, b: Array) -> Array:
-        return correlate(b, a, method="fft")
+        return np.asarray(correlate(b, a, method="fft"), dtype=np.float64)
 
     count = np.round(at_all_shifts(*ones))
     sums = at_all_shifts(one, ones[1]), at_all_shifts(ones[0], other)
