@@ -17,6 +17,7 @@ from benchmarks.agreement import agreement
 from benchmarks.autopilot import autopilot
 from benchmarks.campaign import campaigns
 from benchmarks.cores import cores
+from benchmarks.holdout import holdout
 from benchmarks.identification import identification
 from benchmarks.mapping import mapping
 from benchmarks.mismatch import mismatch
@@ -44,6 +45,7 @@ BENCHMARKS = {
         routes,
         sorties,
         mapping,
+        holdout,
         identification,
         mismatch,
         autopilot,
