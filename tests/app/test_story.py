@@ -1,6 +1,6 @@
 """What a person does, from an empty folder to the report, as one story; and at phone size."""
 
-# ruff: noqa: F811  fixtures are imported, and named again by who takes them
+# ruff: noqa: F402, F811  fixtures are imported, and named again by who takes them
 from __future__ import annotations
 
 import os

@@ -27,6 +27,7 @@ FLAGS = {
     "piece_s": "--piece",
     "profile": "--profile",
     "quantities": "--quantities",
+    "port": "--port",
     "radius_m": "--radius",
     "rate_hz": "--rate",
     "resume": "--resume",
