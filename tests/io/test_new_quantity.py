@@ -153,13 +153,15 @@ def test_what_is_not_declared_is_refused(tmp_path, own, track):
     assert not (tmp_path / "s.gpkg").exists()
     with pytest.raises(TrackError, match="'salt', which is neither time, lat, lon nor a"):
         run("import", track, "-o", tmp_path / "s.gpkg", "--column", "salt=Trp RFU")
-    run("import", track, "-o", tmp_path / "s.gpkg", "--column", "fdom_qsu=Trp RFU")
+    run("import", track, "-o", tmp_path / "s.gpkg", "--column", "chlorophyll_rfu=Trp RFU")
     with SurveyFile.open(tmp_path / "s.gpkg") as file:
         samples = file.samples()
-        renamed = {"ph": samples.values["fdom_qsu"]}
+        renamed = {"ph": samples.values["chlorophyll_rfu"]}
         strange = type(samples)(**{**vars(samples), "values": renamed,
-                                   "flags": {"ph": samples.flags["fdom_qsu"]}})  # fmt: skip
-        with pytest.raises(SurveyFileError, match="does not declare ph; it declares fdom_qsu"):
+                                   "flags": {"ph": samples.flags["chlorophyll_rfu"]}})  # fmt: skip
+        with pytest.raises(
+            SurveyFileError, match="does not declare ph; it declares chlorophyll_rfu"
+        ):
             file.extend_samples(strange)
         other = LIMNOLOGICAL.subset(["ph"])
         file.declare(other)
