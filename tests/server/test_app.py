@@ -26,7 +26,7 @@ from grebe.server import library, maps, plans  # noqa: E402
 from grebe.server.asked import parsed  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
-from grebe.server.live import QUEUE, Lease, Tab  # noqa: E402
+from grebe.server.live import QUEUE, Lease, Tab, Watch  # noqa: E402
 from grebe.server.security import Gate, Keys  # noqa: E402
 from grebe.server.telling import Telling  # noqa: E402
 from grebe.server.worker import Worker  # noqa: E402
@@ -333,6 +333,21 @@ def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
     assert library.snapshot("x", path)["status"]["state"] == "complete"
     for one in told:
         json.dumps(one, allow_nan=False)
+
+
+@pytest.mark.slow
+def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
+    path, _, told = simulated_survey
+    watch = Watch("x", path, Lease())
+    watch.state = library.snapshot("x", path)
+    count = watch.state["status"]["samples"]
+    # The file was read when the mission had told the last of these already.
+    for one in told[-50:]:
+        watch._take_lists(one, {}, 0.0)
+    assert watch.state["status"]["samples"] == count
+    later = {**told[-1], "samples": [[watch.state["sampled"] + 1, 6.5, 46.4, [1.0] * 20]]}
+    watch._take_lists(later, {}, 0.0)
+    assert watch.state["status"]["samples"] == count + 1
 
 
 @pytest.mark.slow
