@@ -15,7 +15,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from benchmarks.agreement import agreement
 from benchmarks.autopilot import autopilot
+from benchmarks.campaign import campaigns
 from benchmarks.cores import cores
+from benchmarks.holdout import holdout
 from benchmarks.identification import identification
 from benchmarks.mapping import mapping
 from benchmarks.mismatch import mismatch
@@ -25,6 +27,7 @@ from benchmarks.robustness import robustness
 from benchmarks.routes import routes
 from benchmarks.sets import sets
 from benchmarks.soak import latency, soak
+from benchmarks.sorties import sorties
 from benchmarks.steps import steps
 from benchmarks.survival import survival
 
@@ -40,13 +43,16 @@ BENCHMARKS = {
         lakes,
         cores,
         routes,
+        sorties,
         mapping,
+        holdout,
         identification,
         mismatch,
         autopilot,
         soak,
         latency,
         survival,
+        campaigns,
     )
 }
 

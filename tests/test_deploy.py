@@ -13,6 +13,8 @@ DOCKERFILE = (ROOT / "deploy" / "Dockerfile").read_text()
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # What a boat has no use for.
 FOR_DEVELOPERS = {"dev", "docs", "bench", "peers"}
+# A boat serves no page and simulates no campaign.
+ASHORE = {"app", "campaign", "dask"}
 
 
 def instructions():
@@ -34,7 +36,9 @@ def labels():
 def test_the_image_installs_every_extra_that_a_boat_may_need_and_no_other():
     named = re.findall(r"'\.\[([\w,-]+)\]'", DOCKERFILE)
     assert len(named) == 1
-    assert set(named[0].split(",")) == set(PROJECT["optional-dependencies"]) - FOR_DEVELOPERS
+    assert set(named[0].split(",")) == (
+        set(PROJECT["optional-dependencies"]) - FOR_DEVELOPERS - ASHORE
+    )
 
 
 def test_it_runs_as_nobody_special_and_opens_no_port():

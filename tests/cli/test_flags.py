@@ -36,7 +36,8 @@ def test_no_sentence_of_the_library_names_a_flag():
 
 def test_every_setting_that_an_error_names_has_its_flag():
     named = set()
-    for path in PACKAGE.rglob("*.py"):
+    # The app is a front end of its own: its settings are the fields of its requests.
+    for path in (one for one in PACKAGE.rglob("*.py") if "server" not in one.parts):
         for call in ast.walk(ast.parse(path.read_text())):
             if isinstance(call, ast.Call):
                 for keyword in call.keywords:

@@ -82,7 +82,7 @@ def test_an_entry_that_is_known_is_changed_and_not_lost():
         (ENTRY.replace("[0, 100]", "[0, nan]"), "give "),
         (ENTRY.replace("0.01", "'fine'"), "'fine', which is not a number"),
         (ENTRY.replace("0.01", "true"), "True, which is not a number"),
-        (ENTRY.replace("trp(", "trp(("), "no regular expression"),
+        (ENTRY.replace("trp(", "trp(("), "not a regular expression"),
         (ENTRY.replace("en = ", "de = "), "no English text"),
         (ENTRY.replace("tryptophan_rfu", "geom"), "cannot be a quantity's key"),
         (ENTRY.replace("tryptophan_rfu", "Trp"), "cannot be a quantity's key"),

@@ -124,7 +124,7 @@ def test_gdal_reads_the_file_while_it_is_written(path, survey_file):
         assert int(seen.stdout) == i + 1
     survey_file.close()
     layers = {name for name, _ in pyogrio.list_layers(path)}
-    plan = {"region", "targets", "cells", "corridors"}
+    plan = {"region", "targets", "cells", "corridors", "revisions", "sorties", "legs"}
     assert layers == plan | {"quantities", "track", "samples", "events", "meta"}
     _, _, geometry, _ = pyogrio.raw.read(path, layer="samples")
     lon, lat = shapely.from_wkb(geometry[0]).coords[0]

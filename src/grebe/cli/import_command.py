@@ -9,12 +9,22 @@ import click
 from grebe.cli import options, output
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag
+from grebe.workflow.joining import ClockOffset
 from grebe.workflow.tracks import import_track
 
 
 @click.command(name="import")
 @click.argument("track", type=options.EXISTING)
 @click.option("-o", "--output", "path", type=options.OUTPUT, required=True, help="Survey file.")
+@click.option("--with", "sonde", type=options.EXISTING, help="Sonde's file, joined by the clock.")
+@click.option("--zone", help="Zone of times that name none, such as Europe/Paris.  [default: UTC]")
+@click.option("--profile", help="What the logger's file holds: a TOML file, or a name (catabot).")
+@click.option(
+    "--clock-offset",
+    "clock_offset_s",
+    type=float,
+    help="Seconds that the sonde's clock is ahead of the track's.  [default: what the data tell]",
+)
 @options.column_options
 @options.quantities_option
 @options.force_option
@@ -24,12 +34,16 @@ def command(
     path: Path,
     columns: tuple[str, ...],
     header_from: Path | None,
+    sonde: Path | None,
+    zone: str | None,
+    profile: str | None,
+    clock_offset_s: float | None,
     quantities_file: Path | None,
     force: bool,
     as_json: bool,
     **named: str | None,
 ) -> None:
-    """Import the data of TRACK (CSV); its convex hull becomes the region."""
+    """Import the data of TRACK (a logger's table); its convex hull becomes the region."""
     options.refuse_same(track, options.checked_output(path))
     done = import_track(
         track,
@@ -38,7 +52,15 @@ def command(
         header_from=header_from,
         quantities_file=quantities_file,
         force=force,
+        sonde=sonde,
+        zone=zone,
+        profile=profile,
+        clock_offset_s=clock_offset_s,
     )
+    if sonde is not None:
+        output.note(f"{track}: {_offset_text(done.offset, clock_offset_s)}")
+    if done.raw.unused:
+        output.note(f"{track}: columns not used: {', '.join(done.raw.unused)}")
     missing = [one.label for key, one in LIMNOLOGICAL.items() if key not in done.quantities]
     for text in (*done.raw.notes, *(f"no column for {label}: left out" for label in missing)):
         output.note(f"{track}: {text}")
@@ -59,3 +81,14 @@ def command(
         as_json=as_json,
         next_command=f"grebe map {path} --out maps",
     )
+
+
+def _offset_text(told: ClockOffset | None, given: float | None) -> str:
+    if told is not None:
+        return (
+            f"the sonde's clock is {told.seconds:+d} s ahead, told by {told.key} in both files "
+            f"(correlation {told.correlation:.2f}): made up for"
+        )
+    if given is not None:
+        return f"the sonde's clock was said to be {given:+g} s ahead"
+    return "the data cannot tell the clocks apart: taken as the same"

@@ -28,6 +28,7 @@ COMMANDS = {
     "map": "draw the maps of what was measured",
     "diff": "map what changed between two surveys of the same water",
     "report": "write one self-contained HTML page about a survey",
+    "campaign": "simulate very many missions, and say what may be claimed of the next",
     "import": "turn a hand-driven track into a survey file",
     "paper": "reproduce the paper's figures, beside the numbers they must show",
     "show": "say what a survey file holds",

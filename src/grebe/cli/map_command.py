@@ -7,8 +7,10 @@ from pathlib import Path
 
 import click
 
+from grebe.campaigns.engine import Engine, engine_of
+from grebe.campaigns.maps import MapTask, map_many
 from grebe.cli import options, output
-from grebe.core.errors import InputError
+from grebe.core.errors import InputError, UsageError
 from grebe.core.quantities import BUILTIN
 from grebe.core.survey import Survey
 from grebe.io.readers.depth import read_depth
@@ -23,8 +25,13 @@ from grebe.workflow.maps import NETCDF_NAME, map_numbers, map_survey, write_maps
 
 
 @click.command(name="map")
-@click.argument("file", type=options.EXISTING)
+@click.argument("files", type=options.EXISTING, nargs=-1, required=True, metavar="FILE...")
 @click.option("--out", type=options.FOLDER, required=True, help="Folder for the maps.")
+@click.option("--many", is_flag=True, help="Map several surveys, each to a folder below --out.")
+@click.option(
+    "--workers", type=click.IntRange(min=1), help="For --many: processes.  [default: one a core]"
+)
+@click.option("--scheduler", metavar="ADDRESS", help="For --many: a Dask cluster's scheduler.")
 @click.option("--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m].")
 @click.option(
     "--method",
@@ -66,8 +73,11 @@ from grebe.workflow.maps import NETCDF_NAME, map_numbers, map_survey, write_maps
 @options.force_option
 @options.json_option
 def command(
-    file: Path,
+    files: tuple[Path, ...],
     out: Path,
+    many: bool,
+    workers: int | None,
+    scheduler: str | None,
     resolution_m: float | None,
     method: str | None,
     variogram: str | None,
@@ -83,7 +93,26 @@ def command(
 ) -> None:
     """Map every quantity of FILE: map.nc (CF NetCDF), contours.gpkg, and a Cloud Optimized
     GeoTIFF and a picture each.
+
+    With --many each FILE is mapped to a folder of its own name; what is mapped already is passed
+    over, so that the same command goes on where it was cut off.
     """
+    if many:
+        if inflows or depth is not None:
+            raise UsageError("Inflows and a raster of depths are one lake's own; map it by itself.")
+        functions = linear if drift else None
+        task = MapTask(
+            out=out,
+            settings=_settings(method, variogram, estimator, functions, shore_depth_sd_m),
+            resolution_m=resolution_m,
+            draws=draws,
+            profile=profile,
+        )
+        _map_many(files, task, engine_of(workers, scheduler), force=force, as_json=as_json)
+        return
+    if len(files) != 1:
+        raise UsageError(f"{len(files)} surveys are given, and one is mapped.", settings=("many",))
+    file = files[0]
     make_folder(out)
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} holds maps already; give another folder, or --force.")
@@ -108,6 +137,29 @@ def command(
         as_json=as_json,
         next_command=f"grebe report {file} -o report.html",
     )
+
+
+def _map_many(
+    files: Sequence[Path], task: MapTask, engine: Engine, *, force: bool, as_json: bool
+) -> None:
+    make_folder(task.out)
+    with output.Countdown("surveys", len(files), quiet=as_json) as countdown:
+        mapped = map_many(files, task, engine, force=force, watch=countdown.update)
+    failed = [f"{one.file.name}: {one.error}" for one in mapped if one.error]
+    for text in failed:
+        output.note(f"not mapped: {text}")
+    output.result(
+        {
+            "surveys": len(mapped),
+            "mapped": [str(one.folder) for one in mapped if not (one.error or one.known)],
+            "mapped_before": [str(one.folder) for one in mapped if one.known],
+            "not_mapped": failed,
+        },
+        as_json=as_json,
+        next_command=f"look at {task.out}",
+    )
+    if failed:
+        raise InputError(f"{len(failed)} of {len(files)} surveys could not be mapped.")
 
 
 def _settings(

@@ -9,10 +9,12 @@ from typing import Any
 import click
 
 from grebe.cli import options, output
+from grebe.cli.sortie_options import sortie_options, sorties_of
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, Pattern, PlanSettings, Shape
 from grebe.core.vessel import PRESETS
 from grebe.planning.planner import Planned
+from grebe.planning.sorties import PlannedSorties
 from grebe.workflow.plans import plan_region, plan_warnings, read_region, write_plan
 from grebe.workflow.vessels import vessel_of
 
@@ -117,6 +119,7 @@ DEFAULT_MARGIN_M = 1.0
 )
 @click.option("--start", type=options.LON_LAT, help="Where the boat starts [deg].")
 @click.option("--feature", metavar="NAME|N", help="Which of several lakes in REGION.")
+@sortie_options
 @options.column_options
 @options.quantities_option
 @options.force_option
@@ -143,6 +146,10 @@ def command(
     vessel: str,
     start: tuple[float, float] | None,
     feature: str | None,
+    sortie_battery_wh: float | None,
+    sortie_minutes: float | None,
+    reserve: float | None,
+    harbours: tuple[tuple[float, float], ...],
     force: bool,
     as_json: bool,
     columns: tuple[str, ...],
@@ -182,6 +189,7 @@ def command(
         weather=options.weather_of(current, wind),
         minutes=minutes,
         energy_wh=energy_wh,
+        sorties=sorties_of(sortie_battery_wh, sortie_minutes, reserve, harbours),
     )
     planned = plan_region(water, boat, settings, start_lonlat=start, no_go=no_go)
     picture = write_plan(planned, path, quantities_file=quantities_file, force=force)
@@ -230,7 +238,7 @@ def _angle_deg(text: str) -> float | None:
 def plan_numbers(planned: Planned) -> dict[str, Any]:
     """Return what a plan reports of itself."""
     survey, outcome, check = planned.survey, planned.outcome, planned.check
-    return {
+    numbers: dict[str, Any] = {
         "name": survey.name,
         "targets": len(survey.targets),
         "transits": sum(target.kind == "transit" for target in survey.targets),
@@ -248,3 +256,10 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
         "gap": round(outcome.gap, 4),
         "order_from": outcome.method,
     }
+    if isinstance(planned, PlannedSorties):
+        numbers["sorties"] = [
+            f"{one.number}: {one.time_s / 60:.0f} min, {one.energy_wh:.0f} Wh"
+            for one in planned.revision.sorties
+        ]
+        numbers["over_bound"] = round(planned.legs_s / planned.bound_s - 1, 4)
+    return numbers

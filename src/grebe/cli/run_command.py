@@ -32,6 +32,7 @@ from grebe.workflow.preview import preview_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
+from grebe.workflow.sorties import kept_by_plan, sortie_states
 from grebe.workflow.steering import RULES, SOLVERS, rule_named, solver_named
 
 DEFAULTS = Dual()
@@ -152,6 +153,18 @@ def _weight_options(command: Any) -> Any:
 )
 @safety_options
 @options.quantities_option
+@click.option(
+    "--sortie",
+    type=click.IntRange(min=1),
+    help="Which sortie of a plan in sorties.  [default: the first that is not done]",
+)
+@click.option(
+    "--replan",
+    "replans",
+    is_flag=True,
+    help="Plan the rest anew, while the boat sails, where a target is not reached in time (it is "
+    "left out) or the current is another than was planned with.",
+)
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
 @click.option("--preview", is_flag=True, help="Say what would be done, and do nothing.")
@@ -166,6 +179,8 @@ def command(
     instruments: tuple[str, ...],
     yes: bool,
     quantities_file: Path | None,
+    sortie: int | None,
+    replans: bool,
     resume: bool,
     preview: bool,
     force: bool,
@@ -188,7 +203,7 @@ def command(
         instrument_named(one)
     goes_on = resume or run["returns"]
     if preview:
-        _show_preview(file, resume=goes_on, force=force, as_json=as_json)
+        _show_preview(file, sortie, resume=goes_on, force=force, as_json=as_json)
         return
     ignore_hangup()
     output.compile_once()
@@ -216,10 +231,13 @@ def command(
             steered_by(rule, solver),
             now,
             MissionSettings(
-                sampling=InSets() if in_sets_only else InWindow(), safety=safety_of(run, now)
+                sampling=InSets() if in_sets_only else InWindow(),
+                safety=kept_by_plan(safety_of(run, now), survey_file.survey),
             ),
             resume=goes_on,
             force=force,
+            sortie=sortie,
+            replans=replans,
             listeners=[ProgressMeter(bar.update), Alarm(output.note)],
             on_ready=heed_mission,
             instruments=bench,
@@ -227,17 +245,24 @@ def command(
         file = survey_file.path
         check_samples(survey_file)
         moved = survey_file.count("track") > 0 and report.reached > before
-    output.result(report.numbers(), as_json=as_json, next_command=f"grebe map {file} --out maps")
+        left = [one for one in sortie_states(survey_file) if not one.is_flown]
+    ahead = f"grebe run {file}" if left else f"grebe map {file} --out maps"
+    output.result(report.numbers(), as_json=as_json, next_command=ahead)
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
     if not report.complete and not came_home:
         _explain(report, file, moved=moved)
 
 
-def _show_preview(file: Path, *, resume: bool, force: bool, as_json: bool) -> None:
+def _show_preview(
+    file: Path, sortie: int | None, *, resume: bool, force: bool, as_json: bool
+) -> None:
     with SurveyFile.open(file) as survey_file:
-        departure = prepare(survey_file, datetime.now(UTC), resume=resume, force=force)
+        departure = prepare(
+            survey_file, datetime.now(UTC), resume=resume, force=force, sortie=sortie
+        )
+    which = "" if sortie is None else f" --sortie {sortie}"
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
-    go = f"grebe run {file}{again}"
+    go = f"grebe run {file}{which}{again}"
     output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
 
 

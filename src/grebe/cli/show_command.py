@@ -9,6 +9,7 @@ import click
 
 from grebe.cli import options, output
 from grebe.io.store import SurveyFile
+from grebe.workflow.sorties import sortie_states
 
 
 @click.command(name="show")
@@ -28,6 +29,9 @@ def command(file: Path, as_json: bool) -> None:
             "area_m2": round(survey.water.area, 1),
             "targets": len(survey.targets),
             "reached": progress.reached,
+            "revision": survey_file.revision.number,
+            "revised_for": [one.note for one in survey_file.revisions()[1:]],
+            "sorties": [str(one) for one in sortie_states(survey_file)],
             "samples": len(samples),
             "quantities": [key for key in samples.values if samples.measured(key)],
             "track_points": survey_file.count("track"),
@@ -38,6 +42,6 @@ def command(file: Path, as_json: bool) -> None:
 
 def _next(file: Path, values: Mapping[str, object]) -> str:
     if values["targets"] != values["reached"]:
-        resume = " --resume" if values["track_points"] else ""
+        resume = " --resume" if values["track_points"] and not values["sorties"] else ""
         return f"grebe run {file}{resume}"
     return f"grebe map {file} --out maps" if values["samples"] else ""

@@ -13,6 +13,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Literal
 
 from grebe.core.dynamics import Weather
+from grebe.core.revision import PlanRevision
 from grebe.core.samples import Sample
 
 if TYPE_CHECKING:
@@ -128,6 +129,16 @@ class SafetyChanged(MissionEvent):
     after: str
     code: str
     message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Revised(MissionEvent):
+    """The rest of the order has been planned anew: the plan from here on, and how many `more`
+    targets the mission has by it (fewer: negative).
+    """
+
+    revision: PlanRevision
+    more: int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,39 @@ SMALLEST_CORE = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
+class SortieSettings:
+    """How far one sortie may go: by what the battery holds [Wh], by time [min], or by both.
+
+    `reserve` is the share of either that must be left when the boat is back. `harbours` are
+    the places (longitude, latitude) at which it can be launched and taken out again; without
+    any it is the survey's start.
+    """
+
+    battery_wh: float | None = None
+    minutes: float | None = None
+    reserve: float = 0.2
+    harbours: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.battery_wh is None and self.minutes is None:
+            raise UsageError(
+                "What bounds a sortie is not given; give the battery's watt-hours or the minutes.",
+                settings=("sortie_battery_wh", "sortie_minutes"),
+            )
+        for given in (self.battery_wh, self.minutes):
+            if given is not None and not 0 < given < math.inf:
+                raise UsageError(
+                    f"A sortie cannot last {given:g} Wh or minutes; give a positive number.",
+                    settings=("sortie_battery_wh", "sortie_minutes"),
+                )
+        if not 0 <= self.reserve < 1:
+            raise UsageError(
+                f"A reserve of {self.reserve:g} is none; give a share from 0 to less than 1.",
+                settings=("reserve",),
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlanSettings:
     """What a plan is made with.
 
@@ -32,7 +65,8 @@ class PlanSettings:
     `angle_deg` is the direction of the rows (None: the best one is looked for). `returns`: the
     way back to the start belongs to the survey. `weather` is what the plan reckons with.
     `coast_tolerance_m`: within how far of the outline a coast of very many vertices may be drawn
-    with fewer, always on the water's side (0: never; None: by the cells' size).
+    with fewer, always on the water's side (0: never; None: by the cells' size). `sorties`: the
+    survey is cut into trips from a harbour and back; None where all of it is one mission.
     """
 
     cell_m: float | None = 5.0
@@ -48,6 +82,7 @@ class PlanSettings:
     weather: Weather = CALM
     minutes: float | None = None
     energy_wh: float | None = None
+    sorties: SortieSettings | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.speed_min_mps < self.speed_max_mps:

@@ -26,7 +26,10 @@ TargetKind = Literal["cell", "transit"]
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """One set of the ordered sequence Omega_1 ... Omega_K; `seq` counts from 1.
+    """One set of the ordered sequence Omega_1 ... Omega_K; `seq` is its number in the survey.
+
+    A plan numbers its targets from 1 in their order; they keep their numbers in later orders
+    (`grebe.core.revision`).
 
     `cell` is the piece of water that it stands for: its own footprint or, where a target is
     drawn in towards the middle, more than that; None for a transit.
@@ -58,8 +61,8 @@ class Survey:
     `water` is a local polygon (x north, y east). A survey that was imported from a track
     has no targets, no vessel and no start. `corridors`, where there are any, holds for each
     target the convex polygon to stay in on the way to it. `settings` and `outcome` say what
-    the plan was made with and what came of it. Raises `InputError` when targets are
-    not numbered 1 to K or a corridor is missing.
+    the plan was made with and what came of it. Raises `InputError` when two targets have the
+    same number, or none, or a corridor is missing.
     """
 
     name: str
@@ -74,8 +77,9 @@ class Survey:
     outcome: PlanOutcome | None = None
 
     def __post_init__(self) -> None:
-        if [target.seq for target in self.targets] != list(range(1, len(self.targets) + 1)):
-            raise InputError("The survey's targets are not numbered 1 to K in their order.")
+        numbers = {target.seq for target in self.targets}
+        if len(numbers) != len(self.targets) or min(numbers, default=1) < 1:
+            raise InputError("The survey's targets do not have a number from 1 on each.")
         if self.corridors and len(self.corridors) != len(self.targets):
             raise InputError("The survey has corridors for some of its targets, but not for all.")
         if self.water.is_empty or not self.water.is_valid:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # A place this far from the way is no longer on it [m]: the error of a receiver, about.
 REACH_M = 3.0
 # Factors beyond these are the data's fault and not the model's.
-LEAST, MOST = 0.4, 6.0
+LEAST, MOST = 0.6, 6.0
 # So many left-out pieces weigh as much as the belief that the model is right.
 BELIEF_PIECES = 3.0
 
@@ -49,6 +49,8 @@ def spread(errors: Errors, pieces: int) -> float:
     """By what factor standard deviations are too small: where half and where 95 % of the
     standardised errors lie, against where they should.
     """
+    if len(errors.error) == 0:
+        return 1.0
     size = np.abs(errors.z)
     found = np.quantile(size, [0.5, 0.95]) / [Z50, Z95]
     raw = float(np.sqrt(max(found[0], 1e-3) * max(found[1], 1e-3)))

@@ -32,12 +32,10 @@ MOST_FOR_TREND = 1_500
 # Two samples nearer than this are one place: without a nugget they would make the system
 # singular.
 SAME_PLACE_M = 0.01
-# Where neighbours are the nearest alone, dense samples of one line crowd out all others: so many
-# samples spread over the whole water are neighbours of every place.
-SPREAD = 50
-# Beyond so many, samples within which the signal varies by less than this share of the sill are
-# joined to one, and more of them where there would still be too many.
-FEW_ENOUGH, JOINED_SHARE, MOST_PLACES = 5_000, 0.01, 60_000
+# Beyond the exact limit, samples within which the signal varies by less than this share of the
+# sill, and than this share of the noise, are joined to one; but by the third share of the sill at
+# least, and more of them where there would still be too many.
+JOINED_SHARE, JOINED_NOISE, JOINED_LEAST, MOST_PLACES = 0.01, 1.0, 1e-4, 60_000
 # Added to the diagonal, of the sill: what keeps a smooth covariance positive in doubles.
 JITTER = 1e-9
 
@@ -80,8 +78,7 @@ def krige(
     several columns of values (n, c) share one variance.
 
     `neighbours` limits each estimate to that many samples around it; by default all are used
-    up to `EXACT_LIMIT` samples and `NEIGHBOURS` beyond, `SPREAD` of them over all the water.
-    `extra_variance` (n,) of each value is
+    up to `EXACT_LIMIT` samples and `NEIGHBOURS` beyond. `extra_variance` (n,) of each value is
     besides the nugget.
     """
     if len(values) == 0 or not (np.isfinite(positions).all() and np.isfinite(values).all()):
@@ -115,12 +112,10 @@ def krige(
         mean, variance = _solve(samples, trend, targets, there, model)
     else:
         mean, variance = np.empty((len(targets), count)), np.empty(len(targets))
-        spread = np.linspace(0, len(counts) - 1, SPREAD).astype(np.int64)
-        for members, near in tiles(samples.positions, targets, neighbours - SPREAD):
+        for members, near in tiles(samples.positions, targets, neighbours):
             mean[members], variance[members] = _solve(
-                samples.part(np.union1d(near, spread)), trend, targets[members], there[members],
-                model,
-            )  # fmt: skip
+                samples.part(near), trend, targets[members], there[members], model
+            )
     mean = mean[:, 0] if values.ndim == 1 else mean
     return Estimate(mean=mean, variance=np.maximum(variance, 0.0))
 
@@ -180,11 +175,12 @@ def _trend(samples: _Samples, model: CovarianceModel) -> _Trend:
 def _joined(positions: Array, columns: Array, model: CovarianceModel) -> tuple[Array, Array, Array]:
     """Samples merged to few enough places, as `merge_places` gives them."""
     merged = merge_places(positions, columns)
-    if len(merged[0]) <= FEW_ENOUGH or model.sill == 0:
+    if len(merged[0]) <= EXACT_LIMIT or model.sill == 0:
         return merged
     sizes = np.geomspace(SAME_PLACE_M, model.range_m, 200)
     lost = 1 - model.covariance(sizes) / model.sill
-    size = float(sizes[max(int(np.searchsorted(lost, JOINED_SHARE)) - 1, 0)]) * model.ratio
+    share = min(JOINED_SHARE, max(JOINED_NOISE * model.nugget / model.sill, JOINED_LEAST))
+    size = float(sizes[max(int(np.searchsorted(lost, share)) - 1, 0)]) * model.ratio
     merged = merge_places(positions, columns, size)
     while len(merged[0]) > MOST_PLACES:
         size *= np.sqrt(2)

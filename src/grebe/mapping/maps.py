@@ -228,9 +228,13 @@ def _tried(method: Method, readings: Readings, domain: Domain) -> tuple[float, B
     stretches = [int(np.ptp(positions, axis=0).sum() / side) + 1 for side in STRETCH_M]
     on_way = [spread(one, count) for one, count in zip(near, stretches, strict=True)]
     calibration = Calibration(
-        on_way=float(np.exp(np.mean(np.log(on_way)))), off_way=spread(far, pieces), way=positions
+        on_way=float(np.exp(np.mean(np.log(on_way)))),
+        # Off the way there is less to tell by: no map is made surer there than its model is.
+        off_way=max(spread(far, pieces), 1.0),
+        way=positions,
     )
-    score = float(np.mean(np.log([max(one.rmse, 1e-300) for one in (*near, far)])))
+    told = [max(one.rmse, 1e-300) for one in (*near, far) if len(one.error)]
+    score = float(np.mean(np.log(told))) if told else np.inf
     return score, Best(
         method=method, field=found, model=found.model, calibration=calibration, validation=proof
     )

@@ -19,7 +19,7 @@ from scipy.linalg import cho_factor, solve_triangular
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
-from grebe.mapping.covariance import CovarianceModel, correlations
+from grebe.mapping.covariance import PRACTICAL_RANGE, CovarianceModel, correlations
 from grebe.mapping.likelihood import CLEAR_GAIN
 from grebe.mapping.noise import median_noise_variance
 from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
@@ -36,8 +36,10 @@ MOST_SAMPLES = 350
 SHORT_SHARE, SHORT_M, UNLIKELY, LARGE_SDS = 0.05, 5.0, 0.05, 2.0
 # How well second differences tell the noise: a standard deviation of its logarithm.
 NOISE_LOG_SD = 0.5
-# Where the search may go, as shares of the extent and of the values' variance.
-RANGE_BOUNDS, SILL_BOUNDS, NOISE_BOUNDS = (1e-3, 5.0), (1e-4, 1e2), (1e-8, 2.0)
+# Where the search may go, as shares of the extent and of the values' variance. Within the samples'
+# extent a longer range with a larger sill is the same field: `LONGEST` is the practical range.
+LEAST_RANGE, LONGEST = 1e-3, 0.8
+SILL_BOUNDS, NOISE_BOUNDS = (1e-4, 1e2), (1e-8, 2.0)
 STEP = 5e-2
 
 
@@ -113,7 +115,8 @@ class _Posterior:
 
     def best(self, start: CovarianceModel) -> tuple[float, CovarianceModel, dict[str, float]]:
         """The highest log posterior, its model, and the standard errors by its curvature."""
-        bounds = np.log([RANGE_BOUNDS, SILL_BOUNDS, NOISE_BOUNDS])
+        ranges = (LEAST_RANGE, LONGEST / PRACTICAL_RANGE[self.kind])
+        bounds = np.log([ranges, SILL_BOUNDS, NOISE_BOUNDS])
         sill = max(start.sill / self.variance, 0.3)
         guess = np.log([min(start.range_m / self.extent_m, 0.5), sill, self.noise])
         guess = np.clip(guess, *(bounds.T + np.array([[0.1], [-0.1]])))

@@ -1,9 +1,10 @@
-"""Quality control of samples: QARTOD's tests by ioos_qc, and two of a survey boat's own.
+"""Quality control of samples: QARTOD's tests by ioos_qc, and three of a survey boat's own.
 
 Nothing is deleted: each value gets a flag (1 good, 3 suspect, 4 failed, 9 missing), the worst of
 its tests, and only the good ones make the map. The tests: gross range, spike, flat line, rate
-of change (IOOS QARTOD manuals), location (outside the water), time (going back), the sonde
-settling after it was put in, and samples out of the water.
+of change (IOOS QARTOD manuals; a noisy sensor's by what its noise allows), location (outside the
+water), time (going back), the sonde settling after it was put in, samples out of the water, and
+bubbles in the conductivity's cell.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from scipy.optimize import least_squares
 
 from grebe.core.quantities import BUILTIN, Limits, Quantities, Quantity
 from grebe.core.samples import Flag, Samples
+from grebe.mapping.quality_bubbles import bubbles
+from grebe.mapping.quality_settling import settling_times
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,16 +33,14 @@ OUTSIDE_M = 25.0
 GAP_FACTOR = 10.0
 # So many times slower the clock of the flat line test goes; the fastest sonde that it can judge.
 SLOWED, FASTEST_S = 100, 0.02
-# The sonde settles within this time [s]; what comes later, up to that time, shows what is usual.
-SETTLING_S, USUAL_S = 300.0, 1500.0
-SETTLING_WINDOW_S = 100.0
+# Noise is judged from so many samples on.
 FEWEST_SAMPLES = 30
-# An exponential approach must explain so much of the first minutes, and be so much larger than
-# what the record shows in as long a time later.
-EXPLAINED, CLEAR_FACTOR = 0.9, 2.5
-LONGEST_TAU_S = 150.0
-# Settled: what is left of the approach.
-SETTLED_SHARE = 0.05
+# What noise alone makes of a spike and of a step, five standard deviations of each, is neither: a
+# spike is the lesser of two steps, a step the difference of two readings.
+SPIKE_NOISE = 5.0
+RATE_NOISE = 5.0 * math.sqrt(2.0)
+# A bubble in a conductivity cell is judged by the other sensors, but not by the depth of the sonde.
+WITHOUT_WITNESS = frozenset({"sonde_depth_m"})
 # In the air the conductivity falls at once to nearly nothing, by this factor from one sample to
 # the next; an inflow thins it by and by.
 ABRUPT = 3.0
@@ -70,6 +70,8 @@ def check_quality(
     notes = _notes(samples.times)
     samples = replace(samples, times=_spread(samples.times))
     air = _out_of_water(samples, quantities)
+    settled, bubbly = _settled(samples, quantities), _bubbly(samples, quantities)
+    since = samples.times - samples.times.min(initial=np.inf)
     flags: dict[str, Flags] = {}
     counts: dict[str, dict[str, tuple[int, int]]] = {}
     for key, column in samples.values.items():
@@ -78,7 +80,11 @@ def check_quality(
         flags[key] = np.where(present, Flag.GOOD, Flag.MISSING).astype(np.int64)
         if not present.any():
             continue
-        common = shared | {"out of water": air} if quantity.on_sonde else shared
+        common = dict(shared)
+        if quantity.on_sonde:
+            common |= {"out of water": air, "settling": _until(since, settled.get(key, -np.inf))}
+        if key in bubbly:
+            common["bubbles"] = np.where(bubbly[key], Flag.SUSPECT, Flag.GOOD)
         tests = {name: one[present] for name, one in common.items()}
         tests |= _tests(column[present], samples.times[present], quantity)
         worst = np.max([np.where(_bad(one), one, Flag.GOOD) for one in tests.values()], axis=0)
@@ -88,6 +94,36 @@ def check_quality(
             for name, one in tests.items()
         }
     return Quality(flags=flags, counts=counts, notes=notes)
+
+
+def _settled(samples: Samples, quantities: Quantities) -> dict[str, float]:
+    """How long [s] each sensor on the sonde settled."""
+    held = {key: one for key, one in samples.values.items() if quantities.known(key).on_sonde}
+    return settling_times(held, samples.times, samples.positions)
+
+
+def _until(since: Array, settled_s: float) -> Flags:
+    return np.where(since <= settled_s, Flag.SUSPECT, Flag.GOOD)
+
+
+def _bubbly(samples: Samples, quantities: Quantities) -> dict[str, NDArray[np.bool_]]:
+    """Readings with a bubble in the cell, for each quantity that the air would tell."""
+    cell = [key for key in samples.values if quantities.known(key).air_share is not None]
+    others = [
+        column
+        for key, column in samples.values.items()
+        if key not in cell and key not in WITHOUT_WITNESS and quantities.known(key).on_sonde
+    ]
+    return {key: bubbles(samples.values[key], others, samples.times) for key in cell}
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of a sensor's noise, by its third differences, whose median no gradient
+    and no outlier moves.
+    """
+    if len(values) < FEWEST_SAMPLES:
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(np.diff(values, 3)))) / math.sqrt(20.0)
 
 
 def _spread(times: Array) -> Array:
@@ -117,16 +153,17 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
             values, fail_span=limits.fail_span, suspect_span=_within(limits)
         )
     }
-    if len(values) > 2 and np.median(np.diff(times)) > FASTEST_S:
+    if len(values) > 2 and (step := float(np.median(np.diff(times)))) > FASTEST_S:
+        noise = _noise(values)
         # A differential spike leaves the two neighbours of a spike alone.
         results["spike"] = qartod.spike_test(
             values,
-            suspect_threshold=limits.spike_suspect,
-            fail_threshold=limits.spike_fail,
+            suspect_threshold=max(limits.spike_suspect, SPIKE_NOISE * noise),
+            fail_threshold=max(limits.spike_fail, SPIKE_NOISE * noise),
             method="differential",
         )
         results["rate of change"] = qartod.rate_of_change_test(
-            values, stamps, threshold=limits.rate_per_s
+            values, stamps, threshold=max(limits.rate_per_s, RATE_NOISE * noise / step)
         )
         if math.isfinite(limits.flat_suspect_s + limits.flat_fail_s):
             # It counts in whole seconds, and a sonde may be faster: tell it of longer ones.
@@ -138,11 +175,10 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
                 fail_threshold=int(SLOWED * limits.flat_fail_s),
                 tolerance=limits.flat_tolerance,
             )
-    flags = {
+    return {
         name: np.ma.filled(np.ma.asarray(one), Flag.NOT_EVALUATED).astype(np.int64)
         for name, one in results.items()
     }
-    return flags | {"settling": _settling(values, times)} if quantity.on_sonde else flags
 
 
 def _qartod() -> Any:
@@ -218,53 +254,3 @@ def _abrupt(column: Array, low: NDArray[np.bool_]) -> NDArray[np.bool_]:
         out = end < len(column) and column[end] > ABRUPT * column[end - 1]
         found[first:end] = into or out or end - first == len(column)
     return found
-
-
-def _settling(values: Array, times: Array) -> Flags:
-    """Suspect while a sensor still approaches the water's value exponentially.
-
-    Believed only where the approach explains the first minutes and is far larger than what
-    the record shows in as long a time later: a real gradient is met again, a settling is not.
-    """
-    flags = np.full(len(values), Flag.GOOD)
-    since = times - times[0]
-    first = since <= SETTLING_S
-    later = (since > SETTLING_S) & (since <= USUAL_S)
-    if first.sum() < FEWEST_SAMPLES or later.sum() < FEWEST_SAMPLES:
-        return flags
-    approach = _approach(since[first], values[first])
-    if approach is None:
-        return flags
-    amplitude, tau = approach
-    if abs(amplitude) < CLEAR_FACTOR * _usual_change(since[later], values[later]):
-        return flags
-    flags[since <= tau * math.log(1 / SETTLED_SHARE)] = Flag.SUSPECT
-    return flags
-
-
-def _approach(since: Array, values: Array) -> tuple[float, float] | None:
-    """Amplitude and time constant [s] of an exponential approach, if that is what it is."""
-    spread = float(np.ptp(values))
-    if spread == 0:
-        return None
-    scaled = (values - values[-1]) / spread
-
-    def residuals(parameters: Array) -> Array:
-        end, amplitude, tau = parameters
-        return end + amplitude * np.exp(-since / tau) - scaled
-
-    start = (0.0, float(scaled[0]), 40.0)
-    bounds = ([-2.0, -5.0, 2.0], [2.0, 5.0, LONGEST_TAU_S])
-    fit = least_squares(residuals, start, bounds=bounds)
-    explained = 1 - float(np.sum(fit.fun**2)) / float(np.sum((scaled - scaled.mean()) ** 2))
-    _, amplitude, tau = fit.x.tolist()
-    if explained < EXPLAINED or tau > 0.98 * LONGEST_TAU_S:
-        return None
-    return amplitude * spread, tau
-
-
-def _usual_change(since: Array, values: Array) -> float:
-    """Median of how far the values range within a window of `SETTLING_WINDOW_S`."""
-    window = ((since - since[0]) // SETTLING_WINDOW_S).astype(int)
-    ranges = [np.ptp(values[window == k]) for k in np.unique(window)]
-    return float(np.median(ranges))

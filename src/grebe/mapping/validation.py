@@ -124,9 +124,12 @@ def validate(readings: Readings, field: Field, folds: Indices | None = None) -> 
 
 
 def predicted(readings: Readings, field: Field, folds: Indices) -> Errors:
-    """Leave out each fold in turn, the field's model kept; negative folds are never left out."""
-    turns = [folds == k for k in np.unique(folds[folds >= 0])]
-    errors, sds, beside = [], [], []
+    """Leave out each fold in turn, the field's model kept; a fold that leaves next to nothing is
+    passed over.
+    """
+    turns = [folds == k for k in np.unique(folds) if (folds != k).sum() >= FEWEST_SAMPLES]
+    nothing: Array = np.empty(0)
+    errors, sds, beside = list[Array]([nothing]), list[Array]([nothing]), list[Array]([nothing])
     for out in turns:
         rest = field.given(readings.part(~out))
         places = readings.positions[out]
@@ -141,7 +144,7 @@ def predicted(readings: Readings, field: Field, folds: Indices) -> Errors:
 
 
 def stretch_folds(positions: Array, side_m: float, seed: int = 0) -> Indices:
-    """The turn (n,) in which each sample's block of water is left out; -1 for those never."""
+    """The turn (n,) in which each sample's block of water is left out."""
     _, blocks = np.unique(
         np.floor(positions / side_m).astype(np.int64), axis=0, return_inverse=True
     )

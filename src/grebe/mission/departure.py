@@ -10,9 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from grebe.core.errors import PlanError, SurveyFileError
+from grebe.core.errors import PlanError, SurveyFileError, UsageError
 from grebe.core.events import State
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
+from grebe.core.revision import Sortie, survey_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
@@ -55,9 +56,17 @@ class Departure:
 
 
 def prepare(
-    survey_file: SurveyFile, now: datetime, *, resume: bool = False, force: bool = False
+    survey_file: SurveyFile,
+    now: datetime,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    sortie: int | None = None,
 ) -> Departure:
     """Return from where the mission of a survey file sets out; nothing is changed yet.
+
+    Of a plan in sorties it is one that sets out, by its number, or the first that is not done; one
+    that has not been begun sets out from its harbour, whatever was recorded before.
 
     With `resume` it goes on where and when the recorded track ends, and what was reached stays
     reached; with `force` it begins anew. Raises `PlanError` for a survey without targets and
@@ -68,13 +77,27 @@ def prepare(
         raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
     reached = survey_file.progress().reached
     ends = survey_file.track_ends()
+    if sortie is not None or survey_file.revision.sorties:
+        part = part_of(survey_file, sortie)
+        if part.reached == 0 and not force:
+            return _fresh_sortie(survey_file, now, part, ends)
+        if force:
+            raise UsageError(
+                "A sortie is not begun anew, for that would forget the others; plan the survey "
+                "anew, or go on with the sortie.",
+                settings=("force", "resume"),
+            )
+        survey, reached = part.survey, part.reached
+    vessel, start = survey.vessel, survey.start
+    assert vessel is not None
+    assert start is not None
     if ends and not (resume or force):
         raise SurveyFileError(
             f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
             "targets reached); resume it, or begin anew by force.",
             settings=("resume", "force"),
         )
-    state, started = survey.start.at_rest(), now
+    state, started = start.at_rest(), now
     if ends and resume:
         state = ends[1].state
         # Simulated time runs ahead of the clock: the new part must not begin before the old ends.
@@ -83,13 +106,58 @@ def prepare(
         started = max(now, over + timedelta(seconds=AFTER_S))
     return Departure(
         survey=survey,
-        vessel=survey.vessel,
+        vessel=vessel,
         state=state,
         reached=reached if resume else 0,
         started=started,
         clears=ends is not None and not resume,
         quantities=survey_file.quantities,
         doubts=_doubts(survey_file, now, ends if resume else None),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One sortie of a survey: its targets alone, and how many of them are reached."""
+
+    survey: Survey
+    reached: int
+
+
+def part_of(survey_file: SurveyFile, sortie: int | None) -> Part:
+    """Return a sortie of a survey file by its number; without one the first that is not done."""
+    reached_at = survey_file.progress().reached_at
+    revision = survey_file.revision
+
+    def reached(one: Sortie) -> int:
+        return sum(when is not None for when in reached_at[one.first - 1 : one.last])
+
+    if sortie is not None:
+        chosen = revision.sortie(sortie)
+    else:
+        open_ = [one for one in revision.sorties if reached(one) < len(one)]
+        chosen = (open_ or list(revision.sorties[-1:]))[0]
+    return Part(survey=survey_of(survey_file.survey, revision, chosen), reached=reached(chosen))
+
+
+def _fresh_sortie(
+    survey_file: SurveyFile, now: datetime, part: Part, ends: tuple[TrackEnd, TrackEnd] | None
+) -> Departure:
+    """Set out from the harbour; times go on after all that is recorded."""
+    survey = part.survey
+    vessel, start = survey.vessel, survey.start
+    if vessel is None or start is None:
+        raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
+    over = survey_file.last_time()
+    return Departure(
+        survey=survey,
+        vessel=vessel,
+        state=start.at_rest(),
+        reached=0,
+        started=now if over is None else max(now, over + timedelta(seconds=AFTER_S)),
+        clears=False,
+        quantities=survey_file.quantities,
+        doubts=_doubts(survey_file, now, ends),
     )
 
 

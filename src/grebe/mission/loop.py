@@ -22,7 +22,7 @@ from grebe.control.controller import Command
 from grebe.control.rules.base import reached_count
 from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
-from grebe.core.errors import LinkError, StoppedError
+from grebe.core.errors import LinkError, PlanError, StoppedError
 from grebe.core.events import (
     Ended,
     EndReason,
@@ -30,6 +30,7 @@ from grebe.core.events import (
     MissionEvent,
     Prediction,
     Reached,
+    Revised,
     SafetyChanged,
     SampleTaken,
     Started,
@@ -48,6 +49,7 @@ from grebe.mission.headings import unwrapped
 from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
+from grebe.mission.replanning import Replanner
 from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.machine import Request
 from grebe.mission.safety.states import SafetyState
@@ -87,8 +89,10 @@ class Mission:
         reached: int = 0,
         stopwatch: Callable[[], float] = time.perf_counter,
         pilot: Pilot | None = None,
+        replanner: Replanner | None = None,
         instruments: Instruments | None = None,
     ) -> None:
+        self._replanner = replanner
         self._targets = survey.targets
         self._sets = survey.sets
         self._controller = controller
@@ -167,6 +171,7 @@ class Mission:
             self._visit(observation)
             self._read_instruments(observation)
             self._watch(observation)
+            self._replan(observation)
             end = self._end_reached(observation)
             if end is not None:
                 return end
@@ -192,7 +197,7 @@ class Mission:
             return EndReason.STOPPED, request
         if self._guard.end is not None:
             return self._guard.end
-        if surveys and observation.time_s > self._deadline_s:
+        if surveys and observation.time_s > self._deadline_s and not self._gives_up(observation):
             seq = self._targets[self._reached].seq
             return (
                 EndReason.TARGET_GIVEN_UP,
@@ -202,6 +207,38 @@ class Mission:
             limit = self._settings.limit_s
             return EndReason.OUT_OF_TIME, f"the {limit:g} s that the mission was given are over"
         return None
+
+    def _gives_up(self, observation: Observation) -> bool:
+        """Whether the mission goes on without the target that it does not reach."""
+        if self._replanner is None or self._done:
+            return False
+        seq, place = self._targets[self._reached].seq, observation.state[:2]
+        self._replanner.give_up(seq, self._reached, place, self._weather)
+        return self._replanner.is_busy
+
+    def _replan(self, observation: Observation) -> None:
+        """Take a new order of what is left where there is one, or ask for one."""
+        plans, place = self._replanner, observation.state[:2]
+        if plans is None or self._done or self._guard.state is not SafetyState.SURVEYING:
+            return
+        plans.watch(observation.time_s, self._reached, place, self._weather)
+        try:
+            new = plans.ready(self._reached, place, self._weather)
+        except PlanError as error:
+            raise OverError(EndReason.TARGET_GIVEN_UP, str(error)) from None
+        if new is None:
+            return
+        more = len(new.survey.targets) - len(self._targets)
+        self._targets, self._sets = new.survey.targets, new.survey.sets
+        self._sampler.look_for(self._targets)
+        self._controller = new.helm
+        self._controller.reached = self._reached
+        if isinstance(new.helm, AdaptableHelm) and new.helm.vessel != self._tracker.vessel:
+            new.helm.take_for(self._tracker.vessel)
+        self._command, self._next_step_s = None, observation.time_s
+        self._tell(Revised, observation, revision=new.revision, more=more)
+        self._tell(Warned, observation, code="plan_revised", message=new.revision.note)
+        self._give_patience(observation)
 
     def _requested_stop(self) -> str:
         """Who wants the mission to end, and why; empty where nobody does."""

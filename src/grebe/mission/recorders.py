@@ -14,6 +14,7 @@ from grebe.core.events import (
     MissionEvent,
     Prediction,
     Reached,
+    Revised,
     SampleTaken,
     Step,
     Warned,
@@ -77,6 +78,8 @@ class SurveyRecorder:
                 self._file.append_track(event)
             case SampleTaken():
                 self._file.append_samples([event.sample])
+            case Revised():
+                self._file.append_revision(event.revision)
             case Reached():
                 self._file.mark_reached(event.target_seq, event.time)
             case _:

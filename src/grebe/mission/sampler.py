@@ -35,13 +35,18 @@ class Sampler:
         quantities: Quantities,
         instruments: Instruments | None = None,
     ) -> None:
-        self._targets, self._link = targets, link
+        self._link = link
         self._sampling, self._quantities = sampling, quantities
         self._instruments = instruments
         self._apart = frozenset(instruments.keys if instruments else ())
-        self._tree = shapely.STRtree([target.set.polygon for target in targets])
         self._next_s = 0.0
         self._way: deque[tuple[float, State]] = deque()
+        self.look_for(targets)
+
+    def look_for(self, targets: Sequence[Target]) -> None:
+        """Say of samples in which of these targets they were taken."""
+        self._targets = targets
+        self._tree = shapely.STRtree([target.set.polygon for target in targets])
 
     def take(
         self, observation: Observation, time: datetime, entered: Sequence[Target], ahead: TargetSet

@@ -17,6 +17,7 @@ from grebe.core.events import (
     Estimate,
     MissionEvent,
     Reached,
+    Revised,
     SampleTaken,
     Started,
     Step,
@@ -86,6 +87,8 @@ class Statistics:
                 self._in_sets += event.sample.target_seq is not None
             case Reached():
                 self._reached = event.count
+            case Revised():
+                self._targets += event.more
             case Ended():
                 self._end = event
             case _:

@@ -174,10 +174,17 @@ def corridors_between(
     """Return one convex polygon of water for each leg between consecutive footprints, up to
     `reach_m` beyond their hull.
     """
+    shapes = np.array(footprints, dtype=object)
+    return corridors_of(shapes[:-1], shapes[1:], water, reach_m)
+
+
+def corridors_of(
+    begins: NDArray[np.object_], ends: NDArray[np.object_], water: shapely.Polygon, reach_m: float
+) -> list[shapely.Polygon]:
+    """Return one convex polygon of water for each leg between two footprints, pair by pair."""
     allowed = water.buffer(ROUNDING_M, join_style="mitre")
     shapely.prepare(allowed)
-    shapes = np.array(footprints, dtype=object)
-    hulls = joint_hulls(shapes[:-1], shapes[1:])
+    hulls = joint_hulls(begins, ends)
     x0, y0, x1, y1 = shapely.bounds(hulls).T
     boxes = shapely.box(x0 - reach_m, y0 - reach_m, x1 + reach_m, y1 + reach_m)
     free = shapely.covers(allowed, boxes)

@@ -55,8 +55,12 @@ class Planned:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Draft:
-    """A meshed and ordered region, before transits and corridors."""
+class Draft:
+    """A meshed and ordered region, before transits and corridors.
+
+    Where the order is that of a sortie, `harbour` is the footprint in which it ends, a part of the
+    cell `home`, in which it began.
+    """
 
     cells: list[Cell]
     network: Network
@@ -64,6 +68,8 @@ class _Draft:
     start: tuple[float, float]
     cell_m: float
     angle_deg: float
+    harbour: shapely.Polygon | None = None
+    home: int | None = None
 
 
 def plan_survey(
@@ -89,11 +95,23 @@ def plan(
     `no_go` are local polygons that the boat must stay out of. Without a start the boat
     begins in the cell that is nearest to the region's south-western corner.
     """
+    planner, notes = planner_of(region, vessel, settings, start_lonlat, no_go)
+    return planner.planned(notes)
+
+
+def planner_of(
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    start_lonlat: tuple[float, float] | None = None,
+    no_go: Sequence[shapely.Polygon] = (),
+) -> tuple[Planner, tuple[str, ...]]:
+    """Return what plans a region, and notes about its water; see `plan`."""
     check_speed(settings, vessel)
     given = start_lonlat and region.frame.place_near(region.water, start_lonlat, "start")
     region, told = _with_coast(region, settings)
     water, notes = navigable_water(region, no_go, settings.shore_margin_m, given)
-    return _Planner(region, vessel, settings, tuple(no_go), water, given).planned(told + notes)
+    return Planner(region, vessel, settings, tuple(no_go), water, given), told + notes
 
 
 def _with_coast(region: Region, settings: PlanSettings) -> tuple[Region, tuple[str, ...]]:
@@ -106,7 +124,9 @@ def _with_coast(region: Region, settings: PlanSettings) -> tuple[Region, tuple[s
 
 
 @dataclass(frozen=True)
-class _Planner:
+class Planner:
+    """Plans one region: mesh, links, order, and the targets of an order."""
+
     region: Region
     vessel: Vessel
     settings: PlanSettings
@@ -121,20 +141,36 @@ class _Planner:
         object.__setattr__(self, "travel", travel)
 
     def planned(self, notes: tuple[str, ...]) -> Planned:
-        cell_m = self.settings.cell_m or self._affordable_cell_m()
-        draft = self._draft(cell_m, self._angle(cell_m), quick=False)
+        """Return the plan with its check; `notes` are handed on."""
+        draft = self.first_draft(quick=False)
         ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
-        stops = self._stops(draft, ways)
-        corridors = self._corridors(draft, stops, ways)
-        stops = widened(stops, corridors)
-        targets = self._targets(draft, stops)
-        outcome = self._outcome(draft, stops, targets)
-        survey = self._survey(draft, targets, corridors, outcome)
+        survey = self.survey(draft, ways)
+        outcome = survey.outcome
+        assert outcome is not None
         return Planned(
             survey=survey, outcome=outcome, check=check_plan(survey, self.water), notes=notes
         )
 
-    def _draft(self, cell_m: float, angle_deg: float, *, quick: bool) -> _Draft:
+    def first_draft(self, *, quick: bool) -> Draft:
+        """Return a draft with cells of the size and direction that were asked for, or fit best."""
+        cell_m = self.settings.cell_m or self._affordable_cell_m()
+        return self.draft(cell_m, self._angle(cell_m), quick=quick)
+
+    def survey(self, draft: Draft, ways: Waterways, bound_m: float | None = None) -> Survey:
+        """Return the survey of a draft's order: targets, transits, corridors and its numbers.
+
+        `bound_m` is the lower bound of its length (None: it is worked out).
+        """
+        stops = self._stops(draft, ways)
+        corridors = self._corridors(draft, stops, ways)
+        stops = widened(stops, corridors)
+        targets = self._targets(draft, stops)
+        return self._survey(
+            draft, targets, corridors, self._outcome(draft, stops, targets, bound_m)
+        )
+
+    def draft(self, cell_m: float, angle_deg: float, *, quick: bool) -> Draft:
+        """Return a mesh of the water and an order of its cells."""
         cells = mesh_water(self.water, cell_m, shape=self.settings.shape, angle_deg=angle_deg)
         corner = self.given_start or _south_west(self.water)
         network = connect(cells, self.water, cell_m)
@@ -149,7 +185,7 @@ class _Planner:
         )  # fmt: skip
         if self.given_start is None and not self.settings.returns:
             start = tuple(network.centres[route.order[0]].tolist())
-        return _Draft(
+        return Draft(
             cells=cells, network=network, route=route, start=start, cell_m=cell_m,
             angle_deg=angle_deg,
         )  # fmt: skip
@@ -168,7 +204,7 @@ class _Planner:
         angles = [*ANGLES_DEG[:: 3 if many else 1], _long_side_deg(self.water)]
 
         def legs_s(angle: float) -> float:
-            return self._draft(cell_m, angle, quick=True).route.legs_s
+            return self.draft(cell_m, angle, quick=True).route.legs_s
 
         return min(angles, key=legs_s)
 
@@ -207,11 +243,11 @@ class _Planner:
     def _time_s(self, cell_m: float) -> float:
         """Predicted time of a plan, its transits with it."""
         many = self.water.area / cell_m**2 > MANY_CELLS
-        draft = self._draft(cell_m, self.settings.angle_deg or 0.0, quick=many)
+        draft = self.draft(cell_m, self.settings.angle_deg or 0.0, quick=many)
         stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
         return self._mission_s(draft, self._targets(draft, stops))
 
-    def _mission_s(self, draft: _Draft, targets: Sequence[Target]) -> float:
+    def _mission_s(self, draft: Draft, targets: Sequence[Target]) -> float:
         """Predicted time of the taut way through targets."""
         footprints = footprints_of([target.set for target in targets])
         return self.travel.path_s(taut_way(draft.start, footprints))
@@ -221,19 +257,22 @@ class _Planner:
             return 60.0 * self.settings.minutes
         return 3600.0 * (self.settings.energy_wh or 0.0) / self.travel.power_w
 
-    def _stops(self, draft: _Draft, ways: Waterways) -> list[Stop]:
+    def _stops(self, draft: Draft, ways: Waterways) -> list[Stop]:
         """Cells and transits: from the start, through all cells, and back where that is asked."""
         stops = ways.stops(draft.route.order)
-        home = int(np.argmin(np.hypot(*(draft.network.centres - draft.start).T)))
+        nearest = int(np.argmin(np.hypot(*(draft.network.centres - draft.start).T)))
+        home = nearest if draft.home is None else draft.home
         pair = np.array([self._start_footprint(draft)], dtype=object)
         if not ways.straight(pair, np.array([stops[0].footprint], dtype=object))[0]:
             gate = Stop(footprint=draft.cells[home].footprint, cell=None)
             first = int(draft.route.order[0])
             stops = [*([gate] if home != first else []), *self._way(ways, home, first), *stops]
-        if self.settings.returns:
+        if self.settings.returns or draft.harbour is not None:
             last = int(draft.route.order[-1])
-            back = Stop(footprint=draft.cells[home].footprint, cell=None)
-            stops = [*stops, *self._way(ways, last, home), *([back] if home != last else [])]
+            place = draft.harbour or draft.cells[home].footprint
+            ends = home != last or draft.harbour is not None
+            back = [Stop(footprint=place, cell=None)] if ends else []
+            stops = [*stops, *self._way(ways, last, home), *back]
         return stops
 
     @staticmethod
@@ -241,18 +280,16 @@ class _Planner:
         return [] if a == b else ways.around(a, b)
 
     @staticmethod
-    def _start_footprint(draft: _Draft) -> shapely.Polygon:
+    def _start_footprint(draft: Draft) -> shapely.Polygon:
         return shapely.Point(draft.start).buffer(START_RADIUS_M, quad_segs=1)
 
-    def _corridors(
-        self, draft: _Draft, stops: list[Stop], ways: Waterways
-    ) -> list[shapely.Polygon]:
+    def _corridors(self, draft: Draft, stops: list[Stop], ways: Waterways) -> list[shapely.Polygon]:
         footprints = [self._start_footprint(draft), *(stop.footprint for stop in stops)]
         return ways.corridors(footprints)
 
     def _survey(
         self,
-        draft: _Draft,
+        draft: Draft,
         targets: tuple[Target, ...],
         corridors: list[shapely.Polygon],
         outcome: PlanOutcome,
@@ -272,7 +309,7 @@ class _Planner:
             outcome=outcome,
         )
 
-    def _targets(self, draft: _Draft, stops: list[Stop]) -> tuple[Target, ...]:
+    def _targets(self, draft: Draft, stops: list[Stop]) -> tuple[Target, ...]:
         rings = [
             ring if self._is_whole(draft, stop) else target_footprint(ring)
             for stop, ring in zip(stops, rings_of([stop.footprint for stop in stops]), strict=True)
@@ -285,7 +322,7 @@ class _Planner:
         )
 
     @staticmethod
-    def _is_whole(draft: _Draft, stop: Stop) -> bool:
+    def _is_whole(draft: Draft, stop: Stop) -> bool:
         return stop.cell is not None and draft.cells[stop.cell].whole
 
     def _target(self, seq: int, stop: Stop, ring: Ring, cell: shapely.Polygon) -> Target:
@@ -303,20 +340,28 @@ class _Planner:
             ),
         )
 
-    def _outcome(
-        self, draft: _Draft, stops: list[Stop], targets: tuple[Target, ...]
-    ) -> PlanOutcome:
-        points = _through_centres(draft.start, stops)
-        first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
-        last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
-        within = points[first + 1 : last + 2]
+    def bound_m(self, draft: Draft) -> float:
+        """Return a length [m] below which no way through the centres of all cells can be."""
         kept = np.flatnonzero([not cell.is_speck for cell in draft.cells])
-        bound = lower_bound_m(
+        return lower_bound_m(
             [draft.cells[i] for i in kept],
             self.settings.shape,
             draft.cell_m,
             draft.network.around[kept][:, kept],
         )
+
+    def _outcome(
+        self,
+        draft: Draft,
+        stops: list[Stop],
+        targets: tuple[Target, ...],
+        bound_m: float | None,
+    ) -> PlanOutcome:
+        points = _through_centres(draft.start, stops)
+        first = next(i for i, stop in enumerate(stops) if stop.cell is not None)
+        last = max(i for i, stop in enumerate(stops) if stop.cell is not None)
+        within = points[first + 1 : last + 2]
+        bound = self.bound_m(draft) if bound_m is None else bound_m
         length = _length(within)
         time_s = self._mission_s(draft, targets)
         return PlanOutcome(

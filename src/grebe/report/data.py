@@ -41,7 +41,10 @@ class ReportData:
         taken = np.flatnonzero(self.samples.target_seq > 0)
         if not len(taken):
             return 0
-        seq = self.samples.target_seq[taken] - 1
+        place = {target.seq: i for i, target in enumerate(self.survey.targets)}
+        # A target that a later order leaves out does not count.
+        taken = taken[[seq in place for seq in self.samples.target_seq[taken].tolist()]]
+        seq = np.array([place[one] for one in self.samples.target_seq[taken].tolist()], dtype=int)
         sets = self.survey.sets
         places = shapely.points(self.samples.positions[taken])
         away = shapely.distance(footprints_of(sets)[seq], places)

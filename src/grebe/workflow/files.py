@@ -10,6 +10,7 @@ from pathlib import Path
 
 from grebe.core.errors import InputError
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
+from grebe.core.revision import PlanRevision
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.io.store.plan_tables import settings_text
@@ -23,10 +24,12 @@ def write_survey(
     quantities: Quantities = LIMNOLOGICAL,
     force: bool = False,
     note: str = "",
+    revision: PlanRevision | None = None,
 ) -> None:
     """Write a survey to a new file, with its identity, origin and configuration.
 
-    The file declares `quantities`. One that is there already is replaced only by `force`.
+    The file declares `quantities`; `revision` holds the plan's sorties, where it has any. One
+    that is there already is replaced only by `force`.
     """
     configuration = settings_text(survey.settings)
     meta = {
@@ -37,7 +40,7 @@ def write_survey(
         "configuration_hash": hashlib.sha256(configuration.encode()).hexdigest(),
         "note": note,
     }
-    SurveyFile.write(path, survey, meta=meta, force=force, quantities=quantities)
+    SurveyFile.write(path, survey, meta=meta, force=force, quantities=quantities, revision=revision)
 
 
 def make_folder(path: Path) -> None:

@@ -18,7 +18,9 @@ from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import TrackColumns
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
+from grebe.planning.sorties import PlannedSorties, plan_sorties
 from grebe.report import canvas, mission_figures
+from grebe.report.sortie_figures import sorties_figure
 from grebe.workflow.files import write_survey
 
 # A start further than this from the water is reported to whoever asked for it [m].
@@ -51,7 +53,10 @@ def plan_region(
     no_go: Sequence[Path] = (),
 ) -> Planned:
     """Plan a survey of a region, out of the zones that some files hold."""
-    return plan(region, vessel, settings, start_lonlat, _zones(no_go, region))
+    zones = _zones(no_go, region)
+    if settings.sorties is not None:
+        return plan_sorties(region, vessel, settings, start_lonlat, zones)
+    return plan(region, vessel, settings, start_lonlat, zones)
 
 
 def write_plan(
@@ -66,8 +71,14 @@ def write_plan(
     if picture.is_dir():
         raise InputError(f"{picture}, where the picture of the plan would go, is a folder.")
     quantities = LIMNOLOGICAL.extended(user_quantities(quantities_file, to))
-    write_survey(to, planned.survey, quantities=quantities, force=force)
-    canvas.save(mission_figures.plan_figure(planned.survey), picture)
+    revision = planned.revision if isinstance(planned, PlannedSorties) else None
+    write_survey(to, planned.survey, quantities=quantities, force=force, revision=revision)
+    figure = (
+        mission_figures.plan_figure(planned.survey)
+        if revision is None
+        else sorties_figure(planned.survey, revision)
+    )
+    canvas.save(figure, picture)
     return picture
 
 

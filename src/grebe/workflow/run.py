@@ -13,13 +13,16 @@ from grebe.control.controller import Controller
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.events import Warned
+from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments, ModelledLink
+from grebe.links.simulated import SimulatedLink
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
+from grebe.mission.replanning import Replanner
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
@@ -49,11 +52,15 @@ def run_survey(
     *,
     resume: bool = False,
     force: bool = False,
+    sortie: int | None = None,
+    replans: bool = False,
     listeners: Sequence[Listener] = (),
     on_ready: Callable[[Mission], None] | None = None,
     instruments: Instruments | None = None,
 ) -> MissionReport:
-    """Steer a boat through the targets of a survey file and record what it measures.
+    """Steer a boat through the targets of a survey file and record what it measures; of a plan
+    in sorties through those of one, the first that is not done where `sortie` names none. With
+    `replans` the rest is planned anew where a target is out of reach or the current another.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
     mission sets out and what the link knows of the boat; `listeners` hear its events; `on_ready`
@@ -62,7 +69,7 @@ def run_survey(
     mission is forgotten (`force`) only once all that the new one needs is there.
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
-    departure = prepare(survey_file, now, resume=resume, force=force)
+    departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     survey_file.claim()
     link = boat_at(departure)
     recorder = SurveyRecorder(survey_file)
@@ -77,6 +84,10 @@ def run_survey(
     except BaseException:
         link.close()
         raise
+
+    def pilot(way: Survey) -> Helm:
+        return helm_of(replace(known, survey=way, reached=0))
+
     with guarded(link, journal_beside(survey_file.path)) as guards, _no_long_pauses():
         mission = Mission(
             departure.survey,
@@ -88,7 +99,8 @@ def run_survey(
             listeners=[*guards, *listeners],
             started=departure.started,
             reached=departure.reached,
-            pilot=lambda way: helm_of(replace(known, survey=way, reached=0)),
+            pilot=pilot,
+            replanner=_replanner(survey_file, known, pilot, link) if replans else None,
             instruments=instruments,
         )
         if on_ready is not None:
@@ -99,6 +111,23 @@ def run_survey(
 def _as_known_to(link: BoatLink, departure: Departure) -> Departure:
     """The departure with the boat as its link knows it."""
     return replace(departure, vessel=link.model) if isinstance(link, ModelledLink) else departure
+
+
+def _replanner(
+    survey_file: SurveyFile, departure: Departure, pilot: Callable[[Survey], Helm], link: BoatLink
+) -> Replanner:
+    """What plans the rest anew; a boat whose time is not the clock's waits for it."""
+    numbers = {target.seq for target in departure.survey.targets}
+    sorties = survey_file.revision.sorties
+    first = {one.number: survey_file.revision.targets[one.first - 1].seq for one in sorties}
+    return Replanner(
+        survey=survey_file.survey,
+        revision=survey_file.revision,
+        vessel=departure.vessel,
+        helm_of=pilot,
+        sortie=next((one for one in sorties if first[one.number] in numbers), None),
+        waits=isinstance(link, SimulatedLink),
+    )
 
 
 @contextmanager

@@ -13,13 +13,16 @@ from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.samples import Flag, Samples
 from grebe.core.sets import hull_of
 from grebe.core.survey import Survey
+from grebe.io.readers.clock import zone_of
+from grebe.io.readers.profile import read_profile
 from grebe.io.readers.quantities import user_quantities
-from grebe.io.readers.track import RawTrack, TrackColumns, read_track
+from grebe.io.readers.track import RawTrack, TrackColumns, read_readings, read_track
 from grebe.io.store import SurveyFile
 from grebe.io.store.survey_file import new_file
 from grebe.mapping.quality import Quality
 from grebe.planning.region import clean_region
 from grebe.workflow.files import write_survey
+from grebe.workflow.joining import ClockOffset, joined
 from grebe.workflow.quality import check_samples
 
 if TYPE_CHECKING:
@@ -35,6 +38,7 @@ class ImportedTrack:
     quantities: Quantities
     quality: Quality
     samples: int
+    offset: ClockOffset | None = None
 
     @property
     def without_good(self) -> list[str]:
@@ -50,14 +54,32 @@ def import_track(
     header_from: Path | None = None,
     quantities_file: Path | None = None,
     force: bool = False,
+    sonde: Path | None = None,
+    zone: str | None = None,
+    profile: str | None = None,
+    clock_offset_s: float | None = None,
 ) -> ImportedTrack:
     """Turn a track into a survey file with its samples, checked.
+
+    `sonde` is a file of readings without positions, joined by the clock, which is
+    `clock_offset_s` ahead of the track's (None for what the data tell); `zone` is that of the
+    times of either that name none; `profile` says what the logger's file holds, the sonde's where
+    there is one.
 
     The file declares the quantities that the track has, of those that Grebe knows and those of
     `quantities_file` (or of a `quantities.toml` beside the survey).
     """
     known = BUILTIN.extended(user_quantities(quantities_file, to))
-    raw = read_track(track, columns, header_from, known)
+    told = None
+    clock = None if zone is None else zone_of(zone)
+    form = None if profile is None else read_profile(profile)
+    if sonde is None:
+        raw = read_track(track, columns, header_from, known, zone=clock, profile=form)
+    else:
+        ours, theirs = _shared(columns or {})
+        raw = read_track(track, ours, header_from, known, zone=clock)
+        readings = read_readings(sonde, theirs, None, known, zone=clock, profile=form, placed=False)
+        raw, told = joined(raw, readings, sonde, clock_offset_s)
     survey = survey_of_track(raw, track.stem)
     samples = samples_of_track(raw, survey, known)
     held = known.subset(raw.values)
@@ -68,8 +90,14 @@ def import_track(
             file.set_meta("water", f"measured, {track.name}")
             quality = check_samples(file)
     return ImportedTrack(
-        survey=survey, raw=raw, quantities=held, quality=quality, samples=len(samples)
+        survey=survey, raw=raw, quantities=held, quality=quality, samples=len(samples), offset=told
     )
+
+
+def _shared(columns: TrackColumns) -> tuple[TrackColumns, TrackColumns]:
+    """Columns that were given: of place and time, the track's; of quantities, the sonde's."""
+    placed = {key: name for key, name in columns.items() if key in {"time", "lat", "lon"}}
+    return placed, {key: name for key, name in columns.items() if key not in placed}
 
 
 def survey_of_track(track: RawTrack, name: str) -> Survey:

@@ -1,25 +1,28 @@
-"""Read the track of a survey boat from CSV: positions, times and what the sonde said.
+"""Read the track of a survey boat from a table: positions, times and what the sonde said.
 
-Columns are found by their names, or named by the caller. Rows whose position is missing,
-zero, not on Earth or a jump are left out and reported; nothing is repaired silently.
+Columns are found by their names and units, or named by the caller. Rows whose position is missing,
+zero, not on Earth or a jump are left out and reported; nothing is repaired silently, and each
+column that is not used is told.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, field
+from datetime import tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.core.errors import TrackError
+from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
-from grebe.io.readers.text import read_text
+from grebe.io.readers.clock import read_times
+from grebe.io.readers.columns import OXYGEN, Column, find_columns
+from grebe.io.readers.profile import Profile
+from grebe.io.readers.table import Table, number, read_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,18 +31,11 @@ if TYPE_CHECKING:
 JUMP_SPEED_MPS = 10.0
 # Without times, a step this many times the median step is a jump.
 JUMP_FACTOR = 50.0
-LATEST_S = 1e11
-
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
-# Columns that speak about another one.
-_NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|units)$")
-# What the columns of time and place may be called, first match wins; those of the quantities are
-# named in the registry. Matched on lower-case letters, digits and the signs of units alone.
-_PATTERNS: dict[str, tuple[str, ...]] = {
-    "time": (r"gpstimestamp", r"timestamp", r"time.*", r"datetime.*", r"unix.*"),
-    "lat": (r"lat(itude)?(deg|dd)?", r".*latitude.*"),
-    "lon": (r"lon(gitude)?(deg|dd)?", r"lng", r".*longitude.*"),
-}
+# Whole numbers beyond this are degrees times 1e7, as autopilots and receivers log them.
+E7_FROM, E7 = 1e5, 1e7
+# Columns that hold a date, the time standing in a column of its own.
+_DATE = re.compile(r"(local|utc)?date(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|yymmdd)?")
+_TIME = re.compile(r"(local|utc)?time(hhmmss|utc|hhmmsstt)?")
 
 # Columns that the caller knows, by `time`, `lat`, `lon` or the key of a quantity; the others are
 # found by their names.
@@ -52,7 +48,7 @@ class RawTrack:
 
     `lonlat` (n, 2) degrees; `times` (n,) unix seconds, or None; `values` one (n,) array
     with NaN for gaps for each quantity that the file has; `columns` which column each came
-    from; `notes` what was left out.
+    from; `notes` what was left out or converted; `unused` the columns that nothing was made of.
     """
 
     lonlat: NDArray[np.float64]
@@ -60,6 +56,21 @@ class RawTrack:
     values: dict[str, NDArray[np.float64]]
     columns: dict[str, str]
     notes: tuple[str, ...]
+    unused: tuple[str, ...] = field(default=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Readings:
+    """The rows of a table before anything is left out: `lonlat` (n, 2) is None where it has no
+    positions, the rest is as in `RawTrack`.
+    """
+
+    lonlat: NDArray[np.float64] | None
+    times: NDArray[np.float64] | None
+    values: dict[str, NDArray[np.float64]]
+    columns: dict[str, str]
+    notes: tuple[str, ...]
+    unused: tuple[str, ...]
 
 
 def read_track(
@@ -67,37 +78,149 @@ def read_track(
     columns: TrackColumns | None = None,
     header_from: Path | None = None,
     quantities: Quantities = BUILTIN,
+    *,
+    zone: tzinfo | None = None,
+    profile: Profile | None = None,
 ) -> RawTrack:
     """Read and clean a track; `TrackError` or `InputError` says what is wrong with it.
 
     `header_from` names a file whose first row holds the columns' names where this one has
-    none; `quantities` are those that are looked for.
+    none; `quantities` are those that are looked for; `zone` is that of times that name none;
+    `profile` says what a logger's file holds.
     """
-    given = dict(columns or {})
-    header, rows = _read_csv(path, header_from)
-    found = _find_columns(path, header, given, quantities)
-    cells = _columns(rows, {key: header.index(name) for key, name in found.items()})
-    times = _times(cells["time"]) if "time" in found else None
-    if times is None and "time" in given:
-        example = cells["time"][0]
-        raise TrackError(
-            f"{path}: column {given['time']!r} holds {example!r} and the like, which are not "
-            "times; give unix seconds or ISO 8601."
-        )
-    lonlat = np.column_stack([_numbers(cells["lon"]), _numbers(cells["lat"])])
+    read = read_readings(path, columns, header_from, quantities, zone=zone, profile=profile)
+    return clean_track(path, read)
+
+
+def clean_track(path: Path, read: Readings) -> RawTrack:
+    """A track of readings that have positions, its glitches left out and reported."""
+    lonlat, times = read.lonlat, read.times
+    if lonlat is None:
+        raise TrackError(f"{path}: the file holds no positions.")
     keep, notes = _find_glitches(lonlat, times)
     _refuse_if_hopeless(path, lonlat, keep)
     return RawTrack(
         lonlat=lonlat[keep],
         times=None if times is None else times[keep],
-        values={
-            key: _present(_numbers(cells[key])[keep], one.missing)
-            for key, one in quantities.items()
-            if key in found
-        },
-        columns=found,
-        notes=tuple(notes),
+        values={key: column[keep] for key, column in read.values.items()},
+        columns=read.columns,
+        notes=(*notes, *read.notes),
+        unused=read.unused,
     )
+
+
+def read_readings(
+    path: Path,
+    columns: TrackColumns | None = None,
+    header_from: Path | None = None,
+    quantities: Quantities = BUILTIN,
+    *,
+    zone: tzinfo | None = None,
+    profile: Profile | None = None,
+    placed: bool = True,
+) -> Readings:
+    """Read a table's rows, in the quantities' own units; `placed`: it must have positions."""
+    profile = profile or Profile()
+    given = {**profile.columns, **(columns or {})}
+    table = read_table(path, header_from, profile.names)
+    found = find_columns(path, table.header, given, quantities, placed=placed)
+    places = {key: table.header.index(one.name) for key, one in found.items()}
+    cells = _columns(table.rows, places)
+    notes = list(table.notes)
+    times, clocks, said = _times_of(path, table, found, cells, given, zone or profile.zone)
+    notes += said
+    values = {
+        key: _present(_numbers(cells[key]), one.missing)
+        for key, one in quantities.items()
+        if key in found
+    }
+    for key, column in found.items():
+        if column.converted:
+            values[key] = _converted(path, values, key, column)
+            notes.append(_conversion_text(column, quantities[key].unit))
+    lonlat = None
+    if "lat" in found and "lon" in found:
+        lonlat, scaled = _degrees(_numbers(cells["lon"]), _numbers(cells["lat"]))
+        notes += scaled
+    used = {one.name for one in found.values()} | set(clocks)
+    return Readings(
+        lonlat=lonlat,
+        times=times,
+        values=values,
+        columns={key: one.name for key, one in found.items()},
+        notes=tuple(notes),
+        unused=tuple(name for name in table.header if name and name not in used),
+    )
+
+
+def _times_of(
+    path: Path,
+    table: Table,
+    found: Mapping[str, Column],
+    cells: dict[str, list[str]],
+    given: Mapping[str, str],
+    zone: tzinfo | None,
+) -> tuple[NDArray[np.float64] | None, list[str], list[str]]:
+    """Times (n,) of a table, the columns that they came from, and notes."""
+    if "time" not in given:
+        pair = _date_and_time(table.header)
+        if pair is not None:
+            both = _columns(table.rows, {name: table.header.index(name) for name in pair})
+            texts = [f"{day} {clock}" for day, clock in zip(*both.values(), strict=True)]
+            read = read_times(texts, pair[0], zone)
+            if read is not None:
+                return read[0], list(pair), read[1]
+    if "time" not in cells:
+        return None, [], []
+    name = found["time"].name
+    read = read_times(cells["time"], name, zone)
+    if read is None and "time" in given:
+        raise TrackError(
+            f"{path}: column {name!r} holds {cells['time'][0]!r} and the like, which are no times; "
+            "give unix seconds or ISO 8601."
+        )
+    return (None, [], []) if read is None else (read[0], [], read[1])
+
+
+def _date_and_time(header: Sequence[str]) -> tuple[str, str] | None:
+    """The columns of the date and of the time of day, where a table has one of each."""
+    plain = {re.sub(r"[^a-z]", "", name.lower()): name for name in header}
+    days = [name for text, name in plain.items() if _DATE.fullmatch(text)]
+    clocks = [name for text, name in plain.items() if _TIME.fullmatch(text)]
+    return (days[0], clocks[0]) if days and clocks else None
+
+
+def _degrees(
+    lon: NDArray[np.float64], lat: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Positions (n, 2) in degrees, from degrees or from whole numbers of 1e-7 degrees."""
+    lonlat = np.column_stack([lon, lat])
+    known = lonlat[np.isfinite(lonlat).all(axis=1) & (lonlat != 0).any(axis=1)]
+    if len(known) and np.median(np.abs(known).max(axis=1)) > E7_FROM:
+        return lonlat / E7, ["positions in 1e-7 degrees: converted to degrees"]
+    return lonlat, []
+
+
+def _converted(
+    path: Path, values: Mapping[str, NDArray[np.float64]], key: str, column: Column
+) -> NDArray[np.float64]:
+    """Values in their quantity's unit; oxygen by its solubility in fresh water, at 1 atm."""
+    scaled = column.factor * values[key] + column.offset
+    if not column.by_solubility:
+        return scaled
+    if "temperature_degc" not in values:
+        raise TrackError(
+            f"{path}: {column.name!r} in {column.unit} becomes {key} only with the temperature of "
+            "the water, and no column looks like one.",
+            settings=("columns",),
+        )
+    full = oxygen_solubility_mgl(values["temperature_degc"])
+    return scaled / 100 * full if key == OXYGEN else 100 * scaled / full
+
+
+def _conversion_text(column: Column, unit: str) -> str:
+    how = " by the solubility in fresh water at 1013.25 hPa" if column.by_solubility else ""
+    return f"{column.name}: converted from {column.unit} to {unit}{how}"
 
 
 def _present(values: NDArray[np.float64], missing: tuple[float, ...]) -> NDArray[np.float64]:
@@ -105,98 +228,10 @@ def _present(values: NDArray[np.float64], missing: tuple[float, ...]) -> NDArray
     return np.where(np.isin(values, missing), np.nan, values) if missing else values
 
 
-def _read_csv(path: Path, header_from: Path | None) -> tuple[list[str], list[list[str]]]:
-    rows = _rows(path)
-    if not rows:
-        raise TrackError(f"{path}: the file holds no values.")
-    header = [cell.strip() for cell in rows[0]]
-    if header_from is not None:
-        return [cell.strip() for cell in _rows(header_from)[0]], rows
-    if sum(map(_is_number, header)) > len(header) / 2:
-        raise TrackError(
-            f"{path}: the first row begins with {', '.join(header[:3])}: values, not the names of "
-            "columns; add a header row, or name a file of the same columns that has one.",
-            settings=("header_from",),
-        )
-    if len(rows) < 2:
-        raise TrackError(f"{path}: a header and no rows.")
-    return header, rows[1:]
-
-
-def _rows(path: Path) -> list[list[str]]:
-    text = read_text(path)
-    first_line = text.lstrip().split("\n", 1)[0]
-    delimiter = max(",;\t", key=first_line.count)
-    try:
-        return [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if any(row)]
-    except csv.Error as error:
-        raise TrackError(f"{path}: not a table of separated values ({error}).") from None
-
-
-def _is_number(text: str) -> bool:
-    return _number(text) is not None
-
-
-def _number(text: str) -> float | None:
-    """A number, with a point or a comma before its decimals; None for anything else."""
-    try:
-        return float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text.strip()) else text)
-    except ValueError:
-        return None
-
-
-def _find_columns(
-    path: Path, header: list[str], given: dict[str, str], quantities: Quantities
-) -> dict[str, str]:
-    """The name of the column of each key that the table has."""
-    patterns = {**_PATTERNS, **{key: one.columns for key, one in quantities.items()}}
-    for key, name in given.items():
-        if key not in patterns:
-            raise TrackError(
-                f"{path}: a column is given for {key!r}, which is neither time, lat, lon nor a "
-                f"quantity ({quantities.keys_text})."
-            )
-        if name not in header:
-            raise TrackError(f"{path}: there is no column {name!r}; it has {', '.join(header)}.")
-    plain = _plain_names(header)
-    found: dict[str, str] = {}
-    for key, expressions in patterns.items():
-        name = given.get(key) or _first_match(expressions, plain)
-        if name is not None:
-            found[key] = name
-    for key, what in (("lat", "latitude"), ("lon", "longitude")):
-        if key not in found:
-            raise TrackError(
-                f"{path}: no column looks like a {what}; say which one it is, as "
-                f"{key}=NAME (columns: {', '.join(header)}).",
-                settings=("columns",),
-            )
-    return found
-
-
-def _plain_names(header: list[str]) -> dict[str, str]:
-    """Columns by their plain name, alone and with that of the column before: `before/this`."""
-    plain: dict[str, str] = {}
-    before = ""
-    for name in header:
-        this = re.sub(r"[^a-z0-9°µμ]", "", name.lower())
-        if not _NOT_A_VALUE.search(name.lower()):
-            plain.setdefault(this, name)
-            plain.setdefault(f"{before}/{this}", name)
-        before = this
-    return plain
-
-
-def _first_match(expressions: Sequence[str], plain: dict[str, str]) -> str | None:
-    for expression in expressions:
-        for name, column in plain.items():
-            if ("/" in name) == ("/" in expression) and re.fullmatch(expression, name):
-                return column
-    return None
-
-
 def _columns(rows: Sequence[Sequence[str]], places: dict[str, int]) -> dict[str, list[str]]:
     """The cells of some columns by key; empty where a row is too short."""
+    if not places:
+        return {}
     least = max(places.values()) + 1
     if all(len(row) >= least for row in rows):
         return {key: [row[i] for row in rows] for key, i in places.items()}
@@ -208,28 +243,10 @@ def _numbers(cells: list[str]) -> NDArray[np.float64]:
     try:
         values = np.array([float(cell or "nan") for cell in cells])
     except ValueError:
-        numbers = map(_number, cells)
+        numbers = map(number, cells)
         values = np.array([np.nan if one is None else one for one in numbers])
     values[~np.isfinite(values)] = np.nan
     return values
-
-
-def _times(cells: list[str]) -> NDArray[np.float64] | None:
-    """Unix seconds from numbers or ISO 8601; None where less than half can be read."""
-    values = _numbers(cells)
-    if np.isnan(values).all():
-        values = np.array([_iso_seconds(cell) for cell in cells])
-    # Milliseconds since 1970 are beyond any survey's seconds.
-    values = np.where(values > LATEST_S, values / 1000.0, values)
-    return values if np.isfinite(values).mean() >= 0.5 else None
-
-
-def _iso_seconds(text: str) -> float:
-    try:
-        moment = datetime.fromisoformat(text.strip())
-    except ValueError:
-        return float("nan")
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def _find_glitches(

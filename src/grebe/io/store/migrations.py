@@ -17,6 +17,7 @@ from grebe.core.quantities import BUILTIN, Quantities, Quantity
 from grebe.io.store import geopackage
 from grebe.io.store.claims import claimed
 from grebe.io.store.plan_tables import type_the_plan
+from grebe.io.store.revision_tables import keep_revisions
 
 Step = Callable[[sqlite3.Connection], None]
 
@@ -46,7 +47,11 @@ def declare_quantities(connection: sqlite3.Connection) -> None:
 
 
 # The schema that each step leads to, and the step; several may lead to one.
-STEPS: tuple[tuple[int, Step], ...] = ((3, declare_quantities), (3, type_the_plan))
+STEPS: tuple[tuple[int, Step], ...] = (
+    (3, declare_quantities),
+    (3, type_the_plan),
+    (4, keep_revisions),
+)
 
 
 def migrate(path: Path, connection: sqlite3.Connection, version: int) -> None:

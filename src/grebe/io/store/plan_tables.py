@@ -13,7 +13,7 @@ import shapely
 
 from grebe.core.dynamics import Weather
 from grebe.core.frames import LocalFrame
-from grebe.core.plan_settings import PlanOutcome, PlanSettings
+from grebe.core.plan_settings import PlanOutcome, PlanSettings, SortieSettings
 from grebe.core.survey import Target
 from grebe.io.store import geopackage
 
@@ -26,7 +26,12 @@ _WEATHER = ("current_north_mps", "current_east_mps", "wind_force_north_n", "wind
 
 def settings_text(settings: PlanSettings | None) -> str:
     """Return settings whole as JSON; empty for a survey that was not planned."""
-    return "" if settings is None else json.dumps(asdict(settings), sort_keys=True)
+    if settings is None:
+        return ""
+    values = asdict(settings)
+    if settings.sorties is None:
+        del values["sorties"]
+    return json.dumps(values, sort_keys=True)
 
 
 def parse_settings(text: str) -> PlanSettings | None:
@@ -34,7 +39,11 @@ def parse_settings(text: str) -> PlanSettings | None:
     if not text:
         return None
     values = json.loads(text)
-    return PlanSettings(**values | {"weather": Weather(**values["weather"])})
+    sorties = values.get("sorties")
+    if sorties is not None:
+        places = tuple((lon, lat) for lon, lat in sorties["harbours"])
+        sorties = SortieSettings(**sorties | {"harbours": places})
+    return PlanSettings(**values | {"weather": Weather(**values["weather"]), "sorties": sorties})
 
 
 def outcome_text(outcome: PlanOutcome | None) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,10 +20,11 @@ from grebe.core.dynamics import STATE_NAMES
 from grebe.core.errors import InputError, SurveyFileError
 from grebe.core.frames import LocalFrame
 from grebe.core.quantities import Quantities, Quantity, quantities_of
+from grebe.core.revision import PlanRevision, first_revision, survey_of
 from grebe.core.sets import TargetSet, footprints_of, rings_of
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.vessel import Vessel
-from grebe.io.store import geopackage
+from grebe.io.store import geopackage, revision_tables
 from grebe.io.store.migrations import QUANTITY_COLUMNS, write_quantities
 from grebe.io.store.plan_tables import (
     CELL_COLUMNS,
@@ -38,7 +39,7 @@ from grebe.io.store.plan_tables import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-VERSION = 3
+VERSION = 4
 # What SQLite says where there is no room, be it for the journal's index in memory.
 NO_ROOM = ("SQLITE_FULL", "SQLITE_IOERR_WRITE", "SQLITE_IOERR_SHM", "SQLITE_IOERR_FSYNC")
 STATE_COLUMNS = STATE_NAMES
@@ -70,17 +71,27 @@ _LAYERS: dict[str, tuple[str | None, str]] = {
 
 
 def create(
-    connection: sqlite3.Connection, survey: Survey, meta: dict[str, str], quantities: Quantities
+    connection: sqlite3.Connection,
+    survey: Survey,
+    meta: dict[str, str],
+    quantities: Quantities,
+    revision: PlanRevision | None = None,
 ) -> None:
-    """Write the layers and the plan into an empty database."""
+    """Write the layers and the plan into an empty database; `revision` is its first one, with
+    its sorties, where it has any.
+    """
+    first = revision or first_revision(survey)
+    if [t.seq for t in first.targets] != list(range(1, len(survey.targets) + 1)):
+        raise InputError("A plan's targets are not numbered 1 to K in their order.")
     geopackage.create_core(connection, VERSION)
     water = survey.frame.geometry_to_wgs84(survey.water)
     for table, (geometry, columns) in _LAYERS.items():
         geopackage.create_layer(connection, table, columns, geometry=geometry, bounds=water.bounds)
+    revision_tables.create_tables(connection, water.bounds)
     declare(connection, quantities.values())
     _write_region(connection, survey)
-    _write_targets(connection, survey)
-    write_cells(connection, survey.frame, survey.targets)
+    write_targets(connection, survey.frame, survey.targets)
+    revision_tables.write_first(connection, survey.frame, first)
     _write_corridors(connection, survey)
     entries = {
         "name": survey.name,
@@ -124,16 +135,20 @@ def _write_region(connection: sqlite3.Connection, survey: Survey) -> None:
         )
 
 
-def _write_targets(connection: sqlite3.Connection, survey: Survey) -> None:
-    blobs = _blobs(survey.frame, footprints_of(survey.sets))
+def write_targets(
+    connection: sqlite3.Connection, frame: LocalFrame, targets: Sequence[Target]
+) -> None:
+    """Write targets and the cells that they stand for."""
+    blobs = _blobs(frame, footprints_of([target.set for target in targets]))
     connection.executemany(
         "INSERT INTO targets (geom, seq, kind, speed_min_mps, speed_max_mps) "
         "VALUES (?, ?, ?, ?, ?)",
         (
             (blob, target.seq, target.kind, target.set.speed_min_mps, target.set.speed_max_mps)
-            for blob, target in zip(blobs, survey.targets, strict=True)
+            for blob, target in zip(blobs, targets, strict=True)
         ),
     )
+    write_cells(connection, frame, targets)
 
 
 def _write_corridors(connection: sqlite3.Connection, survey: Survey) -> None:
@@ -148,8 +163,23 @@ def _blobs(frame: LocalFrame, polygons: NDArray[np.object_]) -> list[bytes]:
     return geopackage.to_blobs(frame.geometry_to_wgs84(polygons))
 
 
-def read_survey(connection: sqlite3.Connection) -> Survey:
-    """Read the plan back."""
+def read_survey(connection: sqlite3.Connection) -> tuple[Survey, PlanRevision]:
+    """Read the plan back, in the order of its last revision, and that revision."""
+    planned, corridors = _read_plan(connection)
+    pool = {target.seq: target for target in planned.targets}
+    last = revision_tables.read_all(connection, planned.frame, pool, corridors, last_only=True)
+    return survey_of(planned, last[-1]), last[-1]
+
+
+def read_revisions(connection: sqlite3.Connection) -> tuple[PlanRevision, ...]:
+    """Read all revisions of the plan, the first one first."""
+    planned, corridors = _read_plan(connection)
+    pool = {target.seq: target for target in planned.targets}
+    return revision_tables.read_all(connection, planned.frame, pool, corridors)
+
+
+def _read_plan(connection: sqlite3.Connection) -> tuple[Survey, tuple[shapely.Polygon, ...]]:
+    """The survey with all targets of all revisions, and the corridors of the first."""
     meta = dict(connection.execute("SELECT key, value FROM meta").fetchall())
     frame = LocalFrame(
         origin_lon_deg=float(meta["frame_origin_lon_deg"]),
@@ -158,18 +188,18 @@ def read_survey(connection: sqlite3.Connection) -> Survey:
     parts: dict[str, list[shapely.Polygon]] = {"water": [], "no_go": []}
     for role, blob in connection.execute("SELECT role, geom FROM region ORDER BY fid"):
         parts[role] += _polygons(frame, [blob])
-    return Survey(
+    survey = Survey(
         name=meta["name"],
         frame=frame,
         water=parts["water"][0],
         no_go=tuple(parts["no_go"]),
         targets=_read_targets(connection, frame),
-        corridors=_read_corridors(connection, frame),
         vessel=Vessel(**json.loads(meta["vessel"])) if meta["vessel"] else None,
         start=Pose(**json.loads(meta["start"])) if meta["start"] else None,
         settings=parse_settings(meta["settings"]),
         outcome=parse_outcome(meta["outcome"]),
     )
+    return survey, _read_corridors(connection, frame)
 
 
 def _read_targets(connection: sqlite3.Connection, frame: LocalFrame) -> tuple[Target, ...]:

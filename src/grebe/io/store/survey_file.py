@@ -22,9 +22,10 @@ import shapely
 from grebe.core.errors import SurveyFileError
 from grebe.core.events import LogEntry, Step
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
+from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.samples import Sample, Samples
 from grebe.core.survey import Survey
-from grebe.io.store import claims, geopackage, rescue, schema, sessions
+from grebe.io.store import claims, geopackage, rescue, revision_tables, schema, sessions
 from grebe.io.store.migrations import migrate
 from grebe.io.store.tables import (
     Progress,
@@ -62,7 +63,7 @@ class SurveyFile:
         self._together = _Transaction(path, connection)
         self._in_session = False
         self._identity: rescue.Identity | None = None
-        self.survey = schema.read_survey(connection)
+        self.survey, self.revision = schema.read_survey(connection)
         self._quantities = schema.read_quantities(connection)
 
     @classmethod
@@ -74,9 +75,10 @@ class SurveyFile:
         meta: dict[str, str],
         force: bool,
         quantities: Quantities = LIMNOLOGICAL,
+        revision: PlanRevision | None = None,
     ) -> Self:
         """Write a new survey file and open it; see `write`."""
-        cls.write(path, survey, meta=meta, force=force, quantities=quantities)
+        cls.write(path, survey, meta=meta, force=force, quantities=quantities, revision=revision)
         return cls.open(path)
 
     @staticmethod
@@ -87,8 +89,10 @@ class SurveyFile:
         meta: dict[str, str],
         force: bool,
         quantities: Quantities = LIMNOLOGICAL,
+        revision: PlanRevision | None = None,
     ) -> None:
-        """Write a new survey file, which declares some quantities.
+        """Write a new survey file, which declares some quantities; `revision` is its plan's
+        first one where it has sorties.
 
         An existing file is left alone unless `force`; then it is replaced only once the new
         one is complete. Raises `SurveyFileError`.
@@ -98,7 +102,7 @@ class SurveyFile:
             closing(sqlite3.connect(part)) as connection,
             connection,
         ):
-            schema.create(connection, survey, meta, quantities)
+            schema.create(connection, survey, meta, quantities, revision)
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -276,6 +280,26 @@ class SurveyFile:
                 ((int(counts[seq]), int(seq)) for seq in np.flatnonzero(counts) if seq > 0),
             )
 
+    def append_revision(self, revision: PlanRevision) -> None:
+        """Keep a revision of the plan beside those before it; from now on it is the plan.
+
+        Raises `SurveyFileError` for one that does not follow the file's last.
+        """
+        if revision.number != self.revision.number + 1:
+            raise SurveyFileError(
+                f"{self.path} holds revision {self.revision.number} of its plan, and revision "
+                f"{revision.number} does not follow it; revise the plan that the file holds now."
+            )
+        new = [t for t in revision.targets if t.seq > self.revision.highest_seq]
+        try:
+            with self._transaction():
+                schema.write_targets(self._connection, self.survey.frame, new)
+                revision_tables.append(self._connection, self.survey.frame, revision)
+        except sqlite3.Error as error:
+            raise _unwritten(self.path, error) from None
+        self.revision = revision
+        self.survey = survey_of(self.survey, revision)
+
     def append_event(self, event: LogEntry) -> None:
         """Append an event."""
         self._insert(
@@ -341,12 +365,21 @@ class SurveyFile:
         return dict(self._query("SELECT key, value FROM meta"))
 
     def progress(self) -> Progress:
-        """Return which targets are reached."""
-        rows = self._query("SELECT reached_at, sample_count FROM targets ORDER BY seq")
+        """Return which targets of the plan's last revision are reached, in its order."""
+        rows = self._query("SELECT seq, reached_at, sample_count FROM targets")
+        of = {seq: (when, count) for seq, when, count in rows}
+        found = [of[target.seq] for target in self.survey.targets]
         return Progress(
-            reached_at=tuple(None if when is None else parse_time(when) for when, _ in rows),
-            sample_counts=tuple(count for _, count in rows),
+            reached_at=tuple(None if when is None else parse_time(when) for when, _ in found),
+            sample_counts=tuple(count for _, count in found),
         )
+
+    def revisions(self) -> tuple[PlanRevision, ...]:
+        """Return all revisions of the plan, the first one first."""
+        try:
+            return schema.read_revisions(self._connection)
+        except sqlite3.Error as error:
+            raise schema.damaged(self.path, str(error)) from None
 
     def track(self) -> TrackTable:
         """Return the track in the order in which it was written."""

@@ -1,0 +1,231 @@
+"""Where tasks are done: here, in processes of this computer, or on a Dask cluster.
+
+An engine is handed a pure function and its arguments and gives results as they come, in whatever
+order. A worker that dies takes nothing with it: what it had in hand is done again by another,
+with the same result. A task that has killed `TRIES` workers is not tried again.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, Protocol, TypeVar
+
+from grebe.core.errors import LinkError, UsageError
+
+A = TypeVar("A")
+R = TypeVar("R")
+
+TRIES = 5
+# Tasks that each worker has in hand or waiting: none idles, and little is in vain at a stop.
+AHEAD = 2
+# Each worker has a core; threads of linear algebra beside it would wait for each other.
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class Engine(Protocol):
+    """Does tasks."""
+
+    def results(self, task: Callable[[A], R], items: Iterable[A]) -> Generator[tuple[A, R]]:
+        """Give each item with its result, as they come; who closes the generator stops it."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Serial:
+    """One after the other, in this process."""
+
+    def results(self, task: Callable[[A], R], items: Iterable[A]) -> Generator[tuple[A, R]]:
+        """See `Engine`."""
+        for item in items:
+            yield item, task(item)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Processes:
+    """In `workers` processes of this computer; None: one a core."""
+
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise UsageError(f"{self.workers} workers do no work; give at least one.")
+
+    @property
+    def count(self) -> int:
+        """How many processes there are."""
+        return self.workers or os.cpu_count() or 1
+
+    def results(self, task: Callable[[A], R], items: Iterable[A]) -> Generator[tuple[A, R]]:
+        """See `Engine`."""
+        left, again, tried = iter(items), list[A](), Counter[A]()
+        while True:
+            round_ = _Round(self.count, task, left, again)
+            with closing(round_.results()) as results:
+                for item, result in results:
+                    tried.pop(item, None)
+                    yield item, result
+            again = round_.lost + again
+            if not again:
+                return
+            tried.update(round_.lost)
+            hopeless = [item for item in again if tried[item] >= TRIES]
+            if hopeless:
+                raise LinkError(
+                    f"{TRIES} worker processes died one after the other with task {hopeless[0]} in "
+                    "hand; is there memory enough for so many workers?",
+                    settings=("workers",),
+                )
+
+
+class _Round:
+    """The life of one pool: to the end of the items, or to the death of a worker."""
+
+    def __init__(
+        self, count: int, task: Callable[[Any], Any], left: Iterator[Any], again: list[Any]
+    ) -> None:
+        self._count = count
+        self._task = task
+        self._left = left
+        self._again = again
+        self._handed_out = 0
+        self._under_way: dict[Future[Any], tuple[int, Any]] = {}
+        self._lost: list[tuple[int, Any]] = []
+
+    @property
+    def lost(self) -> list[Any]:
+        """What was under way when a worker died, the longest waiting first: so it comes first
+        again, and none is lost time after time because others are killed.
+        """
+        return [item for _, item in sorted(self._lost, key=lambda one: one[0])]
+
+    def results(self) -> Generator[tuple[Any, Any]]:
+        """Give results until all is done or a worker dies; `lost` is what was under way then."""
+        pool = ProcessPoolExecutor(
+            self._count, multiprocessing.get_context("spawn"), _begin_worker, (os.getpid(),)
+        )
+        try:
+            self._fill(pool)
+            while self._under_way:
+                done, _ = wait(self._under_way, return_when=FIRST_COMPLETED)
+                for future in done:
+                    number, item = self._under_way.pop(future)
+                    if isinstance(future.exception(), BrokenProcessPool):
+                        self._lost.append((number, item))
+                    else:
+                        yield item, future.result()
+                if not self._lost:
+                    self._fill(pool)
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+    def _fill(self, pool: ProcessPoolExecutor) -> None:
+        """Hand out what fits; a pool that broke meanwhile gives its items back."""
+        room = AHEAD * self._count - len(self._under_way)
+        for _ in range(room):
+            item = self._again.pop(0) if self._again else next(self._left, _END)
+            if item is _END:
+                return
+            self._handed_out += 1
+            try:
+                self._under_way[pool.submit(self._task, item)] = self._handed_out, item
+            except BrokenProcessPool:
+                self._lost.append((self._handed_out, item))
+                return
+
+
+_END: Any = object()
+
+
+def _begin_worker(parent: int) -> None:
+    """Let a worker live no longer than who it works for, and have one thread."""
+    import signal
+    import threading
+    import time
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, who ends it
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+    from threadpoolctl import threadpool_limits
+
+    threadpool_limits(1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dask:
+    """On a Dask cluster: that of the scheduler at an address, or one of `workers` on this computer.
+
+    Dask itself gives what a lost worker had in hand to another.
+    """
+
+    scheduler: str | None = None
+    workers: int | None = None
+
+    def results(self, task: Callable[[A], R], items: Iterable[A]) -> Generator[tuple[A, R]]:
+        """See `Engine`."""
+        distributed = _distributed()
+        with self._client(distributed) as client:
+            shared = client.scatter(task, broadcast=True)
+            width = max(1, sum(client.nthreads().values()))
+            left = iter(items)
+
+            def hand_out(count: int) -> list[Any]:
+                return [
+                    client.submit(_call, shared, item, pure=False, retries=TRIES)
+                    for item in islice(left, count)
+                ]
+
+            under_way = distributed.as_completed(hand_out(AHEAD * width), with_results=True)
+            for future, (item, result) in under_way:
+                future.release()
+                yield item, result
+                for more in hand_out(1):
+                    under_way.add(more)
+
+    def _client(self, distributed: Any) -> Any:
+        if self.scheduler is None:
+            cluster = distributed.LocalCluster(
+                n_workers=self.workers or os.cpu_count() or 1,
+                threads_per_worker=1,
+                dashboard_address=None,
+            )
+            return distributed.Client(cluster)
+        try:
+            return distributed.Client(self.scheduler, timeout=10)
+        except (OSError, ValueError, TypeError) as error:
+            raise LinkError(
+                f"No Dask scheduler answers at {self.scheduler}: {error}.", settings=("scheduler",)
+            ) from None
+
+
+def _call(task: Callable[[A], R], item: A) -> tuple[A, R]:
+    return item, task(item)
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ImportError:
+        raise UsageError(
+            "A Dask cluster needs Dask: pip install 'grebe[dask]', or let processes do it."
+        ) from None
+    return distributed
+
+
+def engine_of(workers: int | None, scheduler: str | None, *, dask: bool = False) -> Engine:
+    """Return the engine that is meant: a cluster, processes, or with one worker this process."""
+    if scheduler is not None or dask:
+        return Dask(scheduler=scheduler, workers=workers)
+    return Serial() if workers == 1 else Processes(workers=workers)

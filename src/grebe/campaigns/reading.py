@@ -1,0 +1,108 @@
+"""A campaign's file, in TOML, with the survey that it names."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from grebe.campaigns.certificate import Claim
+from grebe.campaigns.settings import Campaign, Success
+from grebe.campaigns.spread import OneOf, Spread, spread_of
+from grebe.core.errors import InputError
+from grebe.core.survey import Survey
+from grebe.core.vessel import Vessel
+from grebe.io.store import SurveyFile
+from grebe.workflow.steering import rule_named
+from grebe.workflow.vessels import vessel_of
+
+TOP = {"name", "survey", "missions", "seed", "success", "claim", "draw"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Read:
+    """A campaign with its survey, and what tells it from others."""
+
+    campaign: Campaign
+    survey: Survey
+    identity: str
+
+
+def read_campaign(path: Path) -> Read:
+    """Read a campaign's file; `InputError` says what in it is not as it should be.
+
+    Paths in it are beside it.
+    """
+    try:
+        written = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read: {error}.") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is not TOML: {error}.") from None
+    _only(path, "", written, TOP)
+    if "survey" not in written:
+        raise InputError(f"{path} names no survey; add survey = 'FILE.gpkg', a planned one.")
+    where = path.parent / str(written["survey"])
+    with SurveyFile.open(where) as survey_file:
+        survey = survey_file.survey
+    campaign = _campaign(path, written)
+    targets = b"".join(target.set.polygon.wkb for target in survey.targets)
+    told = survey.water.wkb + targets + repr((survey.start, survey.vessel)).encode()
+    identity = campaign.identity(hashlib.sha256(told).hexdigest())
+    return Read(campaign=campaign, survey=survey, identity=identity)
+
+
+def _campaign(path: Path, written: Mapping[str, Any]) -> Campaign:
+    success = _table(path, written, "success", {"within_minutes", "clearance_m"})
+    claim = _table(path, written, "claim", {"confidence", "share"})
+    if "within_minutes" not in success:
+        raise InputError(f"{path} says of no mission when it is late; add within_minutes = ...")
+    spreads = {name: spread_of(name, value) for name, value in written.get("draw", {}).items()}
+    for rule in _words(spreads, "rule"):
+        rule_named(rule)
+    try:
+        return Campaign(
+            name=str(written.get("name", path.stem)),
+            success=Success(
+                within_s=60.0 * success["within_minutes"],
+                clearance_m=success.get("clearance_m", 0.0),
+            ),
+            claim=Claim(**claim),
+            missions=written.get("missions", 1000),
+            seed=written.get("seed", 1),
+            spreads=spreads,
+            boats=_boats(path, _words(spreads, "boat")),
+        )
+    except TypeError as error:
+        raise InputError(f"{path}: a number is not written as one ({error}).") from None
+
+
+def _words(spreads: Mapping[str, Spread], name: str) -> list[str]:
+    spread = spreads.get(name)
+    return [str(value) for value in spread.values] if isinstance(spread, OneOf) else []
+
+
+def _boats(path: Path, names: list[str]) -> dict[str, Vessel]:
+    """The vessels of some names: presets, or files beside the campaign's."""
+    beside = {n: str(path.parent / n) if n.endswith(".toml") else n for n in names if n}
+    return {name: vessel_of(text) for name, text in beside.items()}
+
+
+def _table(path: Path, written: Mapping[str, Any], name: str, keys: set[str]) -> dict[str, Any]:
+    table = written.get(name, {})
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: {name} is a table; write [{name}] above its settings.")
+    _only(path, f" of [{name}]", table, keys)
+    return table
+
+
+def _only(path: Path, where: str, written: Mapping[str, Any], known: set[str]) -> None:
+    strange = sorted(set(written) - known)
+    if strange:
+        raise InputError(
+            f"{path}: there is no setting {strange[0]!r}{where}; there are "
+            f"{', '.join(sorted(known))}."
+        )

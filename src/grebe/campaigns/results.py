@@ -1,0 +1,110 @@
+"""A campaign's results on the disk: a folder of Parquet parts, each written whole.
+
+A part is a table of summaries, one row a mission. All of them together are one data set, which
+pandas, DuckDB, R and others read as such: `pandas.read_parquet(folder / "missions")`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from grebe.campaigns.task import Summary
+from grebe.core.errors import InputError, UsageError
+from grebe.io.whole import write_text_whole, written_whole
+
+MISSIONS, IDENTITY = "missions", "campaign.json"
+# Missions in a part: what a killed campaign has to sail again at most, with its workers' own.
+PART = 20
+OWN = [field.name for field in fields(Summary) if field.name != "drawn"]
+
+
+def _parquet() -> tuple[Any, Any]:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise UsageError(
+            "A campaign's results are Parquet files, which need: pip install 'grebe[campaign]'."
+        ) from None
+    return pa, pq
+
+
+class Results:
+    """The summaries of a campaign, kept part by part; `known` holds those of all parts."""
+
+    def __init__(self, folder: Path, identity: str, *, force: bool = False) -> None:
+        """Open a folder, or make it; one of another campaign is refused unless by `force`."""
+        _parquet()
+        self.folder = folder
+        self._parts = folder / MISSIONS
+        self._pending: list[Summary] = []
+        self.known: dict[int, Summary] = {}
+        try:
+            self._parts.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made a folder: {error.strerror}.") from None
+        if self._belongs_to(identity, force=force):
+            for part in sorted(self._parts.glob("part-*.parquet")):
+                self.known.update((one.number, one) for one in read_part(part))
+
+    def _belongs_to(self, identity: str, *, force: bool) -> bool:
+        """Whether the folder's missions are this campaign's; makes it so where it is new."""
+        note = self.folder / IDENTITY
+        if note.exists():
+            if json.loads(note.read_text(encoding="utf-8")).get("identity") == identity:
+                return True
+            if not force:
+                raise InputError(
+                    f"{self.folder} holds missions of another campaign, or of this one before it "
+                    "was changed; give another folder, or begin anew by force.",
+                    settings=("force",),
+                )
+        for part in self._parts.glob("part-*.parquet"):
+            part.unlink()
+        write_text_whole(note, json.dumps({"identity": identity}))
+        return False
+
+    def keep(self, summary: Summary) -> None:
+        """Keep one summary; it is on the disk with its part, at the latest after `flush`."""
+        self.known[summary.number] = summary
+        self._pending.append(summary)
+        if len(self._pending) >= PART:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is not on the disk yet."""
+        if not self._pending:
+            return
+        self._pending.sort(key=lambda one: one.number)
+        write_part(self._parts / f"part-{self._pending[0].number:07d}.parquet", self._pending)
+        self._pending.clear()
+
+
+def write_part(path: Path, summaries: Iterable[Summary]) -> None:
+    """Write summaries to one Parquet file, whole or not at all."""
+    arrow, parquet = _parquet()
+    table = arrow.Table.from_pylist([one.row() for one in summaries])
+    with written_whole(path) as part:
+        parquet.write_table(table, part)
+
+
+def read_part(path: Path) -> list[Summary]:
+    """Return the summaries of a Parquet file; `InputError` where it is none."""
+    arrow, parquet = _parquet()
+    try:
+        rows: list[Mapping[str, Any]] = parquet.read_table(path).to_pylist()
+        return [_summary(row) for row in rows]
+    except (arrow.ArrowInvalid, OSError, KeyError) as error:
+        raise InputError(
+            f"{path} is not a part of a campaign's missions ({error}); remove it, and what it "
+            "held is sailed again."
+        ) from None
+
+
+def _summary(row: Mapping[str, Any]) -> Summary:
+    drawn = {name: value for name, value in row.items() if name not in OWN}
+    return Summary(**{name: row[name] for name in OWN}, drawn=drawn)

@@ -1,0 +1,111 @@
+"""Run a campaign: sail what is not known yet, hear it in order, and stop when the claim is decided.
+
+Missions are heard by their numbers, not as they come: those that end early come first, and fail
+less. So the verdict, and where it falls, is the same by whatever engine, and however often the
+campaign was cut off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+
+from grebe.campaigns.certificate import (
+    SequentialTest,
+    Verdict,
+    clopper_pearson_lower,
+    confidence_sequence,
+)
+from grebe.campaigns.engine import Engine
+from grebe.campaigns.results import Results
+from grebe.campaigns.settings import Campaign
+from grebe.campaigns.task import Scene, Summary
+from grebe.core.errors import PlanError
+from grebe.core.survey import Survey
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a campaign came to: the `missions` that count, by their numbers from 0, the verdict
+    and the lower confidence limit of the probability of success.
+
+    Missions that workers had in hand when the claim was decided are kept, and do not count.
+    """
+
+    campaign: Campaign
+    survey: Survey
+    missions: tuple[Summary, ...]
+    verdict: Verdict
+    limit: float
+
+    @property
+    def successes(self) -> int:
+        """How many succeeded."""
+        return sum(one.success for one in self.missions)
+
+    @property
+    def is_sequential(self) -> bool:
+        """Whether it could stop early, so that the limit is a confidence sequence's."""
+        return self.campaign.claim.share is not None
+
+
+def run_campaign(
+    campaign: Campaign,
+    survey: Survey,
+    results: Results,
+    engine: Engine,
+    watch: Callable[[int, int], None] = lambda _done, _of: None,
+) -> Outcome:
+    """Sail a campaign to its verdict or its last mission; `watch` is told how many are done."""
+    if survey.vessel is None or survey.start is None or not survey.targets:
+        raise PlanError("The survey has no targets to steer to; plan a survey first.")
+    heard, test = list[Summary](), SequentialTest(campaign.claim)
+
+    def hear() -> bool:
+        """Hear what has come of the next numbers; return whether there is no need of more."""
+        while test.verdict is Verdict.OPEN and len(heard) < campaign.missions:
+            one = results.known.get(len(heard))
+            if one is None:
+                return False
+            heard.append(one)
+            test.hear(success=one.success)
+        return True
+
+    missing = (i for i in range(campaign.missions) if i not in results.known)
+    if not hear():
+        _sail(Scene(campaign=campaign, survey=survey), missing, results, engine, hear, watch)
+    return Outcome(
+        campaign=campaign,
+        survey=survey,
+        missions=tuple(heard),
+        verdict=test.verdict,
+        limit=_limit(campaign, [one.success for one in heard]),
+    )
+
+
+def _sail(
+    scene: Scene,
+    missing: Iterator[int],
+    results: Results,
+    engine: Engine,
+    hear: Callable[[], bool],
+    watch: Callable[[int, int], None],
+) -> None:
+    """Sail missions until `hear` has heard enough; what came is kept whatever ends it."""
+    try:
+        with closing(engine.results(scene, missing)) as summaries:
+            for _, summary in summaries:
+                results.keep(summary)
+                watch(len(results.known), scene.campaign.missions)
+                if hear():
+                    break
+    finally:
+        results.flush()
+
+
+def _limit(campaign: Campaign, outcomes: list[bool]) -> float:
+    """The lower limit that holds: a fixed number's, or one that holds wherever it was stopped."""
+    if campaign.claim.share is None:
+        return clopper_pearson_lower(sum(outcomes), len(outcomes), campaign.claim.confidence)
+    return float(confidence_sequence(outcomes, campaign.claim.alpha)[-1])

@@ -1,0 +1,123 @@
+"""A campaign: which missions are simulated, what counts as success, and what is to be claimed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from grebe.campaigns.certificate import Claim
+from grebe.campaigns.spread import OneOf, Spread, Value, spread_of
+from grebe.core.errors import UsageError
+from grebe.core.vessel import Vessel
+
+# What may differ from mission to mission, and what it is where the campaign does not say.
+# Directions are where a current or a wind goes to, clockwise from north.
+DEFAULTS: Mapping[str, Value | tuple[float, float]] = {
+    "current_mps": 0.0,
+    "current_to_deg": (0.0, 360.0),
+    "wind_n": 0.0,
+    "wind_to_deg": (0.0, 360.0),
+    "mismatch": 0.0,
+    "position_noise_m": 0.0,
+    "heading_noise_deg": 0.0,
+    "velocity_noise_mps": 0.0,
+    "lost_share": 0.0,
+    "late_s": 0.0,
+    "thruster_dies": 0.0,
+    "blind_s": 0.0,
+    "rule": "lookahead",
+    "boat": "",
+}
+WORDS = {"rule", "boat"}
+SHARES = {"mismatch", "lost_share", "thruster_dies"}
+SIGNED = {"current_to_deg", "wind_to_deg"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Success:
+    """A mission succeeds when every target is reached `within_s`, and the boat's middle is never
+    nearer than `clearance_m` to the edge of the survey's water, from within.
+    """
+
+    within_s: float
+    clearance_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.within_s < math.inf:
+            raise UsageError(f"A time of {self.within_s:g} s is none; give more than 0.")
+        if not 0 <= self.clearance_m < math.inf:
+            raise UsageError(f"A clearance of {self.clearance_m:g} m is none; give 0 or more.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """What a campaign simulates: `missions` at most, each drawn from the `spreads` by `seed` and
+    its number; a name that `spreads` leaves out is as in `DEFAULTS`. `boats` are the vessels that
+    the spread of `boat` names; without a name the survey's own sails.
+    """
+
+    name: str
+    success: Success
+    claim: Claim
+    missions: int = 1000
+    seed: int = 1
+    spreads: Mapping[str, Spread] = field(default_factory=dict[str, Spread])
+    boats: Mapping[str, Vessel] = field(default_factory=dict[str, Vessel])
+
+    def __post_init__(self) -> None:
+        if self.missions < 1 or self.seed < 0:
+            raise UsageError(
+                f"{self.missions} missions by the seed {self.seed} are none; give a positive "
+                "number of missions, and a seed of 0 or more."
+            )
+        for name, spread in self.spreads.items():
+            if name not in DEFAULTS:
+                raise UsageError(
+                    f"A campaign has no setting {name!r} to draw; there are {', '.join(DEFAULTS)}."
+                )
+            _check(name, spread)
+
+    def drawn(self, number: int) -> dict[str, Value]:
+        """Return the settings of one mission: the same ones whenever, and wherever, it is asked.
+
+        Every setting has a stream of its own, so that one more spread leaves the others' draws.
+        """
+        values: dict[str, Value] = {}
+        for i, (name, default) in enumerate(DEFAULTS.items()):
+            written = list(default) if isinstance(default, tuple) else default
+            spread = self.spreads.get(name) or spread_of(name, written)
+            values[name] = spread.draw(np.random.default_rng([self.seed, number, i]))
+        return values
+
+    def identity(self, survey_id: str) -> str:
+        """Return what tells this campaign of a survey from others, whatever it is stopped by."""
+        boats = {name: vars(boat) for name, boat in sorted(self.boats.items())}
+        told: dict[str, Any] = {
+            "survey": survey_id,
+            "seed": self.seed,
+            "success": vars(self.success),
+            "spreads": {name: repr(self.spreads[name]) for name in sorted(self.spreads)},
+            "boats": boats,
+        }
+        return hashlib.sha256(json.dumps(told, default=repr).encode()).hexdigest()
+
+
+def _check(name: str, spread: Spread) -> None:
+    values = spread.support()
+    if name in WORDS:
+        if not all(isinstance(value, str) for value in values) or not isinstance(spread, OneOf):
+            raise UsageError(f"{name} is chosen by name; give one, or {{choose = [...]}}.")
+        return
+    numbers = [value for value in values if not isinstance(value, str)]
+    if len(numbers) < len(values):
+        raise UsageError(f"{name} is a number; give one, or a spread of numbers.")
+    if name not in SIGNED and min(numbers) < 0:
+        raise UsageError(f"{name} cannot be negative; give a spread with low = 0 or more.")
+    if name in SHARES and max(numbers) > 1:
+        raise UsageError(f"{name} is a share; give a spread within 0 to 1.")

@@ -1,0 +1,68 @@
+"""The options that cut a plan into sorties, and the settings that they make."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from grebe.cli import options
+from grebe.core.errors import UsageError
+from grebe.core.plan_settings import SortieSettings
+
+RESERVE = 0.2
+
+
+def sortie_options(command: Any) -> Any:
+    """Add the options of sorties."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+_OPTIONS = (
+    click.option(
+        "--battery",
+        "sortie_battery_wh",
+        type=click.FloatRange(min=0, min_open=True),
+        help="Cut the survey into sorties, each on one battery of so much [Wh].",
+    ),
+    click.option(
+        "--sortie-minutes",
+        type=click.FloatRange(min=0, min_open=True),
+        help="Cut the survey into sorties, each of so many minutes at most.",
+    ),
+    click.option(
+        "--reserve",
+        type=click.FloatRange(0, 1, max_open=True),
+        help="Share of the battery or the minutes that a sortie leaves.  [default: 0.2]",
+    ),
+    click.option(
+        "--harbour",
+        "harbours",
+        type=options.LON_LAT,
+        multiple=True,
+        help="Where sorties begin and end; may be given several times.  [default: the start]",
+    ),
+)
+
+
+def sorties_of(
+    battery_wh: float | None,
+    minutes: float | None,
+    reserve: float | None,
+    harbours: tuple[tuple[float, float], ...],
+) -> SortieSettings | None:
+    """The settings of the options; None where the survey is one mission."""
+    if battery_wh is None and minutes is None:
+        if harbours or reserve is not None:
+            raise UsageError(
+                "--harbour and --reserve are of sorties; give --battery or --sortie-minutes too."
+            )
+        return None
+    return SortieSettings(
+        battery_wh=battery_wh,
+        minutes=minutes,
+        reserve=RESERVE if reserve is None else reserve,
+        harbours=harbours,
+    )

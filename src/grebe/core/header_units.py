@@ -1,0 +1,100 @@
+"""Units as loggers write them behind the names of their columns, and how to convert them.
+
+A header such as `SpCond mS/cm`, `DO (%)`, `Temp, °C (LGR S/N: 1)` or `depth_ft` is a name and a
+unit. A unit is a scale of one kind of measurement; between scales of one kind a value is
+`factor * value + offset` of the kind's first.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A scale: `kind` of what it measures, and how to reach that kind's base scale."""
+
+    kind: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def to(self, other: Unit) -> tuple[float, float]:
+        """Factor and offset that bring a value in this unit to the other, of the same kind.
+
+        Raises `ValueError` where the kinds differ.
+        """
+        if self.kind != other.kind:
+            raise ValueError(f"{self.kind} is not {other.kind}")
+        return self.factor / other.factor, (self.offset - other.offset) / other.factor
+
+
+# By spelling: in lower case, without blanks, with u for micro and no sign for a degree. Bases:
+# Celsius, µS/cm, mg/L, percent, NTU, RFU, QSU, mV, m, dbar, PSU, degrees.
+_UNITS: dict[str, Unit] = {}
+
+
+def _define(kind: str, factor: float, *spellings: str, offset: float = 0.0) -> None:
+    unit = Unit(kind=kind, factor=factor, offset=offset)
+    _UNITS.update(dict.fromkeys(spellings, unit))
+
+
+_define("temperature", 1, "c", "degc", "degreec", "degreesc", "celsius", "degreecelsius", "oc")
+_define("temperature", 5 / 9, "f", "degf", "fahrenheit", "degreesf", offset=-160 / 9)
+_define("temperature", 1, "k", "kelvin", offset=-273.15)
+_define("conductivity", 1, "us/cm", "uscm", "uscm-1", "us", "microsiemenspercentimeter", "umho/cm")
+_define("conductivity", 1e3, "ms/cm", "mscm", "mscm-1", "millisiemenspercentimeter")
+_define("conductivity", 10, "ms/m")
+_define("conductivity", 1e4, "s/m", "sm-1")
+_define("mass in water", 1, "mg/l", "mgl", "mgl-1", "ppm", "g/m3", "milligramsperliter")
+_define("mass in water", 1e-3, "ug/l", "ugl", "ugl-1", "ppb", "mg/m3")
+_define("amount in water", 1, "umol/l", "umoll-1", "um", "mmol/m3")
+_define("percent", 1, "%", "%sat", "percent", "pct", "percentsat", "%saturation", "%satur")
+_define("turbidity", 1, "ntu", "fnu", "ftu", "nephelometricturbidityunits", "formazinunits")
+_define("fluorescence", 1, "rfu")
+_define("quinine", 1, "qsu")
+_define("voltage", 1, "mv", "millivolts")
+_define("voltage", 1e3, "v", "volt", "volts")
+_define("length", 1, "m", "meter", "meters", "metre", "metres")
+_define("length", 0.3048, "ft", "feet", "foot")
+_define("length", 0.01, "cm")
+_define("pressure", 1, "dbar", "decibar")
+_define("pressure", 0.6894757, "psi", "psia", "psig")
+_define("pressure", 10, "bar")
+_define("pressure", 0.01, "mbar", "hpa")
+_define("pressure", 0.1, "kpa")
+_define("salinity", 1, "psu", "ppt", "pss", "g/kg", "practicalsalinityscale")
+_define("acidity", 1, "ph", "phunits", "units", "unit", "su")
+_define("angle", 1, "deg", "degrees", "dd")
+_define("angle", 1e-7, "1e-7deg", "1e7", "dege7", "e7", "degx1e7")
+_define("speed", 1, "m/s", "ms-1", "meterspersecond")
+
+# What is no unit behind a comma or in brackets: serial numbers and labels of a logger's export.
+_SERIAL = re.compile(r"\s*\((LGR|SEN|S/N|LBL|#)[^)]*\)|\s*\(\d{4,}\)", re.IGNORECASE)
+_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
+
+
+def parse_unit(text: str) -> Unit | None:
+    """The unit of a spelling; None for anything else."""
+    plain = text.lower().translate(str.maketrans("µμ", "uu", "° \t_"))
+    return _UNITS.get(plain.replace("·", "").replace("^", ""))
+
+
+def split_header(header: str) -> tuple[str, str]:
+    """A column's name and the spelling of its unit, empty where it names none."""
+    text = _SERIAL.sub("", header.replace("\N{DEGREE CELSIUS}", "°C")).strip()
+    for found in _BRACKETS.finditer(text):
+        if parse_unit(found[1]):
+            return (text[: found.start()] + text[found.end() :]).strip(" ,_"), found[1]
+    for mark in (",", " ", "_"):
+        # The longest end of the header that is a unit, after a name.
+        places = [place.start() for place in re.finditer(re.escape(mark), text)]
+        for place in places:
+            name, unit = text[:place].strip(" ,_"), text[place + 1 :].strip()
+            # One letter behind a stroke is a unit for a temperature alone: `x_m` may be anything.
+            lone = mark == "_" and len(unit) == 1 and "temp" not in name.lower()
+            if name and not lone and parse_unit(unit):
+                return name, unit
+    if text.endswith("%") and len(text) > 1:
+        return text[:-1].strip(), "%"
+    return text, ""

@@ -1,0 +1,176 @@
+"""Revisions of a plan: an order of the targets, cut into sorties, and why it replaced another.
+
+Targets are never edited in place, and a number that a target has been given means that target for
+good. What changes is the order: a revision says which targets are visited, in which order, by which
+corridors and in which sorties. A new one comes from an old one by a pure function, and a survey
+file keeps them all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Literal, get_args
+
+import shapely
+
+from grebe.core.errors import InputError, UsageError
+from grebe.core.survey import Pose, Survey, Target
+
+# Why an order was made: planned; cells shared out among boats; other weather; slower or faster
+# than predicted; an area closed; a target out of reach; a boat lost; where the map is unsure.
+Reason = Literal[
+    "planned", "shared", "weather", "progress", "closed", "unreachable", "boat_lost", "adaptive"
+]
+REASONS: tuple[Reason, ...] = get_args(Reason)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sortie:
+    """One trip of one boat: the targets at places `first` to `last` of its revision's order.
+
+    Places are counted from 1, both ends included. `start` is where the boat is launched and where
+    it comes back to; `time_s` and `energy_wh` are predicted, the ways out and home included.
+    """
+
+    number: int
+    first: int
+    last: int
+    start: Pose
+    time_s: float
+    energy_wh: float
+    boat: int = 1
+
+    def __post_init__(self) -> None:
+        if min(self.number, self.boat) < 1 or not 1 <= self.first <= self.last:
+            raise InputError(
+                f"Sortie {self.number} of boat {self.boat} holds places {self.first} to "
+                f"{self.last}; sorties, boats and places are counted from 1, first to last."
+            )
+        if not (0 <= self.time_s < math.inf and 0 <= self.energy_wh < math.inf):
+            raise InputError(f"Sortie {self.number} has no finite time and energy.")
+
+    def __len__(self) -> int:
+        return self.last - self.first + 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRevision:
+    """One order of a survey's targets; `number` counts from 1.
+
+    `corridors` are empty or as many as the targets. `sorties` are empty, where all is one
+    mission, or follow each other without gap. `highest_seq` is the highest number that any
+    target of the survey has had so far, in whichever revision. `note` is a sentence for people.
+    """
+
+    number: int
+    reason: Reason
+    targets: tuple[Target, ...]
+    corridors: tuple[shapely.Polygon, ...] = ()
+    sorties: tuple[Sortie, ...] = ()
+    highest_seq: int = 0
+    note: str = ""
+    made_at: datetime | None = None
+
+    def __post_init__(self) -> None:
+        if self.reason not in REASONS:
+            raise InputError(f"There is no reason {self.reason!r} for a revision of a plan.")
+        if self.corridors and len(self.corridors) != len(self.targets):
+            raise InputError("The revision has corridors for some of its targets, but not for all.")
+        if self.highest_seq < max((target.seq for target in self.targets), default=0):
+            raise InputError("The revision holds targets beyond the highest number given so far.")
+        _check_sorties(self.sorties, len(self.targets))
+
+    def sortie(self, number: int) -> Sortie:
+        """Return a sortie by its number; `UsageError` where there is none of it."""
+        for one in self.sorties:
+            if one.number == number:
+                return one
+        there = f"it has {len(self.sorties)}" if self.sorties else "it is one mission"
+        raise UsageError(f"The plan has no sortie {number}; {there}.", settings=("sortie",))
+
+
+def _check_sorties(sorties: Sequence[Sortie], places: int) -> None:
+    following = 1
+    for one in sorties:
+        if one.first != following:
+            raise InputError(f"Sortie {one.number} begins at place {one.first}, not {following}.")
+        following = one.last + 1
+    if sorties and following != places + 1:
+        raise InputError(f"The sorties hold {following - 1} of {places} targets.")
+    numbers = [one.number for one in sorties]
+    if len(set(numbers)) != len(numbers):
+        raise InputError("Two sorties have the same number.")
+
+
+def first_revision(
+    survey: Survey, sorties: Sequence[Sortie] = (), made_at: datetime | None = None
+) -> PlanRevision:
+    """Return the order that a survey was planned with."""
+    return PlanRevision(
+        number=1,
+        reason="planned",
+        targets=survey.targets,
+        corridors=survey.corridors,
+        sorties=tuple(sorties),
+        highest_seq=max((target.seq for target in survey.targets), default=0),
+        made_at=made_at,
+    )
+
+
+def revised(
+    old: PlanRevision,
+    *,
+    reason: Reason,
+    note: str,
+    targets: Sequence[Target],
+    corridors: Sequence[shapely.Polygon] = (),
+    sorties: Sequence[Sortie] = (),
+    made_at: datetime | None = None,
+) -> PlanRevision:
+    """Return the revision that follows another.
+
+    A target with a number that was given before must be the target of that number; new ones are
+    numbered from `old.highest_seq + 1` on (`numbered_on`). Raises `InputError` otherwise.
+    """
+    known = {target.seq: target for target in old.targets}
+    for target in targets:
+        before = known.get(target.seq)
+        if before is not None and before.set != target.set:
+            raise InputError(f"Target {target.seq} of the new order is another than of the old.")
+    return PlanRevision(
+        number=old.number + 1,
+        reason=reason,
+        note=note,
+        targets=tuple(targets),
+        corridors=tuple(corridors),
+        sorties=tuple(sorties),
+        highest_seq=max(old.highest_seq, *(target.seq for target in targets)),
+        made_at=made_at,
+    )
+
+
+def numbered_on(old: PlanRevision, new: Sequence[Target]) -> tuple[Target, ...]:
+    """Return new targets with the numbers that follow all that were given before."""
+    return tuple(replace(target, seq=old.highest_seq + i) for i, target in enumerate(new, 1))
+
+
+def left_out(old: PlanRevision, new: PlanRevision) -> tuple[int, ...]:
+    """Return the numbers of the cells that an old order visits and a new one does not."""
+    kept = {target.seq for target in new.targets}
+    return tuple(t.seq for t in old.targets if t.kind == "cell" and t.seq not in kept)
+
+
+def survey_of(survey: Survey, revision: PlanRevision, sortie: Sortie | None = None) -> Survey:
+    """Return a survey in the order of a revision: all of it, or one of its sorties."""
+    if sortie is None:
+        return replace(survey, targets=revision.targets, corridors=revision.corridors)
+    places = slice(sortie.first - 1, sortie.last)
+    return replace(
+        survey,
+        targets=revision.targets[places],
+        corridors=revision.corridors[places],
+        start=sortie.start,
+    )

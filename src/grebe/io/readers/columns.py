@@ -1,0 +1,174 @@
+"""Which column of a table holds what, in which unit.
+
+A column is found by its name, or named by the caller. The unit that its header names must be one
+of the quantity's own kind: it is converted, or the column is another quantity's or nobody's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grebe.core.errors import TrackError
+from grebe.core.header_units import Unit, parse_unit, split_header
+from grebe.core.quantity import Quantity
+
+if TYPE_CHECKING:
+    from grebe.core.quantities import Quantities
+
+# Columns that speak about another one.
+_NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|units)$")
+# What the columns of time and place may be called, first match wins; those of the quantities are
+# named in the registry. Matched on lower-case letters, digits and the signs of units alone.
+PLACE_AND_TIME: dict[str, tuple[str, ...]] = {
+    "time": (r"gpstimestamp", r"(unix)?timestamp", r"time.*", r"datetime.*", r"unix.*"),
+    "lat": (r"lat(itude)?(deg|dd)?", r".*latitude.*"),
+    "lon": (r"lon(gitude)?(deg|dd)?", r"lng", r".*longitude.*"),
+}
+OXYGEN, SATURATION = "dissolved_oxygen_mgl", "oxygen_saturation_percent"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """Where values are: the header's `name`, and `factor`, `offset` that bring them to the unit
+    of their quantity; `unit` as the header spells it. `by_solubility` where saturation and
+    concentration of oxygen are to be brought into each other.
+    """
+
+    name: str
+    unit: str = ""
+    factor: float = 1.0
+    offset: float = 0.0
+    by_solubility: bool = False
+
+    @property
+    def converted(self) -> bool:
+        """Whether the numbers change."""
+        return self.by_solubility or self.factor != 1 or self.offset != 0
+
+
+def find_columns(
+    path: Path,
+    header: Sequence[str],
+    given: Mapping[str, str],
+    quantities: Quantities,
+    *,
+    placed: bool = True,
+) -> dict[str, Column]:
+    """The column of each key that the table has; `TrackError` says what is missing or wrong.
+
+    `placed`: the table must tell latitude and longitude.
+    """
+    known = {*PLACE_AND_TIME, *quantities}
+    for key, name in given.items():
+        if key not in known:
+            raise TrackError(
+                f"{path}: a column is given for {key!r}, which is neither time, lat, lon nor a "
+                f"quantity ({quantities.keys_text})."
+            )
+        if name not in header:
+            raise TrackError(f"{path}: there is no column {name!r}; it has {', '.join(header)}.")
+    found: dict[str, Column] = {}
+    plain = _plain_names(header)
+    for key, expressions in PLACE_AND_TIME.items():
+        name = given.get(key) or _first_match(expressions, plain)
+        if name is not None:
+            found[key] = Column(name=name)
+    for key, quantity in quantities.items():
+        column = (
+            _given(path, given[key], quantity) if key in given else _found(header, plain, quantity)
+        )
+        if column is not None:
+            found[key] = column
+    for key, what in (("lat", "latitude"), ("lon", "longitude")):
+        if placed and key not in found:
+            raise TrackError(
+                f"{path}: no column looks like a {what}; say which one it is, as "
+                f"{key}=NAME (columns: {', '.join(header)}).",
+                settings=("columns",),
+            )
+    return found
+
+
+def unit_of(quantity: Quantity) -> Unit | None:
+    """The unit of a quantity's column, where it is one that is known; a pH has one of its own."""
+    return parse_unit(quantity.unit or ("pH" if quantity.key == "ph" else ""))
+
+
+def _given(path: Path, name: str, quantity: Quantity) -> Column:
+    """A column that the caller named: converted to the quantity's unit, or refused."""
+    spelled = split_header(name)[1]
+    there, here = parse_unit(spelled), unit_of(quantity)
+    if there is None or here is None:
+        return Column(name=name)
+    if there.kind == here.kind:
+        factor, offset = there.to(here)
+        return Column(name=name, unit=spelled, factor=factor, offset=offset)
+    if (quantity.key, there.kind) in {(OXYGEN, "percent"), (SATURATION, "mass in water")}:
+        return Column(name=name, unit=spelled, factor=there.factor, by_solubility=True)
+    raise TrackError(
+        f"{path}: column {name!r} is in {spelled}, and {quantity.key} in {quantity.unit or '1'}: "
+        "that is another quantity; name the column that holds it.",
+        settings=("columns",),
+    )
+
+
+def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> Column | None:
+    """The column of a quantity: one in its very unit, or one that is converted to it."""
+    here = unit_of(quantity)
+    name = _first_match(quantity.columns, plain)
+    if name is not None:
+        spelled = split_header(name)[1]
+        there = parse_unit(spelled)
+        if there is None or here is None:
+            return Column(name=name)
+        if there.kind == here.kind:
+            factor, offset = there.to(here)
+            return Column(name=name, unit=spelled, factor=factor, offset=offset)
+    if here is None:
+        return None
+    for column in header:
+        bare, spelled = split_header(column)
+        there = parse_unit(spelled)
+        if there is None or there.kind != here.kind or _NOT_A_VALUE.search(column.lower()):
+            continue
+        base = _plain(bare)
+        # As the header would read in the quantity's own unit, which the patterns know.
+        own = "percent" if here.kind == "percent" else _plain(quantity.unit)
+        if any(
+            re.fullmatch(pattern, text)
+            for pattern in quantity.columns
+            if "/" not in pattern
+            for text in (base + own, base)
+        ):
+            factor, offset = there.to(here)
+            return Column(name=column, unit=spelled, factor=factor, offset=offset)
+    return None
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^a-z0-9°µμ]", "", text.lower())
+
+
+def _plain_names(header: Sequence[str]) -> dict[str, str]:
+    """Columns by their plain name, alone and with that of the column before: `before/this`."""
+    plain: dict[str, str] = {}
+    before = ""
+    for name in header:
+        this = _plain(name)
+        if not _NOT_A_VALUE.search(name.lower()):
+            plain.setdefault(this, name)
+            plain.setdefault(f"{before}/{this}", name)
+        before = this
+    return plain
+
+
+def _first_match(expressions: Sequence[str], plain: dict[str, str]) -> str | None:
+    for expression in expressions:
+        for name, column in plain.items():
+            if ("/" in name) == ("/" in expression) and re.fullmatch(expression, name):
+                return column
+    return None

@@ -1,0 +1,141 @@
+"""A table as loggers export it: what stands before the header, the header, and the rows.
+
+Instruments write lines about themselves before the names of the columns, and some a line of units
+below them: the header is the line that names most of what is looked for.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from grebe.core.errors import TrackError
+from grebe.core.header_units import parse_unit, split_header
+from grebe.io.readers.text import read_text
+
+# A header is looked for within so many lines.
+LONGEST_PREAMBLE = 120
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_NAMES = re.compile(
+    r"\b(date|time|timestamp|lat(itude)?|lon(gitude)?|lng|temp(erature)?|ph|depth|battery|turb\w*|"
+    r"cond\w*|spcond|l?do|odo|rdo|dissolved|oxygen|chl\w*|salinity|pressure|q)\b"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """The names of the columns, and the rows as texts; a row may be shorter than the header."""
+
+    header: list[str]
+    rows: list[list[str]]
+    notes: tuple[str, ...] = ()
+
+
+def read_table(
+    path: Path, header_from: Path | None = None, columns: Sequence[str] | None = None
+) -> Table:
+    """Read a table; `TrackError` or `InputError` says what is wrong with it.
+
+    A file without a header takes its names from that of `header_from`, or from `columns`; both
+    must have as many as its rows.
+    """
+    rows = _rows(path)
+    if not rows:
+        raise TrackError(f"{path}: the file holds no values.")
+    if columns is not None or header_from is not None:
+        source = "the profile" if header_from is None else str(header_from)
+        names = list(columns or ()) if header_from is None else _header_of(header_from)
+        return Table(header=_fitting(path, rows, names, source), rows=rows)
+    place = _header_place(rows)
+    header = [cell.strip() for cell in rows[place]]
+    if sum(map(is_number, header)) > len(header) / 2:
+        raise TrackError(
+            f"{path}: the first row begins with {', '.join(header[:3])}: values, not the names of "
+            "columns; add a header row, or name a file of the same columns that has one.",
+            settings=("header_from",),
+        )
+    body = rows[place + 1 :]
+    if body and _is_units(body[0]):
+        header = [
+            _with_unit(name, unit.strip()) for name, unit in zip(header, body[0], strict=False)
+        ]
+        body = body[1:]
+    if not body:
+        raise TrackError(f"{path}: a header and no rows.")
+    notes = (f"{place} lines before the header: not used",) if place else ()
+    return Table(header=header, rows=body, notes=notes)
+
+
+def _header_of(path: Path) -> list[str]:
+    rows = _rows(path)
+    return [cell.strip() for cell in rows[_header_place(rows)]]
+
+
+def _fitting(path: Path, rows: list[list[str]], names: list[str], source: str) -> list[str]:
+    """The names, if each row has as many values: else a name would stand over another column."""
+    widths = {len(row) for row in rows}
+    usual = max(widths, key=[len(row) for row in rows].count)
+    if usual != len(names):
+        raise TrackError(
+            f"{path}: its rows have {usual} columns, and {source} names {len(names)}: the names "
+            "would stand over the wrong values; give names for this very format.",
+            settings=("header_from",),
+        )
+    return names
+
+
+def _header_place(rows: list[list[str]]) -> int:
+    """The row that names most columns; the first where none names two."""
+
+    def score(row: list[str]) -> int:
+        texts = [cell for cell in row if cell.strip() and not is_number(cell)]
+        named = sum(bool(_NAMES.search(re.sub(r"[_&.]", " ", cell.lower()))) for cell in texts)
+        return named if named >= 2 else 0
+
+    first = score(rows[0])
+    scores = [score(row) for row in rows[:LONGEST_PREAMBLE]]
+    best = max(scores)
+    return 0 if best in {0, first} else scores.index(best)
+
+
+def _is_units(row: list[str]) -> bool:
+    texts = [cell.strip() for cell in row if cell.strip()]
+    units = [parse_unit(text.strip("()[]")) for text in texts]
+    return bool(texts) and not any(map(is_number, texts)) and any(units)
+
+
+def _with_unit(name: str, unit: str) -> str:
+    bare = unit.strip("()[]")
+    return f"{name} ({bare})" if parse_unit(bare) and not split_header(name)[1] else name
+
+
+def _rows(path: Path) -> list[list[str]]:
+    text = read_text(path)
+    lines = text.lstrip().split("\n", LONGEST_PREAMBLE)[:LONGEST_PREAMBLE]
+    if lines[0].lower().startswith("sep="):
+        text, lines = text.lstrip().split("\n", 1)[1], lines[1:]
+    delimiter = max(",;\t", key=lambda mark: max(line.count(mark) for line in lines))
+    # Decimal commas outnumber the semicolons between the values.
+    if delimiter == "," and lines[0].count(";") > lines[0].count(","):
+        delimiter = ";"
+    try:
+        return [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if any(row)]
+    except csv.Error as error:
+        raise TrackError(f"{path}: not a table of separated values ({error}).") from None
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number."""
+    return number(text) is not None
+
+
+def number(text: str) -> float | None:
+    """A number, with a point or a comma before its decimals; None for anything else."""
+    try:
+        return float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text.strip()) else text)
+    except ValueError:
+        return None

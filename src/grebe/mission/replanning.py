@@ -1,0 +1,155 @@
+"""Plan the rest anew while the boat sails: when, beside the loop, and what comes of it.
+
+The work is done in a thread of its own, and the boat goes on with its old order meanwhile; what it
+reaches in that time makes the new order stale, and it is asked for again from there. A simulated
+boat waits for its new order, for its time is not the clock's.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from grebe.core.dynamics import CALM, Weather
+from grebe.core.errors import PlanError
+from grebe.core.revision import PlanRevision, Reason, Sortie, survey_of
+from grebe.core.survey import Survey
+from grebe.core.vessel import Vessel
+from grebe.mission.helm import Helm
+from grebe.planning.region import Region, navigable_water
+from grebe.planning.revise import Halfway, OpenWater, open_water, replanned
+
+# A current that differs by so much from the one that was planned with, for so long, is another.
+OTHER_WEATHER_MPS, FOR_S = 0.15, 60.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewOrder:
+    """A revision, what of it the mission has to do, who steers it, and what it was made from."""
+
+    revision: PlanRevision
+    survey: Survey
+    helm: Helm
+    reached: int
+
+
+@dataclass(kw_only=True)
+class Replanner:
+    """Keeps a mission's plan and makes revisions of it; `survey` is the whole of it, `helm_of`
+    makes who steers a part. `waits` where the loop waits for a new order.
+    """
+
+    survey: Survey
+    revision: PlanRevision
+    vessel: Vessel
+    helm_of: Callable[[Survey], Helm]
+    sortie: Sortie | None = None
+    waits: bool = False
+    _open: OpenWater | None = None
+    _left_out: set[int] = field(default_factory=set[int])
+    _thread: threading.Thread | None = None
+    _new: NewOrder | PlanError | None = None
+    _since_s: float | None = None
+    _weather: Weather | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a new order has been asked for and is not taken yet."""
+        return self._thread is not None or self._new is not None
+
+    def give_up(self, seq: int, reached: int, place: tuple[float, float], weather: Weather) -> None:
+        """Ask for an order without a target that is not reached in time."""
+        if self.is_busy:
+            return
+        self._left_out.add(seq)
+        note = f"target {seq} was not reached in time and is left out"
+        self._ask("unreachable", note, reached, place, weather)
+
+    def watch(
+        self, time_s: float, reached: int, place: tuple[float, float], weather: Weather
+    ) -> None:
+        """Ask for an order for the weather where it has long been another than was planned with."""
+        planned = self._weather or (self.survey.settings.weather if self.survey.settings else CALM)
+        north = weather.current_north_mps - planned.current_north_mps
+        east = weather.current_east_mps - planned.current_east_mps
+        if math.hypot(north, east) < OTHER_WEATHER_MPS:
+            self._since_s = None
+            return
+        self._since_s = time_s if self._since_s is None else self._since_s
+        if time_s - self._since_s < FOR_S or self.is_busy:
+            return
+        self._weather, self._since_s = weather, None
+        note = (
+            f"the current is {weather.current_north_mps:+.2f} m/s north, "
+            f"{weather.current_east_mps:+.2f} m/s east, and was planned as "
+            f"{planned.current_north_mps:+.2f}, {planned.current_east_mps:+.2f}"
+        )
+        self._ask("weather", note, reached, place, weather)
+
+    def ready(self, reached: int, place: tuple[float, float], weather: Weather) -> NewOrder | None:
+        """Return the new order once it is there; one that has become stale is asked for anew.
+
+        Where there is none, `PlanError` says why, once.
+        """
+        if self._thread is not None and (self.waits or not self._thread.is_alive()):
+            self._thread.join()
+            self._thread = None
+        if self._thread is not None or self._new is None:
+            return None
+        new, self._new = self._new, None
+        if isinstance(new, PlanError):
+            raise new
+        if reached != new.reached:
+            self._ask(new.revision.reason, new.revision.note, reached, place, weather)
+            return None
+        self.revision = new.revision
+        if self.sortie is not None:
+            self.sortie = new.revision.sortie(self.sortie.number)
+        return new
+
+    def _ask(
+        self, reason: Reason, note: str, reached: int, place: tuple[float, float], weather: Weather
+    ) -> None:
+        work = threading.Thread(
+            target=self._work, args=(reason, note, reached, place, weather), daemon=True
+        )
+        self._thread = work
+        work.start()
+
+    def _work(
+        self, reason: Reason, note: str, reached: int, place: tuple[float, float], weather: Weather
+    ) -> None:
+        halfway = Halfway(reached=reached, place=place, sortie=self.sortie)
+        try:
+            new = replanned(
+                self.revision,
+                self.survey,
+                self._water(),
+                halfway,
+                vessel=self.vessel,
+                weather=weather,
+                reason=reason,
+                note=note,
+                without=self._left_out,
+            )
+        except PlanError as error:
+            self._new = error
+            return
+        part = None if self.sortie is None else new.sortie(self.sortie.number)
+        survey = survey_of(self.survey, new, part)
+        self._new = NewOrder(
+            revision=new, survey=survey, helm=self.helm_of(survey), reached=reached
+        )
+
+    def _water(self) -> OpenWater:
+        """The cells and the ways between them, measured when they are first needed."""
+        if self._open is None:
+            survey = self.survey
+            region = Region(name=survey.name, frame=survey.frame, water=survey.water)
+            margin_m = survey.settings.shore_margin_m if survey.settings else 0.0
+            start = survey.start and (survey.start.north_m, survey.start.east_m)
+            water, _ = navigable_water(region, survey.no_go, margin_m, start)
+            self._open = open_water(survey, water)
+        return self._open

@@ -1,0 +1,102 @@
+"""Check the sorties of a survey, with nothing of what planned them: shapely and the survey alone,
+and the ways home that a mission's guard reckons with.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import shapely
+
+from grebe.core.dynamics import Weather, drive_power_w
+from grebe.core.errors import PlanError
+from grebe.core.revision import PlanRevision, Sortie, survey_of
+from grebe.core.sets import footprints_of
+from grebe.core.survey import Survey
+from grebe.planning.check import check_plan
+from grebe.planning.homeward import Homeward, homeward, way_length_m
+from grebe.planning.taut import taut_way
+from grebe.planning.travel import WANDER, ground_speed, travel_of
+
+# The guard's own reserves for a way home.
+HOME_SHARE, HOME_SLACK_S = 0.25, 30.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SortieCheck:
+    """What was found of one sortie.
+
+    `outside_m2` of its ways lie outside the water; it ends `from_harbour_m` from where it began;
+    `least_left_s` is the least, over all of its places, of what is left of its time, by the limit
+    of minutes or the battery without the reserve, once the way home in the worst of the stated
+    weather is taken off.
+    """
+
+    number: int
+    outside_m2: float
+    from_harbour_m: float
+    least_left_s: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the boat stays in the water, ends at its harbour, and is home in time from
+        wherever it turns back.
+        """
+        return self.outside_m2 == 0.0 and self.from_harbour_m < 15.0 and self.least_left_s >= 0.0
+
+
+def check_sorties(
+    survey: Survey, revision: PlanRevision, water: shapely.Polygon
+) -> list[SortieCheck]:
+    """Check each sortie of a revision against the water that the boat may use.
+
+    The worst of the weather is a current and a wind as strong as stated, straight against the
+    boat on every leg of the way home.
+    """
+    ways: dict[tuple[float, float], Homeward] = {}
+    found: list[SortieCheck] = []
+    for sortie in revision.sorties:
+        part = survey_of(survey, revision, sortie)
+        home = (sortie.start.north_m, sortie.start.east_m)
+        if home not in ways:
+            ways[home] = homeward(water, home)
+        last = part.targets[-1].set
+        found.append(
+            SortieCheck(
+                number=sortie.number,
+                outside_m2=check_plan(part, water).outside_m2,
+                from_harbour_m=last.footprint_distance(*home),
+                least_left_s=_least_left_s(part, sortie, ways[home]),
+            )
+        )
+    return found
+
+
+def _least_left_s(part: Survey, sortie: Sortie, ways: Homeward) -> float:
+    settings, vessel = part.settings, part.vessel
+    if settings is None or settings.sorties is None or vessel is None:
+        raise PlanError("The survey does not say what its sorties may last.")
+    weather, fastest = settings.weather, settings.speed_max_mps
+    travel = travel_of(vessel, (settings.speed_min_mps, fastest), weather)
+    current = math.hypot(weather.current_north_mps, weather.current_east_mps)
+    wind = math.hypot(weather.wind_force_north_n, weather.wind_force_east_n)
+    against = Weather(current_north_mps=-current, wind_force_north_n=-wind)
+    pace = ground_speed(vessel, fastest, against, 0.0)
+    through = min(fastest + current, vessel.speed_max_mps)
+    thrust = 0.5 * vessel.surge_drag_n(through)
+    power_home_w = drive_power_w(vessel, (thrust, thrust), through)
+    way = taut_way((sortie.start.north_m, sortie.start.east_m), footprints_of(part.sets))
+    bounds, left = settings.sorties, math.inf
+    for k in range(1, len(way)):
+        spent_s = travel.path_s(way[: k + 1])
+        home_m = way_length_m(ways.way_from((float(way[k, 0]), float(way[k, 1]))))
+        home_s = (1 + HOME_SHARE) * WANDER * home_m / pace
+        if bounds.minutes is not None:
+            limit_s = 60 * bounds.minutes * (1 - bounds.reserve)
+            left = min(left, limit_s - spent_s - home_s - HOME_SLACK_S)
+        if bounds.battery_wh is not None:
+            limit_ws = 3600 * bounds.battery_wh * (1 - bounds.reserve)
+            spare_ws = limit_ws - travel.power_w * spent_s - power_home_w * home_s
+            left = min(left, spare_ws / travel.power_w)
+    return left

@@ -1,0 +1,76 @@
+"""A picture of a plan in sorties: whose cells are whose, and the way of each."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from grebe.core.revision import PlanRevision, survey_of
+from grebe.core.survey import Survey
+from grebe.report.canvas import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    SKY,
+    VERMILLION,
+    draw_no_go,
+    draw_water,
+    figure_size,
+    finish_map,
+    styled,
+)
+
+# Okabe and Ito's colours, in an order in which neighbours differ in lightness too; beyond six
+# sorties they come again, hatched.
+COLOURS = (ORANGE, BLUE, "#F0E442", GREEN, SKY, VERMILLION)
+HATCHES = ("", "////", "....", "xxxx")
+MANY_CELLS = 3_000
+
+
+@styled
+def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
+    """The cells in the colours of their sorties, the way of each, its number and its harbour."""
+    figure = Figure(figsize=figure_size(survey))
+    axes = figure.subplots()
+    draw_water(axes, survey)
+    many = len(revision.targets) > MANY_CELLS
+    outline: list[patheffects.AbstractPathEffect] = [
+        patheffects.withStroke(linewidth=3, foreground="white")
+    ]
+    for i, sortie in enumerate(revision.sorties):
+        part = survey_of(survey, revision, sortie)
+        cells = [t for t in part.targets if t.kind == "cell"]
+        axes.add_collection(
+            PolyCollection(
+                [np.asarray(t.set.vertices)[:, ::-1] for t in cells],
+                facecolors=COLOURS[i % len(COLOURS)],
+                edgecolors="none" if many else "white",
+                hatch=HATCHES[i // len(COLOURS) % len(HATCHES)],
+                linewidths=0.4,
+                alpha=0.75,
+                label=f"{sortie.number}: {sortie.time_s / 60:.0f} min, {sortie.energy_wh:.0f} Wh",
+            )
+        )
+        start = (sortie.start.north_m, sortie.start.east_m)
+        way = np.array([start, *(t.set.centre for t in part.targets)])
+        axes.plot(way[:, 1], way[:, 0], color=BLACK, lw=0.4 if many else 0.7, alpha=0.8)
+        middle = np.median([t.set.centre for t in cells], axis=0)
+        nearest = min(cells, key=lambda t: float(np.hypot(*(t.set.centre - middle))))
+        north, east = nearest.set.centre
+        text = axes.text(
+            east, north, str(sortie.number), ha="center", va="center", weight="bold", size=14
+        )
+        text.set_path_effects(outline)
+    draw_no_go(axes, survey)
+    places = {(s.start.east_m, s.start.north_m) for s in revision.sorties}
+    axes.plot(
+        *np.array(sorted(places)).T, marker="^", ls="none", ms=10, color=BLACK, mec="white",
+        label="harbour", zorder=5,
+    )  # fmt: skip
+    axes.set_title(f"{survey.name}: {len(revision.sorties)} sorties")
+    finish_map(axes, survey)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
+    return figure

@@ -1,0 +1,57 @@
+"""What a survey in sorties means for a run: how far a sortie has come, and when it must be home."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from grebe.core.revision import Sortie
+from grebe.core.survey import Survey
+from grebe.io.store import SurveyFile
+from grebe.mission.safety.settings import SafetySettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class SortieState:
+    """A sortie, and how many of its targets are reached."""
+
+    sortie: Sortie
+    reached: int
+
+    @property
+    def is_flown(self) -> bool:
+        """Whether all of its targets are reached."""
+        return self.reached == len(self.sortie)
+
+    def __str__(self) -> str:
+        one = self.sortie
+        return (
+            f"{one.number}: {self.reached} of {len(one)} targets, {one.time_s / 60:.0f} min, "
+            f"{one.energy_wh:.0f} Wh"
+        )
+
+
+def sortie_states(survey_file: SurveyFile) -> list[SortieState]:
+    """Return how far each sortie of the plan has come; empty where it has none."""
+    reached_at = survey_file.progress().reached_at
+    return [
+        SortieState(
+            sortie=one,
+            reached=sum(when is not None for when in reached_at[one.first - 1 : one.last]),
+        )
+        for one in survey_file.revision.sorties
+    ]
+
+
+def kept_by_plan(safety: SafetySettings, survey: Survey) -> SafetySettings:
+    """Return the settings with the battery and the time that the plan's sorties are made for, where
+    the run does not say otherwise.
+    """
+    bounds = None if survey.settings is None else survey.settings.sorties
+    if bounds is None:
+        return safety
+    if safety.battery_wh is None and bounds.battery_wh is not None:
+        safety = replace(safety, battery_wh=bounds.battery_wh, battery_reserve=bounds.reserve)
+    if math.isinf(safety.max_s) and bounds.minutes is not None:
+        safety = replace(safety, max_s=60 * bounds.minutes * (1 - bounds.reserve))
+    return safety

@@ -1,0 +1,234 @@
+"""Campaigns as a whole: pure missions, the order of hearing, resumption, the page, the command."""
+
+import json
+import random
+from dataclasses import replace
+
+import pytest
+import shapely
+from click.testing import CliRunner
+from conftest import square_survey
+
+from grebe.campaigns.certificate import Claim, Verdict, clopper_pearson_lower
+from grebe.campaigns.engine import Serial
+from grebe.campaigns.page import numbers, sentence, write_report
+from grebe.campaigns.reading import read_campaign
+from grebe.campaigns.results import Results, read_part
+from grebe.campaigns.run import run_campaign
+from grebe.campaigns.settings import Campaign, Success
+from grebe.campaigns.spread import spread_of
+from grebe.campaigns.task import Scene, Summary, clearance_m
+from grebe.cli.main import grebe
+from grebe.core.errors import InputError, LinkError, UsageError
+from grebe.workflow.files import write_survey
+
+pytest.importorskip("pyarrow")
+
+SURVEY = square_survey()
+
+
+def campaign(claim=None, missions=100, **spreads):
+    drawn = {name: spread_of(name, value) for name, value in spreads.items()}
+    return Campaign(
+        name="trial",
+        success=Success(within_s=120.0),
+        claim=claim or Claim(),
+        missions=missions,
+        spreads=drawn,
+    )
+
+
+def summary_of(number, success):
+    """A mission that somebody else has sailed."""
+    return Summary(
+        number=number,
+        success=success,
+        in_time=success,
+        in_water=True,
+        reached=4 if success else 2,
+        targets=4,
+        duration_s=50.0 if success else 300.0,
+        clearance_m=1.5,
+        path_m=40.0,
+        energy_wh=1.0,
+        ended="mission_complete",
+        error="",
+        drawn=campaign().drawn(number),
+    )
+
+
+class Known:
+    """An engine whose results are known, and which gives them in an order of its own."""
+
+    def __init__(self, succeeds, ahead=1, fails_after=None):
+        self.succeeds, self.ahead, self.fails_after = succeeds, ahead, fails_after
+        self.given = []
+
+    def results(self, task, items):
+        waiting, items, shuffled = [], iter(items), random.Random(5)
+        while True:
+            while len(waiting) < self.ahead and (item := next(items, None)) is not None:
+                waiting.append(item)
+            if not waiting:
+                return
+            item = waiting.pop(shuffled.randrange(len(waiting)))
+            if self.fails_after is not None and len(self.given) == self.fails_after:
+                raise LinkError("the workers are gone")
+            self.given.append(item)
+            yield item, summary_of(item, self.succeeds(item))
+
+
+def outcome_of(folder, engine, claim=None, missions=400, identity="a"):
+    return run_campaign(
+        campaign(claim, missions), SURVEY, Results(folder, identity), engine, lambda *_: None
+    )
+
+
+CLAIM = Claim(confidence=0.99, share=0.9)
+
+
+def test_a_mission_is_a_pure_function_of_settings_and_number():
+    scene = Scene(
+        campaign=campaign(current_mps=[0, 0.2], velocity_noise_mps=0.02, mismatch=0.1),
+        survey=SURVEY,
+    )
+    assert scene(3) == scene(3)
+    assert scene(3).drawn != scene(4).drawn
+    assert scene(3).success
+    assert scene(3).clearance_m > 0
+
+
+def test_a_current_that_is_too_strong_is_a_failure_and_kept():
+    one = Scene(campaign=campaign(current_mps=4.0), survey=SURVEY)(0)
+    assert not one.success
+    assert one.reached < one.targets
+
+
+def test_clearance_is_negative_outside_and_in_no_go_zones():
+    survey = replace(SURVEY, no_go=(shapely.box(8, 8, 12, 12),))
+    assert clearance_m(SURVEY, [[10, 10], [3, 10]]) == pytest.approx(3)
+    assert clearance_m(SURVEY, [[10, 10], [-2, 10]]) == pytest.approx(-2)
+    assert clearance_m(survey, [[3, 3], [9, 10]]) == pytest.approx(-1)
+
+
+def test_the_verdict_is_the_same_in_whatever_order_missions_come(tmp_path):
+    def succeeds(number):
+        return number % 40 != 3
+
+    plain = outcome_of(tmp_path / "a", Known(succeeds), CLAIM)
+    mixed = outcome_of(tmp_path / "b", Known(succeeds, ahead=12), CLAIM)
+    assert plain.verdict is Verdict.CERTIFIED
+    assert plain == mixed
+    assert [one.number for one in mixed.missions] == list(range(len(mixed.missions)))
+    assert len(plain.missions) < 400
+
+
+def test_a_campaign_that_was_cut_off_goes_on_to_the_same_end(tmp_path):
+    def succeeds(number):
+        return number % 40 != 3
+
+    whole = outcome_of(tmp_path / "whole", Known(succeeds, ahead=3), CLAIM)
+    sailed = 0
+    for _ in range(20):
+        engine = Known(succeeds, ahead=3, fails_after=17)
+        try:
+            outcome = outcome_of(tmp_path / "cut", engine, CLAIM)
+        except LinkError:
+            sailed += len(engine.given)
+            continue
+        sailed += len(engine.given)
+        break
+    assert outcome == whole
+    assert sailed == len(list(Results(tmp_path / "cut", "a").known))  # none was sailed twice
+
+
+def test_a_fixed_number_has_clopper_and_pearson_s_limit(tmp_path):
+    outcome = outcome_of(tmp_path, Known(lambda n: n != 5), Claim(confidence=0.95), missions=60)
+    assert outcome.limit == clopper_pearson_lower(59, 60, 0.95)
+    assert numbers(outcome)["method"] == "Clopper-Pearson"
+
+
+def test_another_campaign_s_folder_is_refused(tmp_path):
+    outcome_of(tmp_path, Known(lambda n: True), missions=30)
+    with pytest.raises(InputError, match="another campaign"):
+        Results(tmp_path, "b")
+    assert not Results(tmp_path, "b", force=True).known
+
+
+def test_results_are_parquet_that_any_reader_reads(tmp_path):
+    outcome_of(tmp_path, Known(lambda n: n % 3 > 0), missions=50)
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(tmp_path / "missions").to_pylist()
+    assert sorted(row["number"] for row in table) == list(range(50))
+    assert {"success", "clearance_m", "wind_n", "rule"} <= set(table[0])
+    part = next((tmp_path / "missions").glob("*.parquet"))
+    part.write_bytes(b"damaged")
+    with pytest.raises(InputError, match="sailed again"):
+        read_part(part)
+
+
+def test_the_report_says_what_was_found_and_rounds_no_limit_up(tmp_path):
+    outcome = outcome_of(tmp_path, Known(lambda n: n % 40 != 3), CLAIM)
+    assert f"at least {int(outcome.limit * 1000) / 10} %" in sentence(outcome)
+    files = write_report(outcome, tmp_path)
+    told = json.loads(files[0].read_text())
+    assert told["successes"] == outcome.successes
+    page = files[2].read_text()
+    assert sentence(outcome) in page
+    assert "certified" in page
+    assert files[1].stat().st_size > 10_000
+
+
+FILE = """
+survey = "survey.gpkg"
+missions = 3
+[success]
+within_minutes = 2
+[claim]
+confidence = 0.9
+[draw]
+current_mps = [0, 0.1]
+"""
+
+
+def run(*words):
+    result = CliRunner().invoke(grebe, words, catch_exceptions=False)
+    assert result.exit_code == 0, result.stderr
+    return result
+
+
+@pytest.mark.slow
+def test_the_command_sails_resumes_and_certifies(tmp_path):
+    write_survey(tmp_path / "survey.gpkg", SURVEY)
+    file = tmp_path / "pond.toml"
+    file.write_text(FILE)
+    first = json.loads(run("campaign", str(file), "--workers", "1", "--json").stdout)
+    assert first["successes"] == first["missions"] == 3
+    assert first["lower_limit"] == pytest.approx(0.1 ** (1 / 3))
+    again = json.loads(run("campaign", str(file), "--workers", "1", "--json").stdout)
+    assert again == first
+    serial = Scene(campaign=read_campaign(file).campaign, survey=read_campaign(file).survey)
+    kept = Results(tmp_path / "pond", read_campaign(file).identity).known
+    assert dict(Serial().results(serial, range(3))) == kept
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("within_minutes = 2", ""), "within_minutes"),
+        (("missions = 3", "missions = 0"), "missions"),
+        (("missions = 3", 'missions = "3"'), "number"),
+        (("current_mps", "curent_mps"), "curent_mps"),
+        (("[draw]", "[drawn]"), "drawn"),
+        (("survey.gpkg", "none.gpkg"), "none.gpkg"),
+        (("current_mps = [0, 0.1]", 'rule = "triple"'), "triple"),
+        (("survey", "= survey"), "TOML"),
+    ],
+)
+def test_what_is_wrong_in_a_campaign_s_file_is_said(tmp_path, change, said):
+    write_survey(tmp_path / "survey.gpkg", SURVEY)
+    file = tmp_path / "pond.toml"
+    file.write_text(FILE.replace(*change, 1))
+    with pytest.raises((InputError, UsageError), match=said):
+        read_campaign(file)

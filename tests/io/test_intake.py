@@ -1,0 +1,178 @@
+"""Loggers' files of all kinds: what contradicts is refused, what is converted is told."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from conftest import CHINA, TRACKS, needs_tracks
+
+from grebe.cli.main import grebe
+from grebe.core.errors import InputError, TrackError
+from grebe.io.readers.clock import read_times, zone_of
+from grebe.io.readers.profile import read_profile
+from grebe.io.readers.track import read_readings, read_track
+from grebe.workflow.tracks import import_track
+
+
+def table(tmp_path, header, cells, n=30, name="t.csv", before="", encoding="utf-8", mark=","):
+    rows = [
+        mark.join([str(1000 + i), str(50 + i * 1e-5), str(3 + i * 1e-5), *map(str, cells)])
+        for i in range(n)
+    ]
+    path = tmp_path / name
+    path.write_text(
+        before + "\n".join([mark.join(["time", "lat", "lon", *header]), *rows]), encoding
+    )
+    return path
+
+
+def test_names_that_do_not_fit_are_refused(tmp_path):
+    sibling = table(tmp_path, ["odo %", "x"], [1, 2], name="other.csv")
+    bare = tmp_path / "bare.csv"
+    bare.write_text("\n".join(f"{1000 + i},{50 + i * 1e-5},3,20" for i in range(9)))
+    with pytest.raises(TrackError, match=r"rows have 4 columns, and .*other.csv names 5"):
+        read_track(bare, header_from=sibling)
+
+
+@pytest.mark.parametrize(
+    ("header", "cell", "key", "value"),
+    [
+        ("DO (%)", 95, "oxygen_saturation_percent", 95),
+        ("SpCond mS/cm", 0.108, "specific_conductance_uscm", 108),
+        ("Temperature (F)", 68, "temperature_degc", 20),
+        ("Specific Conductivity (mS/cm) (790478)", 0.5, "specific_conductance_uscm", 500),
+        ("Turbidity FNU", 3, "turbidity_ntu", 3),
+        ("Chlorophyll-a Concentration (µg/L) (652536)", 3, "chlorophyll_ugl", 3),
+        ("RDO Concentration (mg/L) (543925)", 8, "dissolved_oxygen_mgl", 8),
+        ("Temp, °C (LGR S/N: 1, SEN S/N: 1)", 20, "temperature_degc", 20),
+    ],
+)
+def test_units_in_headers_are_believed(tmp_path, header, cell, key, value):
+    quoted = f'"{header}"' if "," in header else header
+    track = read_track(table(tmp_path, [quoted, "junk"], [cell, 1]))
+    assert set(track.values) == {key}
+    assert track.values[key] == pytest.approx(value)
+    assert track.unused == ("junk",)
+    assert any("converted from" in note for note in track.notes) == (cell != value)
+
+
+def test_a_voltage_is_no_ph(tmp_path):
+    assert not read_track(table(tmp_path, ["pH mV"], [-20])).values
+
+
+def test_a_column_of_another_kind_is_refused_and_oxygen_is_reckoned(tmp_path):
+    path = table(tmp_path, ["DO (%)", "Temp (C)"], [100, 20])
+    track = read_track(path, {"dissolved_oxygen_mgl": "DO (%)"})
+    assert track.values["dissolved_oxygen_mgl"] == pytest.approx(9.092, abs=1e-3)
+    with pytest.raises(TrackError, match=r"'Temp \(C\)' is in C, and ph in"):
+        read_track(path, {"ph": "Temp (C)"})
+    with pytest.raises(TrackError, match="only with the temperature"):
+        read_track(table(tmp_path, ["DO (%)"], [9]), {"dissolved_oxygen_mgl": "DO (%)"})
+
+
+def test_lines_before_the_header_and_utf_16_and_semicolons(tmp_path):
+    before = "KorEXO Measurement Data File Export\nUser;x\nMEAN VALUE:;;;1;2\n\n"
+    path = table(
+        tmp_path, ["Temp °C", "ODO mg/L"], [20, 9], before=before, encoding="utf-16", mark=";"
+    )
+    track = read_track(path)
+    assert track.values["dissolved_oxygen_mgl"] == pytest.approx(9)
+    assert "3 lines before the header" in " ".join(track.notes)
+
+
+def test_a_line_of_units_below_the_header(tmp_path):
+    path = tmp_path / "minidot.txt"
+    rows = "\n".join(
+        f"{1.6e9 + i}, 2020-09-13 12:26:40, 3.5, 68.0, 9.0, 99, 0.98" for i in range(9)
+    )
+    path.write_text(
+        "7392-875323\nOS REV: 1.0\n\n"
+        "Unix Timestamp, UTC_Date_&_Time, Battery, Temperature, Dissolved Oxygen, "
+        "Dissolved Oxygen Saturation, Q\n"
+        "(Second), (none), (Volt), (deg F), (mg/l), (%), (none)\n" + rows
+    )
+    read = read_readings(path, placed=False)
+    assert read.values["temperature_degc"] == pytest.approx(20)
+    assert read.values["oxygen_saturation_percent"] == pytest.approx(99)
+    assert read.times[0] == 1.6e9
+
+
+def test_positions_in_whole_numbers(tmp_path):
+    rows = [f"{1000 + i},{500000000 + 100 * i},{30000000 + 100 * i},7" for i in range(9)]
+    path = tmp_path / "e7.csv"
+    path.write_text("\n".join(["time,lat,lon,ph", *rows]))
+    track = read_track(path)
+    assert track.lonlat[0] == pytest.approx([3, 50])
+    assert any("1e-7" in note for note in track.notes)
+
+
+def test_a_date_and_a_time_and_their_order(tmp_path):
+    cells = ["06/28/2019 10:00:00", "06/28/2019 10:00:01"]
+    seconds, notes = read_times(cells)
+    assert seconds[0] == 1561716000
+    assert notes == ["times without a zone: taken as UTC"]
+    hobo, _ = read_times(["06/28/19 10:00:00 AM"], "Date Time, GMT-04:00")
+    assert hobo[0] - seconds[0] == 4 * 3600
+    with pytest.raises(InputError, match="may be day and month"):
+        read_times(["06/07/2019 10:00:00"])
+    days, _ = read_times(["06/07/2019 10:00:00"], "Date (DD/MM/YYYY)")
+    assert days[0] == 1562407200
+
+
+def test_the_hour_that_comes_twice_is_told_apart():
+    paris = zone_of("Europe/Paris")
+    cells = ["2025-10-26 02:30:00", "2025-10-26 02:59:59", "2025-10-26 02:00:00"]
+    seconds, notes = read_times(cells, zone=paris)
+    assert list(np.diff(seconds)) == [1799, 1]
+    assert "3 times in the hour that Europe/Paris had twice" in notes[0]
+    _, notes = read_times(["2025-03-30 02:30:00", "2025-03-30 03:30:00"], zone=paris)
+    assert "1 times in the hour that Europe/Paris skipped" in notes[0]
+    with pytest.raises(InputError, match="no time zone 'Mars'"):
+        zone_of("Mars")
+
+
+@needs_tracks
+def test_a_profile_names_the_columns_of_a_file_without_a_header(tmp_path):
+    path = next(TRACKS.glob("Sunapee*1ms.csv"))
+    by_name = read_track(path, profile=read_profile("catabot"))
+    assert by_name.columns == read_track(path, header_from=CHINA).columns
+    own = tmp_path / "own.toml"
+    own.write_text('names = ["a"]\nwhat = 1')
+    with pytest.raises(InputError, match="holds 'what'"):
+        read_profile(str(own))
+    with pytest.raises(InputError, match="no profile 'x'"):
+        read_profile("x")
+
+
+@pytest.mark.parametrize("ahead", [0, -97, 3671])
+def test_a_sonde_is_joined_by_the_clock_and_its_offset_is_told(tmp_path, ahead):
+    rng = np.random.default_rng(3)
+    t = np.arange(900)
+    warm = 20 + np.cumsum(rng.normal(0, 0.02, 900))
+    place = 50 + t * 9e-6
+    boat = tmp_path / "boat.csv"
+    boat.write_text(
+        "time,lat,lon,temp (C)\n"
+        + "\n".join(f"{1.6e9 + i},{place[i]},{3 + (i % 300) * 1e-6},{warm[i]}" for i in t)
+    )
+    sonde = tmp_path / "sonde.csv"
+    sonde.write_text(
+        "time,Temp (F),pH\n"
+        + "\n".join(f"{1.6e9 + i + ahead},{1.8 * warm[i] + 32},{7 + i * 1e-3}" for i in t[100:800])
+    )
+    out = tmp_path / "out.gpkg"
+    args = ["import", str(boat), "--with", str(sonde), "-o", str(out), "--json"]
+    done = CliRunner().invoke(grebe, args)
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["samples"] == 700
+    assert f"{ahead:+d} s ahead, told by temperature_degc" in done.stderr
+
+
+def test_a_sonde_of_another_day_is_refused(tmp_path):
+    boat = table(tmp_path, ["ph"], [7], name="boat.csv")
+    sonde = tmp_path / "sonde.csv"
+    sonde.write_text("time,Temp (C)\n" + "\n".join(f"{90000 + i},20" for i in range(9)))
+    with pytest.raises(TrackError, match="none of its readings falls within") as told:
+        import_track(boat, tmp_path / "o.gpkg", sonde=sonde)
+    assert told.value.settings == ("zone", "clock_offset_s")

@@ -1,0 +1,85 @@
+"""What is left is planned anew while the boat sails, and the file says why."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import pytest
+import shapely
+
+from grebe.core.dynamics import Weather
+from grebe.core.events import EndReason
+from grebe.core.frames import LocalFrame
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.sets import TargetSet
+from grebe.core.vessel import PRESETS
+from grebe.io.store import SurveyFile
+from grebe.planning.planner import plan
+from grebe.planning.region import Region
+from grebe.workflow.run import run_survey, steered_by
+from grebe.workflow.simulated import SimulatedWorld
+
+NOW = datetime(2026, 5, 1, 8, 30, tzinfo=UTC)
+BOAT = PRESETS["spyboat"]
+
+
+@pytest.fixture(scope="module")
+def survey():
+    frame = LocalFrame(origin_lon_deg=3.0, origin_lat_deg=50.0)
+    region = Region(name="pond", frame=frame, water=shapely.box(0, 0, 50, 60))
+    settings = PlanSettings(cell_m=10.0, speed_min_mps=0.5, speed_max_mps=1.5)
+    return plan(region, BOAT, settings).survey
+
+
+def run(path, survey, world, **options):
+    with SurveyFile.create(path, survey, meta={}, force=False) as file:
+        report = run_survey(file, world, steered_by(), NOW, **options)
+        return report, file.revisions(), file.progress(), file.events()
+
+
+def with_an_impossible_window(survey, place):
+    """The survey with a target that asks for more speed than the boat has."""
+    target = survey.targets[place]
+    fast = TargetSet(vertices=target.set.vertices, speed_min_mps=4.0, speed_max_mps=5.0)
+    targets = list(survey.targets)
+    targets[place] = replace(target, set=fast)
+    return replace(survey, targets=tuple(targets))
+
+
+@pytest.mark.slow
+def test_a_target_out_of_reach_is_left_out_and_the_rest_is_visited(tmp_path, survey, monkeypatch):
+    monkeypatch.setattr("grebe.mission.loop.patience_s", lambda *_: 20.0)
+    small = replace(survey, targets=survey.targets[:9], corridors=survey.corridors[:9])
+    hard = with_an_impossible_window(small, 3)
+    report, revisions, progress, events = run(
+        tmp_path / "s.gpkg", hard, SimulatedWorld(), replans=True
+    )
+    assert report.ended is EndReason.COMPLETE
+    assert [one.reason for one in revisions] == ["planned", "unreachable"]
+    assert "target 4" in revisions[1].note
+    assert 4 not in {target.seq for target in revisions[1].targets}
+    cells = {t.seq for t in revisions[0].targets if t.kind == "cell"}
+    assert {t.seq for t in revisions[1].targets if t.kind == "cell"} == cells - {4}
+    assert all(progress.reached_at)
+    assert report.targets == len(revisions[1].targets)
+    assert [e.message for e in events if e.code == "plan_revised"] == [revisions[1].note]
+
+
+@pytest.mark.slow
+def test_another_current_than_planned_gives_another_order_once(tmp_path, survey, monkeypatch):
+    monkeypatch.setattr("grebe.mission.replanning.FOR_S", 15.0)
+    world = SimulatedWorld(weather=Weather(current_north_mps=0.3))
+    small = replace(survey, targets=survey.targets[:9], corridors=survey.corridors[:9])
+    report, revisions, progress, _ = run(tmp_path / "s.gpkg", small, world, replans=True)
+    assert report.ended is EndReason.COMPLETE
+    assert [one.reason for one in revisions] == ["planned", "weather"]
+    assert {t.seq for t in revisions[1].targets} >= {t.seq for t in revisions[0].targets}
+    assert all(progress.reached_at)
+
+
+def test_nothing_is_planned_anew_where_nothing_is_otherwise(tmp_path, survey):
+    small = replace(survey, targets=survey.targets[:3], corridors=survey.corridors[:3])
+    plain, *_ = run(tmp_path / "a.gpkg", small, SimulatedWorld())
+    watched, revisions, *_ = run(tmp_path / "b.gpkg", small, SimulatedWorld(), replans=True)
+    assert len(revisions) == 1
+    assert watched.duration_s == plain.duration_s
+    assert watched.path_m == plain.path_m
