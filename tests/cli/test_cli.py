@@ -115,7 +115,7 @@ TINY = [[3.171, 50.636], [3.17105, 50.636], [3.17105, 50.63603], [3.171, 50.6360
         (["plan", "bowtie.geojson", "-o", "x.gpkg"], 3, "not a simple polygon"),
         (["plan", "lake.geojson", "-o", "taken.gpkg"], 3, "--force"),
         (["run", "none.gpkg"], 3, "no such survey file"),
-        (["run", "lake.geojson"], 3, "no SQLite"),
+        (["run", "lake.geojson"], 3, "not an SQLite"),
         (["run", "none.gpkg", "--link", "radio"], 5, "begins with one of sim:"),
         (["run", "none.gpkg", "--horizon", "1"], 2, "2 to 100"),
         (["plan", "lake.geojson", "-o", "lake.geojson", "--force"], 3, "being read"),

@@ -129,7 +129,9 @@ def predicted(readings: Readings, field: Field, folds: Indices) -> Errors:
     """
     turns = [folds == k for k in np.unique(folds) if (folds != k).sum() >= FEWEST_SAMPLES]
     nothing: Array = np.empty(0)
-    errors, sds, beside = list[Array]([nothing]), list[Array]([nothing]), list[Array]([nothing])
+    errors: list[Array] = [nothing]
+    sds: list[Array] = [nothing]
+    beside: list[Array] = [nothing]
     for out in turns:
         rest = field.given(readings.part(~out))
         places = readings.positions[out]

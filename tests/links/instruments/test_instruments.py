@@ -170,6 +170,40 @@ def test_a_bad_line_costs_readings_and_never_lets_a_wrong_one_through(name):
     assert instrument._speaker.counts.damaged > 0
 
 
+class FallingMute:
+    """A voice that says nothing any more after some answers."""
+
+    def __init__(self, voice, answers):
+        self.voice, self.left = voice, answers
+
+    def hear(self, data):
+        answer = self.voice.hear(data)
+        self.left -= bool(answer)
+        return answer if self.left >= 0 else b""
+
+    def say(self):
+        return b""
+
+
+def test_a_sonde_that_falls_mute_is_told_and_asked_again(monkeypatch):
+    monkeypatch.setattr(instrument_module, "SILENT_S", 1.0)
+    monkeypatch.setattr(instrument_module, "SILENT_PERIODS", 1.0)
+    profile = profile_named("aqualabo-c4e")
+    mute = FallingMute(voice_of(profile, steady), 4)
+    sonde = PretendSerial(mute)
+    instrument = Instrument(f"serial:{sonde.device}:9600:8N1", "c4e", profile, BUILTIN)
+    notes = []
+    try:
+        heard(instrument)
+        assert wait_for(lambda: notes.extend(instrument.notes()) or notes, 15.0)
+        mute.left = 1_000_000
+        heard(instrument)
+    finally:
+        instrument.close()
+        sonde.close()
+    assert notes[0][0] == "instrument_silent"
+
+
 def test_an_instrument_s_own_clock_is_followed_and_a_jump_of_it_heeded():
     clock = OwnClock()
     # Stamps 100 s behind ours; the way takes 0.1 s, and now and then 0.5 s.

@@ -250,7 +250,8 @@ def _number(text: str) -> float | None:
         number = float(text)
     except ValueError:
         return None
-    return number if math.isfinite(number) else None
+    # Python reads 1_2 as 12.
+    return number if "_" not in text and math.isfinite(number) else None
 
 
 def _signed(word: int) -> int:

@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from grebe.core.errors import GrebeError
 from grebe.core.quantities import Quantities
 from grebe.links.base import Reading
 from grebe.links.instruments.decoding import Said
@@ -119,8 +118,9 @@ class Instrument:
             try:
                 self._listen()
                 broke = f"no reading for {self._silence_s:.0f} s"
-            except (GrebeError, OSError) as error:
-                broke = str(error).rstrip(".")
+            # Whatever it is, the thread goes on: nobody else would read the instrument again.
+            except Exception as error:
+                broke = str(error).rstrip(".") or type(error).__name__
             if self._stopping.is_set():
                 return
             retry_s = RETRY_S if before or self._speaks else min(2 * retry_s, LONGEST_RETRY_S)

@@ -196,27 +196,29 @@ class ModbusSpeaker:
     def _measure(self) -> Said | None:
         modbus = self._modbus
         for one in modbus.write:
-            answer = self._client.write_register(
-                one.register - modbus.first, one.value, device_id=modbus.device
-            )
-            if answer.isError():
-                raise _NoAnswerError
+            self._asked(self._client.write_register, one.register, one.value)
         time.sleep(modbus.wait_s)
         return self._decoder.take(self._read, self._as_float)
 
     def _read(self, register: int, count: int) -> Sequence[int]:
-        modbus = self._modbus
+        answer = self._asked(self._client.read_holding_registers, register, count=count)
+        if len(answer.registers) != count:
+            raise _NoAnswerError
+        return answer.registers
+
+    def _asked(self, question: Callable[..., Any], register: int, *given: int, **named: int) -> Any:
+        """The answer to a question about a register; `_NoAnswerError` where there is none."""
         from pymodbus.exceptions import ModbusException
 
         try:
-            answer = self._client.read_holding_registers(
-                register - modbus.first, count=count, device_id=modbus.device
+            answer = question(
+                register - self._modbus.first, *given, device_id=self._modbus.device, **named
             )
         except ModbusException:
             raise _NoAnswerError from None
-        if answer.isError() or len(answer.registers) != count:
+        if answer.isError():
             raise _NoAnswerError
-        return answer.registers
+        return answer
 
     def _as_float(self, words: Sequence[int]) -> float:
         high, low = words if self._modbus.order == "ABCD" else reversed(words)
@@ -238,6 +240,7 @@ def _serial(address: str, profile: Profile) -> tuple[str, int, str]:
 
 def _modbus_client(address: str, profile: Profile) -> Any:
     try:
+        from pymodbus import FramerType
         from pymodbus.client import ModbusSerialClient, ModbusTcpClient
     except ImportError:
         raise InputError(
@@ -256,7 +259,11 @@ def _modbus_client(address: str, profile: Profile) -> Any:
             retries=0,
         )
     host, _, port = rest.rpartition(":")
-    if kind == "tcp" and port.isdigit():
-        return ModbusTcpClient(host, port=int(port), timeout=0.5, retries=0)
-    raise LinkError(f"A Modbus instrument is at serial:DEVICE[:BAUD] or tcp:HOST:PORT, not at "
-                    f"{address!r}.")  # fmt: skip
+    if kind in ("tcp", "modbus-tcp") and port.isdigit():
+        # Behind a plain TCP port stands a serial line, and its frames.
+        framer = FramerType.RTU if kind == "tcp" else FramerType.SOCKET
+        return ModbusTcpClient(host, port=int(port), framer=framer, timeout=0.5, retries=0)
+    raise LinkError(
+        "A Modbus instrument is at serial:DEVICE[:BAUD], tcp:HOST:PORT or modbus-tcp:HOST:PORT, "
+        f"not at {address!r}."
+    )
