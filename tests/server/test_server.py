@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 starlette = pytest.importorskip("starlette")
@@ -26,7 +26,7 @@ from grebe.server import library, maps, plans  # noqa: E402
 from grebe.server.asked import parsed  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
-from grebe.server.live import QUEUE, Lease, Tab  # noqa: E402
+from grebe.server.live import QUEUE, Lease, Tab, Watch  # noqa: E402
 from grebe.server.security import Gate, Keys  # noqa: E402
 from grebe.server.telling import Telling  # noqa: E402
 from grebe.server.worker import Worker  # noqa: E402
@@ -39,6 +39,12 @@ HOSTS = frozenset({"127.0.0.1:8737"})
 
 async def ask(app, path="/api/x", method="GET", **headers):
     """Ask an ASGI app without a socket; return its status and headers."""
+    status, headers, _ = await hear(app, path, method, b"", **headers)
+    return status, headers
+
+
+async def hear(app, path, method, sent, **headers):
+    """Ask with a body; return status, headers and body."""
     heard = []
     scope = {
         "type": "http", "method": method, "path": path.partition("?")[0], "raw_path": b"",
@@ -48,13 +54,14 @@ async def ask(app, path="/api/x", method="GET", **headers):
     }  # fmt: skip
 
     async def receive():
-        return {"type": "http.request", "body": b"", "more_body": False}
+        return {"type": "http.request", "body": sent, "more_body": False}
 
     async def send(message):
         heard.append(message)
 
     await app(scope, receive, send)
-    return heard[0]["status"], {k.decode(): v.decode() for k, v in heard[0]["headers"]}
+    said = {k.decode(): v.decode() for k, v in heard[0]["headers"]}
+    return heard[0]["status"], said, b"".join(one.get("body", b"") for one in heard[1:])
 
 
 @pytest.fixture
@@ -254,6 +261,67 @@ def test_one_page_steers_and_all_see_which():
     assert lease.seen_by("a")["holder"] == "other"
 
 
+@pytest.fixture
+def served(tmp_path):
+    """A server with one survey: ask it by (path, method, body, tab), of `path` after its id."""
+    from grebe.server.app import make_app
+
+    plans.keep_demo(str(tmp_path / "demo.gpkg"))
+    keys = Keys(tmp_path, 8737)
+    app = make_app(tmp_path, keys, HOSTS)
+    base = f"/api/surveys/{library.identity(tmp_path / 'demo.gpkg')}"
+
+    def asked(path, method="GET", body=b"{}", tab="a"):
+        headers = {
+            "host": "127.0.0.1:8737", "authorization": f"Bearer {keys.bearer}",
+            "content_type": "application/json", "x_grebe_tab": tab,
+        }  # fmt: skip
+        whole = path if path.startswith("/api") else base + path
+        status, _, answer = run(hear(app, whole, method, body, **headers))
+        return status, json.loads(answer or b"null")
+
+    return asked
+
+
+def test_who_does_not_steer_may_stop_and_nothing_else(served):
+    assert served("/api/lease", "POST", b'{"take": true}', "a")[1]["holder"] == "you"
+    for command in ("pause", "continue", "return"):
+        status, answer = served(f"/{command}", "POST", tab="b")
+        assert (status, answer["error"]["code"]) == (409, "Conflict")
+    # It is passed on, and there is no mission to hear it.
+    status, answer = served("/stop", "POST", tab="b")
+    assert (status, answer["error"]["code"]) == (409, "Link")
+
+
+def test_a_real_boat_is_confirmed_and_one_of_ones_own_is_not_sailed_from_a_page(served):
+    body = json.dumps({"link": "mavlink:udp:127.0.0.1:1"}).encode()
+    assert served("/run", "POST", body)[1]["error"]["setting"] == "confirm"
+    body = json.dumps({"link": "python:os:system", "confirm": True}).encode()
+    assert served("/run", "POST", body)[0] == 400
+
+
+PATHS = st.sampled_from(["", "/replay", "/preflight?link=foo", "/report", "/map/x", "/nothing"])
+BODIES = st.one_of(
+    st.binary(max_size=20),
+    st.dictionaries(
+        st.sampled_from(["take", "rate", "weather", "rule", "language", "name", "x"]), json_values
+    ).map(lambda found: json.dumps({**found, "link": "foo"}).encode()),
+)
+
+
+@given(
+    path=PATHS | st.sampled_from(["/api/lease", "/api/surveys", "/run", "/pause", "/stop"]),
+    method=st.sampled_from(["GET", "POST", "PUT", "PATCH"]),
+    body=BODIES,
+)
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_whatever_is_asked_the_answer_is_never_that_the_server_failed(served, path, method, body):
+    status, _ = served(path, method, body)
+    assert status < 500
+
+
 @pytest.mark.slow
 def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
     path, _, told = simulated_survey
@@ -265,6 +333,21 @@ def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
     assert library.snapshot("x", path)["status"]["state"] == "complete"
     for one in told:
         json.dumps(one, allow_nan=False)
+
+
+@pytest.mark.slow
+def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
+    path, _, told = simulated_survey
+    watch = Watch("x", path, Lease())
+    watch.state = library.snapshot("x", path)
+    count = watch.state["status"]["samples"]
+    # The file was read when the mission had told the last of these already.
+    for one in told[-50:]:
+        watch._take_lists(one, {}, 0.0)
+    assert watch.state["status"]["samples"] == count
+    later = {**told[-1], "samples": [[watch.state["sampled"] + 1, 6.5, 46.4, [1.0] * 20]]}
+    watch._take_lists(later, {}, 0.0)
+    assert watch.state["status"]["samples"] == count + 1
 
 
 @pytest.mark.slow

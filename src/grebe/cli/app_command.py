@@ -83,6 +83,8 @@ def _door(port: int) -> socket.socket:
     door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         door.bind((HOST, port))
+        # Whoever reads the address may ask at once, and waits until there is an answer.
+        door.listen()
     except OSError as error:
         door.close()
         raise InputError(

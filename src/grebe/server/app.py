@@ -152,11 +152,13 @@ class App:
         return JSONResponse(watch.snapshot(tab)["status"], status_code=201)
 
     async def order(self, request: Request) -> Response:
-        """Pause, go on, come home, stop."""
+        """Pause, go on, come home; stop, which is every page's right."""
         watch = self.fleet.watch(request.path_params["id"])
         tab = asked.tab_of(request)
-        self._steers(tab)
-        await watch.order(request.url.path.rpartition("/")[2])
+        command = request.url.path.rpartition("/")[2]
+        if command != "stop":
+            self._steers(tab)
+        await watch.order(command)
         return JSONResponse(watch.snapshot(tab)["status"])
 
     def _steers(self, tab: str) -> None:
@@ -329,7 +331,7 @@ async def _failed(_: Request, error: Exception) -> Response:
     elif isinstance(error, GrebeError) and status == 400 and not isinstance(error, UsageError):
         status = 422
     body: dict[str, Any] = {
-        "code": type(error).__name__.removesuffix("Error"),
+        "code": type(error).__name__.strip("_").removesuffix("Error"),
         "message": str(error),
     }
     if isinstance(error, GrebeError) and error.settings:

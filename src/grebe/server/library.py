@@ -208,7 +208,9 @@ def detail(survey_id: str, path: Path) -> dict[str, Any]:
 
 
 def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
-    """The state of a survey from its file, with times in unix seconds; `begins` is its first."""
+    """The state of a survey from its file, with times in unix seconds; `begins` is its
+    first, `last` and `sampled` those of the last row of the track and the last sample.
+    """
     with SurveyFile.open(path) as file:
         survey, track, samples = file.survey, file.track(), file.samples()
         keys = list(file.quantities)
@@ -227,6 +229,7 @@ def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
             "id": survey_id,
             "begins": float(times[0]) if len(times) else None,
             "last": float(last),
+            "sampled": float(np.max(samples.times, initial=0.0)),
             "order": keys,
             "name": file.meta().get("app_name") or survey.name,
             "region": geojson(survey, survey.water),

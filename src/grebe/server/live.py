@@ -170,7 +170,6 @@ class Watch:
         status |= told["status"]
         status["time"] = iso(datetime.fromtimestamp(told["time"], UTC))
         status["t"] = delta["t"]
-        status["samples"] += len(told.get("samples", ()))
         status["coverage"] = status["reached"] / max(1, status["targets"])
         delta["status"] = status
         for tab in self.tabs:
@@ -186,12 +185,15 @@ class Watch:
             delta["track"] = [[point[0] - zero, *point[1:]] for point in track]
         shown = {one["id"] for one in state["quantities"]}
         places = [i for i, key in enumerate(state["order"]) if key in shown]
+        # What was told while the file was read is in both.
         samples: list[Any] = [
             [at, lon, lat, [values[i] for i in places]]
             for at, lon, lat, values in told.get("samples", ())
+            if at > state["sampled"]
         ]
         if samples:
             state["samples"] = [*state["samples"], *samples][-SAMPLES_KEPT:]
+            state["status"]["samples"] += len(samples)
             delta["samples"] = [[one[0] - zero, *one[1:]] for one in samples]
         if told.get("targets"):
             reached: set[int] = {seq for seq, word in told["targets"] if word == "reached"}
@@ -225,7 +227,7 @@ class Watch:
         """All that there is to know, for a tab."""
         state = self.state
         zero = state["begins"] or 0.0
-        hidden = ("begins", "last", "order")
+        hidden = ("begins", "last", "sampled", "order")
         return {
             **{key: value for key, value in state.items() if key not in hidden},
             "track": [[point[0] - zero, *point[1:]] for point in state["track"]],
