@@ -22,7 +22,7 @@ def test_a_time_of_day_is_the_next_such_instant_in_utc():
 
 @pytest.mark.parametrize("clock", ["25:00", "noon", "7"])
 def test_what_is_no_time_of_day_is_refused(clock):
-    with pytest.raises(click.BadParameter, match="no time of day"):
+    with pytest.raises(click.BadParameter, match="not a time of day"):
         next_instant(clock, NOON)
 
 

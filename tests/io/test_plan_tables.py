@@ -50,7 +50,7 @@ def test_settings_come_back_exactly(settings):
 
 @given(plan_settings())
 def test_every_setting_is_in_the_text_that_the_hash_is_made_of(settings):
-    """A plan in one piece has the text, and with it the hash, that it had before there were sorties."""
+    """A plan in one piece has the text, and so the hash, that it had before there were sorties."""
     named = {field.name for field in dataclasses.fields(PlanSettings)}
     alone = set() if settings.sorties is not None else {"sorties"}
     assert set(json.loads(settings_text(settings))) == named - alone
