@@ -260,7 +260,7 @@ def test_every_real_track_is_imported_checked_mapped_and_validated(tmp_path):
         for one in maps:
             check = one["validation"]
             assert check["rmse"] < 1.1 * check["nearest_rmse"]
-            assert one["sd_widened_by"] >= 1.0
+            assert one["sd_factors"]["off_way"] >= 1.0
     assert settling == {
         # Conductivity as read, not brought to 25 degC, settles with the temperature.
         "China-catabot-20200915": {"temperature_degc", "ph", "conductivity_uscm"},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -18,7 +19,7 @@ from grebe.io.store import SurveyFile
 from grebe.mapping.drift import DriftFunction, combined, inflow, linear
 from grebe.mapping.maps import MapSettings
 from grebe.mapping.methods.choice import COVARIANCE_FITS, KRIGING, METHODS, ByShore, with_settings
-from grebe.mapping.variogram import ESTIMATORS, Estimator
+from grebe.mapping.variogram import ESTIMATORS
 from grebe.report.thresholds import read_profile
 from grebe.workflow.files import make_folder
 from grebe.workflow.maps import NETCDF_NAME, map_numbers, map_survey, write_maps
@@ -78,18 +79,9 @@ def command(
     many: bool,
     workers: int | None,
     scheduler: str | None,
-    resolution_m: float | None,
-    method: str | None,
-    variogram: str | None,
-    drift: str | None,
-    inflows: tuple[tuple[float, float], ...],
-    depth: Path | None,
-    shore_depth_sd_m: float | None,
-    estimator: Estimator,
-    draws: int,
-    profile: Path | None,
     force: bool,
     as_json: bool,
+    **asked: Any,
 ) -> None:
     """Map every quantity of FILE: map.nc (CF NetCDF), contours.gpkg, and a Cloud Optimized
     GeoTIFF and a picture each.
@@ -98,32 +90,34 @@ def command(
     over, so that the same command goes on where it was cut off.
     """
     if many:
-        if inflows or depth is not None:
+        if asked["inflows"] or asked["depth"] is not None:
             raise UsageError("Inflows and a raster of depths are one lake's own; map it by itself.")
-        functions = linear if drift else None
         task = MapTask(
             out=out,
-            settings=_settings(method, variogram, estimator, functions, shore_depth_sd_m),
-            resolution_m=resolution_m,
-            draws=draws,
-            profile=profile,
+            settings=_settings(asked, linear if asked["drift"] else None),
+            resolution_m=asked["resolution_m"],
+            draws=asked["draws"],
+            profile=asked["profile"],
         )
         _map_many(files, task, engine_of(workers, scheduler), force=force, as_json=as_json)
         return
     if len(files) != 1:
         raise UsageError(f"{len(files)} surveys are given, and one is mapped.", settings=("many",))
-    file = files[0]
     make_folder(out)
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} holds maps already; give another folder, or --force.")
+    _map_one(files[0], out, asked, as_json=as_json)
+
+
+def _map_one(file: Path, out: Path, asked: dict[str, Any], *, as_json: bool) -> None:
     with SurveyFile.open(file) as survey_file:
-        functions = _drift(survey_file.survey, drift, inflows, depth)
+        functions = _drift(survey_file.survey, asked["drift"], asked["inflows"], asked["depth"])
         mapped = sum(one.mapped for one in survey_file.quantities.values())
-        thresholds = read_profile(profile, BUILTIN.extended(survey_file.quantities))
-    settings = _settings(method, variogram, estimator, functions, shore_depth_sd_m)
+        thresholds = read_profile(asked["profile"], BUILTIN.extended(survey_file.quantities))
+    settings = _settings(asked, functions)
     with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
-        data = map_survey(file, settings, resolution_m, countdown.update)
-    written = write_maps(data, out, thresholds, draws)
+        data = map_survey(file, settings, asked["resolution_m"], countdown.update)
+    written = write_maps(data, out, thresholds, asked["draws"])
     for text in data.left_out:
         output.note(f"left out: {text}")
     output.result(
@@ -162,20 +156,18 @@ def _map_many(
         raise InputError(f"{len(failed)} of {len(files)} surveys could not be mapped.")
 
 
-def _settings(
-    method: str | None,
-    variogram: str | None,
-    estimator: Estimator,
-    drift: DriftFunction | None,
-    shore_depth_sd_m: float | None,
-) -> MapSettings:
+def _settings(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings:
     """The methods by their names in the table, with the settings that are given."""
-    fit = None if variogram is None else COVARIANCE_FITS[variogram]
+    method, variogram, depth_sd = asked["method"], asked["variogram"], asked["shore_depth_sd_m"]
+    given = {
+        "fit_covariance": None if variogram is None else COVARIANCE_FITS[variogram],
+        "estimator": asked["estimator"],
+        "drift": drift,
+    }
     if method is None:
-        straight = with_settings(KRIGING, fit_covariance=fit, estimator=estimator, drift=drift)
-        return MapSettings(choice=ByShore(straight=straight), shore_depth_sd_m=shore_depth_sd_m)
-    asked = with_settings(METHODS[method], fit_covariance=fit, estimator=estimator, drift=drift)
-    return MapSettings(method=asked, shore_depth_sd_m=shore_depth_sd_m)
+        straight = with_settings(KRIGING, **given)
+        return MapSettings(choice=ByShore(straight=straight), shore_depth_sd_m=depth_sd)
+    return MapSettings(method=with_settings(METHODS[method], **given), shore_depth_sd_m=depth_sd)
 
 
 def _drift(

@@ -125,12 +125,14 @@ COLUMNS = {
 }
 
 
-def track_columns(pairs: tuple[str, ...], named: dict[str, str | None]) -> TrackColumns:
-    """The columns of a track by key, from --column KEY=NAME and the options of their own."""
+def track_columns(pairs: tuple[str, ...], named: dict[str, Any]) -> TrackColumns:
+    """The columns of a track by key, from --column KEY=NAME and the options of their own, which
+    are looked for among all that was `named`.
+    """
     columns = {
-        COLUMNS[option.removesuffix("_column")][0]: name
-        for option, name in named.items()
-        if name is not None
+        key: named[f"{option}_column"]
+        for option, (key, _) in COLUMNS.items()
+        if named[f"{option}_column"] is not None
     }
     for pair in pairs:
         key, equals, name = pair.partition("=")

@@ -11,7 +11,7 @@ import click
 from grebe.cli import options, output
 from grebe.cli.sortie_options import sortie_options, sorties_of
 from grebe.core.errors import UsageError
-from grebe.core.plan_settings import PATTERNS, SHAPES, Pattern, PlanSettings, Shape
+from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.planning.planner import Planned
 from grebe.planning.sorties import PlannedSorties
@@ -127,35 +127,16 @@ DEFAULT_MARGIN_M = 1.0
 def command(
     region: Path,
     path: Path,
-    cell_m: float | None,
-    shape: Shape,
-    core: float,
-    pattern: Pattern,
-    angle: str,
-    shore_margin_m: float | None,
-    coast_tolerance_m: float | None,
     no_go: tuple[Path, ...],
-    returns: bool,
-    current: tuple[float, float],
-    wind: tuple[float, float],
-    range_m: float | None,
-    accuracy: float,
-    minutes: float | None,
-    energy_wh: float | None,
-    speed: tuple[float, float],
     vessel: str,
     start: tuple[float, float] | None,
     feature: str | None,
-    sortie_battery_wh: float | None,
-    sortie_minutes: float | None,
-    reserve: float | None,
-    harbours: tuple[tuple[float, float], ...],
     force: bool,
     as_json: bool,
     columns: tuple[str, ...],
     header_from: Path | None,
     quantities_file: Path | None,
-    **named: str | None,
+    **asked: Any,
 ) -> None:
     """Plan a survey of REGION: GeoJSON, KML, KMZ, GPX, a Shapefile, a GeoPackage, or a CSV track
     whose convex hull is the region.
@@ -165,32 +146,15 @@ def command(
     """
     options.refuse_same(region, options.checked_output(path))
     boat = vessel_of(vessel)
+    settings = _settings(asked, region)
     water, notes = read_region(
         region,
-        columns=options.track_columns(columns, named),
+        columns=options.track_columns(columns, asked),
         header_from=header_from,
         feature=feature,
     )
     for text in notes:
         output.note(f"{region}: {text}")
-    settings = PlanSettings(
-        cell_m=_cell_m(
-            cell_m, range_m, accuracy, budgeted=energy_wh if minutes is None else minutes
-        ),
-        shape=shape,
-        core=core,
-        pattern=pattern,
-        angle_deg=_angle_deg(angle),
-        speed_min_mps=speed[0],
-        speed_max_mps=speed[1],
-        shore_margin_m=_margin_m(shore_margin_m, region),
-        coast_tolerance_m=coast_tolerance_m,
-        returns=returns,
-        weather=options.weather_of(current, wind),
-        minutes=minutes,
-        energy_wh=energy_wh,
-        sorties=sorties_of(sortie_battery_wh, sortie_minutes, reserve, harbours),
-    )
     planned = plan_region(water, boat, settings, start_lonlat=start, no_go=no_go)
     picture = write_plan(planned, path, quantities_file=quantities_file, force=force)
     for text in (*planned.notes, *plan_warnings(planned.survey)):
@@ -200,6 +164,35 @@ def command(
         {**plan_numbers(planned), "file": str(path), "picture": str(picture)},
         as_json=as_json,
         next_command=f"grebe run {path}{known}",
+    )
+
+
+def _settings(asked: dict[str, Any], region: Path) -> PlanSettings:
+    """The plan's settings by what was asked for."""
+    minutes, energy_wh = asked["minutes"], asked["energy_wh"]
+    low, high = asked["speed"]
+    return PlanSettings(
+        cell_m=_cell_m(
+            asked["cell_m"],
+            asked["range_m"],
+            asked["accuracy"],
+            budgeted=energy_wh if minutes is None else minutes,
+        ),
+        shape=asked["shape"],
+        core=asked["core"],
+        pattern=asked["pattern"],
+        angle_deg=_angle_deg(asked["angle"]),
+        speed_min_mps=low,
+        speed_max_mps=high,
+        shore_margin_m=_margin_m(asked["shore_margin_m"], region),
+        coast_tolerance_m=asked["coast_tolerance_m"],
+        returns=asked["returns"],
+        weather=options.weather_of(asked["current"], asked["wind"]),
+        minutes=minutes,
+        energy_wh=energy_wh,
+        sorties=sorties_of(
+            asked["sortie_battery_wh"], asked["sortie_minutes"], asked["reserve"], asked["harbours"]
+        ),
     )
 
 

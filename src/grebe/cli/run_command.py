@@ -18,9 +18,10 @@ from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, LinkError, StoppedError, UsageError
 from grebe.core.events import EndReason
-from grebe.core.quantities import BUILTIN
+from grebe.core.quantities import BUILTIN, Quantities
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
+from grebe.links.instruments.instrument import Bench
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
 from grebe.mission.sampling import InSets, InWindow
@@ -175,12 +176,8 @@ def command(
     ctx: click.Context,
     file: Path,
     url: str,
-    in_sets_only: bool,
     instruments: tuple[str, ...],
-    yes: bool,
-    quantities_file: Path | None,
     sortie: int | None,
-    replans: bool,
     resume: bool,
     preview: bool,
     force: bool,
@@ -207,43 +204,23 @@ def command(
         return
     ignore_hangup()
     output.compile_once()
-    own = user_quantities(quantities_file, file)
+    own = user_quantities(run.pop("quantities_file"), file)
     with (
         SurveyFile.open(file) as survey_file,
         instruments_at(instruments, BUILTIN.extended(own)) as bench,
         output.MissionBar(quiet=as_json) as bar,
     ):
-        if own:
-            survey_file.claim()
-            survey_file.declare(own)
-        if bench is not None:
-            survey_file.claim()
-            declare_quantities(survey_file, bench, BUILTIN.extended(own))
+        _declare(survey_file, own, bench)
         if goes_on:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
-        rule, solver, world = _settings(run)
         before = survey_file.progress().reached if goes_on else 0
         kept = {name: value for name, value in run.items() if name not in ONCE}
         survey_file.set_meta("run", json.dumps(kept, default=str))
-        report = run_survey(
-            survey_file,
-            boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=yes))),
-            steered_by(rule, solver),
-            now,
-            MissionSettings(
-                sampling=InSets() if in_sets_only else InWindow(),
-                safety=kept_by_plan(safety_of(run, now), survey_file.survey),
-            ),
-            resume=goes_on,
-            force=force,
-            sortie=sortie,
-            replans=replans,
-            listeners=[ProgressMeter(bar.update), Alarm(output.note)],
-            on_ready=heed_mission,
-            instruments=bench,
-        )
+        report = _run(
+            survey_file, url, run, now, bar,
+            resume=goes_on, force=force, sortie=sortie, instruments=bench,
+        )  # fmt: skip
         file = survey_file.path
-        check_samples(survey_file)
         moved = survey_file.count("track") > 0 and report.reached > before
         left = [one for one in sortie_states(survey_file) if not one.is_flown]
     ahead = f"grebe run {file}" if left else f"grebe map {file} --out maps"
@@ -251,6 +228,44 @@ def command(
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
     if not report.complete and not came_home:
         _explain(report, file, moved=moved)
+
+
+def _declare(survey_file: SurveyFile, own: Quantities, bench: Bench | None) -> None:
+    """Let the file hold a column of each quantity that is going to be measured."""
+    if own:
+        survey_file.claim()
+        survey_file.declare(own)
+    if bench is not None:
+        survey_file.claim()
+        declare_quantities(survey_file, bench, BUILTIN.extended(own))
+
+
+def _run(
+    survey_file: SurveyFile,
+    url: str,
+    run: dict[str, Any],
+    now: datetime,
+    bar: output.MissionBar,
+    **how: Any,
+) -> MissionReport:
+    """Sail as `run` has it, and check what was measured."""
+    rule, solver, world = _settings(run)
+    report = run_survey(
+        survey_file,
+        boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"]))),
+        steered_by(rule, solver),
+        now,
+        MissionSettings(
+            sampling=InSets() if run["in_sets_only"] else InWindow(),
+            safety=kept_by_plan(safety_of(run, now), survey_file.survey),
+        ),
+        replans=run["replans"],
+        listeners=[ProgressMeter(bar.update), Alarm(output.note)],
+        on_ready=heed_mission,
+        **how,
+    )
+    check_samples(survey_file)
+    return report
 
 
 def _show_preview(

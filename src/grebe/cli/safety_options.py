@@ -11,8 +11,8 @@ import click
 from grebe.cli import options
 from grebe.mission.safety.settings import CAREFUL, SafetySettings
 
-# Options of a single run, which a resumed mission does not inherit.
-ONCE = ("returns",)
+# Options of a single run, which a resumed mission does not inherit: nobody arms a boat for later.
+ONCE = ("returns", "yes")
 ASKED = "the operator has asked for the way home"
 
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,9 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from grebe.core.errors import GrebeError, InputError
-from grebe.core.events import EndReason
+from grebe.core.events import EndReason, LogEntry
 from grebe.core.quantities import Quantities
+from grebe.core.samples import Samples
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.report.thresholds import Profile, read_profile
@@ -25,6 +27,8 @@ from grebe.server.telling import ENDS, iso, number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 SUFFIX = ".gpkg"
 # The track of a snapshot has at most so many points, and the samples of its charts span so long.
@@ -195,10 +199,7 @@ def detail(survey_id: str, path: Path) -> dict[str, Any]:
             "id": survey_id,
             **_summary(file),
             "region": geojson(survey, survey.water),
-            "targets": [
-                {"seq": target.seq, "ring": ring, "state": "reached" if at else "open"}
-                for target, ring, at in zip(survey.targets, rings(survey), reached, strict=True)
-            ],
+            "targets": _target_table(survey, reached),
             "route": None,
             "settings": json.loads(meta.get("app_settings", "null")),
             "quantities": quantity_table(file.quantities, measured(file)),
@@ -213,78 +214,88 @@ def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
     """
     with SurveyFile.open(path) as file:
         survey, track, samples = file.survey, file.track(), file.samples()
-        keys = list(file.quantities)
-        reached, events = file.progress(), file.events()
         times = np.array([moment.timestamp() for moment in track.times])
         places = _places(survey, track.states[:, :2])
-        keep = np.linspace(0, len(times) - 1, min(len(times), TRACK_POINTS)).astype(int)
-        last = times[-1] if len(times) else 0.0
-        recent = np.flatnonzero(samples.times > last - RECENT_S)
-        sampled = _places(survey, samples.positions[recent])
-        shown = [key for key in measured(file) if key in keys]
-        values = np.array([samples.values[key][recent] for key in shown if key in samples.values])
-        settings = survey.settings
-        estimate = _estimate(track.states[-1], places[-1]) if len(times) else None
+        last = float(times[-1]) if len(times) else 0.0
+        shown = [key for key in measured(file) if key in file.quantities]
         return {
             "id": survey_id,
             "begins": float(times[0]) if len(times) else None,
-            "last": float(last),
+            "last": last,
             "sampled": float(np.max(samples.times, initial=0.0)),
-            "order": keys,
+            "order": list(file.quantities),
             "name": file.meta().get("app_name") or survey.name,
             "region": geojson(survey, survey.water),
             "bounds": bounds(survey),
-            "targets": [
-                {"seq": target.seq, "ring": ring, "state": "reached" if at else "open"}
-                for target, ring, at in zip(
-                    survey.targets, rings(survey), reached.reached_at, strict=True
-                )
-            ],
+            "targets": _target_table(survey, file.progress().reached_at),
             "route": None,
             "quantities": quantity_table(file.quantities, shown),
             "speed_window": _window(survey),
             "thrust_limit_n": [0.0, 0.0],
-            "track": [
-                [float(times[i]), *places[i], float(track.states[i, 3])] for i in keep.tolist()
-            ],
-            "samples": [
-                [float(samples.times[i]), *sampled[k], [number(v) for v in values[:, k]]]
-                for k, i in enumerate(recent.tolist())
-            ]
-            if len(values)
-            else [],
-            "estimate": estimate,
+            "track": _way(times, places, track.states[:, 3]),
+            "samples": _recent(survey, samples, shown, last - RECENT_S),
+            "estimate": _estimate(track.states[-1], places[-1]) if len(times) else None,
             "thrusts": track.thrusts[-1].tolist() if len(times) else None,
             "horizon": [],
-            "current": _current(settings),
+            "current": _current(survey.settings),
             "wind": None,
-            "events": [
-                {
-                    "at": event.time.timestamp(),
-                    "time": iso(event.time),
-                    "level": event.level,
-                    "code": event.code,
-                    "message": event.message,
-                }
-                for event in events[-LOG_LINES:]
-            ],
-            "status": {
-                "state": state_of(file),
-                "doing": "",
-                "time": iso(track.times[-1]) if len(times) else None,
-                "link": file.meta().get("water"),
-                "link_age_s": None,
-                "battery": None,
-                "solve_ms": None,
-                "fix": None,
-                "eta_s": None,
-                "coverage": reached.reached / max(1, len(survey.targets)),
-                "reached": reached.reached,
-                "targets": len(survey.targets),
-                "samples": file.count("samples"),
-                "rate": 1,
-            },
+            "events": [_event(one) for one in file.events()[-LOG_LINES:]],
+            "status": _status(file, track.times[-1] if len(times) else None),
         }
+
+
+def _target_table(survey: Survey, reached_at: Sequence[object]) -> list[dict[str, Any]]:
+    return [
+        {"seq": target.seq, "ring": ring, "state": "reached" if at else "open"}
+        for target, ring, at in zip(survey.targets, rings(survey), reached_at, strict=True)
+    ]
+
+
+def _way(times: Array, places: list[list[float]], surge: Array) -> list[list[Any]]:
+    """So many points of the track as a page can draw, evenly spread over it."""
+    keep = np.linspace(0, len(times) - 1, min(len(times), TRACK_POINTS)).astype(int).tolist()
+    return [[float(times[i]), *places[i], float(surge[i])] for i in keep]
+
+
+def _recent(survey: Survey, samples: Samples, keys: list[str], since: float) -> list[list[Any]]:
+    """The samples after a moment: time, place and the values of some quantities."""
+    recent = np.flatnonzero(samples.times > since)
+    places = _places(survey, samples.positions[recent])
+    values = [samples.values[key][recent] for key in keys if key in samples.values]
+    if not values:
+        return []
+    return [
+        [float(samples.times[i]), *places[k], [number(column[k]) for column in values]]
+        for k, i in enumerate(recent.tolist())
+    ]
+
+
+def _event(event: LogEntry) -> dict[str, Any]:
+    return {
+        "at": event.time.timestamp(),
+        "time": iso(event.time),
+        "level": event.level,
+        "code": event.code,
+        "message": event.message,
+    }
+
+
+def _status(file: SurveyFile, seen: datetime | None) -> dict[str, Any]:
+    """What there is to know of a boat that nobody hears just now."""
+    reached, targets = file.progress().reached, len(file.survey.targets)
+    nobody = dict.fromkeys(("link_age_s", "battery", "solve_ms", "fix", "eta_s"))
+    return {
+        "state": state_of(file),
+        "doing": "",
+        "time": iso(seen) if seen else None,
+        "link": file.meta().get("water"),
+        **nobody,
+        "coverage": reached / max(1, targets),
+        "reached": reached,
+        "targets": targets,
+        "samples": file.count("samples"),
+        "rate": 1,
+    }
 
 
 def _window(survey: Survey) -> list[float]:

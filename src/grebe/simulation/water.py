@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import gstools as gs
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial.distance import cdist
@@ -63,6 +62,8 @@ def free_water(
     north, east = _grid(bounds)
     extent = max(north[-1] - north[0], east[-1] - east[0])
     rng = np.random.default_rng(seed)
+    import gstools as gs
+
     fields: dict[str, Array] = {}
     noise: dict[str, float] = {}
     for key, quantity in quantities.items():
@@ -127,6 +128,8 @@ def _thinned(positions: Array, most: int) -> NDArray[np.int64]:
 
 
 def _fitted_model(positions: Array, values: Array) -> Any:
+    import gstools as gs
+
     extent = float(np.hypot(*np.ptp(positions, axis=0)))
     bins = np.linspace(0, extent / 3, 16)
     centres, gamma = gs.vario_estimate(positions.T, values, bins)
@@ -144,6 +147,8 @@ def _conditional_field(
     seed: int,
 ) -> tuple[Array, float]:
     """A field through the values; the nugget becomes noise and not part of the field."""
+    import gstools as gs
+
     sill = float(model.var + model.nugget)
     noise_variance = float(np.clip(model.nugget, 1e-6 * sill, 0.5 * sill))
     smooth: Any = gs.Exponential(

@@ -10,6 +10,7 @@ import shapely
 from grebe.core.errors import InputError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.quantities import LIMNOLOGICAL
+from grebe.core.revision import PlanRevision
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.readers.land import sea_warning
@@ -19,8 +20,6 @@ from grebe.io.readers.track import TrackColumns
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.sorties import PlannedSorties, plan_sorties
-from grebe.report import canvas, mission_figures
-from grebe.report.sortie_figures import sorties_figure
 from grebe.workflow.files import write_survey
 
 # A start further than this from the water is reported to whoever asked for it [m].
@@ -73,13 +72,18 @@ def write_plan(
     quantities = LIMNOLOGICAL.extended(user_quantities(quantities_file, to))
     revision = planned.revision if isinstance(planned, PlannedSorties) else None
     write_survey(to, planned.survey, quantities=quantities, force=force, revision=revision)
-    figure = (
-        mission_figures.plan_figure(planned.survey)
-        if revision is None
-        else sorties_figure(planned.survey, revision)
-    )
-    canvas.save(figure, picture)
+    _draw(planned.survey, revision, picture)
     return picture
+
+
+def _draw(survey: Survey, revision: PlanRevision | None, picture: Path) -> None:
+    """Draw a plan; matplotlib takes a second to import, which a refusal need not wait for."""
+    from grebe.report import canvas
+    from grebe.report.mission_figures import plan_figure
+    from grebe.report.sortie_figures import sorties_figure
+
+    figure = plan_figure(survey) if revision is None else sorties_figure(survey, revision)
+    canvas.save(figure, picture)
 
 
 def plan_warnings(survey: Survey) -> list[str]:

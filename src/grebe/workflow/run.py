@@ -72,15 +72,10 @@ def run_survey(
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     survey_file.claim()
     link = boat_at(departure)
-    recorder = SurveyRecorder(survey_file)
     known = _as_known_to(link, departure)
     try:
         helm = helm_of(known)
-        if departure.clears:
-            survey_file.clear_mission()
-        survey_file.set_meta("water", link.source)
-        survey_file.begin_session(now)
-        _say_first(departure, journal_beside(survey_file.path), Broadcast(recorder, listeners))
+        _begin(survey_file, departure, link.source, now, listeners)
     except BaseException:
         link.close()
         raise
@@ -93,7 +88,7 @@ def run_survey(
             departure.survey,
             helm,
             link,
-            recorder,
+            SurveyRecorder(survey_file),
             settings,
             quantities=departure.quantities,
             listeners=[*guards, *listeners],
@@ -106,6 +101,22 @@ def run_survey(
         if on_ready is not None:
             on_ready(mission)
         return mission.run()
+
+
+def _begin(
+    survey_file: SurveyFile,
+    departure: Departure,
+    source: str,
+    now: datetime,
+    listeners: Sequence[Listener],
+) -> None:
+    """Note in the file that a mission sets out, and what is to be known before it."""
+    if departure.clears:
+        survey_file.clear_mission()
+    survey_file.set_meta("water", source)
+    survey_file.begin_session(now)
+    ears = Broadcast(SurveyRecorder(survey_file), listeners)
+    _say_first(departure, journal_beside(survey_file.path), ears)
 
 
 def _as_known_to(link: BoatLink, departure: Departure) -> Departure:

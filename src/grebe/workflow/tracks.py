@@ -18,7 +18,7 @@ from grebe.io.readers.profile import read_profile
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import RawTrack, TrackColumns, read_readings, read_track
 from grebe.io.store import SurveyFile
-from grebe.io.store.survey_file import new_file
+from grebe.io.store.database import new_file
 from grebe.mapping.quality import Quality
 from grebe.planning.region import clean_region
 from grebe.workflow.files import write_survey

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -26,6 +26,7 @@ from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.samples import Sample, Samples
 from grebe.core.survey import Survey
 from grebe.io.store import claims, geopackage, rescue, revision_tables, schema, sessions
+from grebe.io.store.database import Transaction, connect, make_durable, new_file, unwritten
 from grebe.io.store.migrations import migrate
 from grebe.io.store.tables import (
     Progress,
@@ -35,9 +36,10 @@ from grebe.io.store.tables import (
     rows_of,
     sample_columns,
     samples_of,
+    track_of,
+    track_row,
 )
 from grebe.io.store.timestamps import parse_time, time_text
-from grebe.io.whole import written_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,7 +49,6 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = schema.VERSION
 # Rows that are turned into columns, and columns into rows, at a time: memory stays in bounds.
 ROWS_AT_ONCE = 50_000
-JOURNAL_BYTES = 8_000_000
 
 
 class SurveyFile:
@@ -60,7 +61,7 @@ class SurveyFile:
         self.journal_missing = journal_missing
         self._connection = connection
         self._lock: TextIO | None = None
-        self._together = _Transaction(path, connection)
+        self._together = Transaction(path, connection)
         self._in_session = False
         self._identity: rescue.Identity | None = None
         self.survey, self.revision = schema.read_survey(connection)
@@ -118,11 +119,11 @@ class SurveyFile:
             raise SurveyFileError(f"{path} is empty: not a survey file.")
         journal = sessions.has_journal(path)
         try:
-            connection = _connect(path)
+            connection = connect(path)
             try:
                 schema.check(path, connection)
                 migrate(path, connection, schema.VERSION)
-                _make_durable(connection)
+                make_durable(connection)
                 return cls(path, connection, journal_missing=_is_bare(connection, journal=journal))
             except BaseException:
                 connection.close()
@@ -149,13 +150,13 @@ class SurveyFile:
 
     def _move(self, path: Path) -> None:
         """Write into another file from here on, which holds all that this one does."""
-        connection = _connect(path)
-        _make_durable(connection)
+        connection = connect(path)
+        make_durable(connection)
         self._connection.close()
         if self._lock is not None:
             claims.drop(self.path, self._lock)
         self.path, self._connection = path, connection
-        self._together = _Transaction(path, connection)
+        self._together = Transaction(path, connection)
         self._lock = claims.take(path)
         self._identity = rescue.identity(path)
 
@@ -185,7 +186,7 @@ class SurveyFile:
         """
         self.claim()
         self._in_session = True
-        with self._transaction():
+        with self._together:
             sessions.enter(self._connection, now)
         with suppress(sqlite3.Error):
             sessions.fold(self._connection)
@@ -223,31 +224,15 @@ class SurveyFile:
                     f"{one.unit or '1'}; give the new one another key."
                 )
         try:
-            with self._transaction():
+            with self._together:
                 schema.declare(self._connection, quantities.values())
         except sqlite3.Error as error:
-            raise _unwritten(self.path, error) from None
+            raise unwritten(self.path, error) from None
         self._quantities = self._quantities.extended(quantities)
 
     def append_track(self, point: Step) -> None:
         """Append one point of the track."""
-        state = point.state
-        self._insert(
-            "track",
-            {
-                "geom": self._point_blob(state[0], state[1]),
-                "time": time_text(point.time),
-                **dict(zip(schema.STATE_COLUMNS, state, strict=True)),
-                "thrust_port_n": point.thrusts[0],
-                "thrust_starboard_n": point.thrusts[1],
-                "target_seq": point.target_seq,
-                "split_stage": point.split_stage,
-                "solve_ms": point.solve_ms,
-                "status": point.status,
-                "current_north_mps": point.current_north_mps,
-                "current_east_mps": point.current_east_mps,
-            },
-        )
+        self._insert("track", track_row(point, self._point_blob(*point.state[:2])))
 
     def append_samples(self, samples: Sequence[Sample]) -> None:
         """Append samples and count them in their targets, in one transaction.
@@ -256,7 +241,7 @@ class SurveyFile:
         """
         for sample in samples:
             self._refuse_undeclared({*sample.values, *sample.flags})
-        with self._transaction():
+        with self._together:
             for sample in samples:
                 row = row_of(sample, self.survey.frame, self._quantities)
                 self._execute(self._insert_samples(), row)
@@ -270,7 +255,7 @@ class SurveyFile:
         """Append columns of samples, as `append_samples` does a few, in one transaction."""
         self._refuse_undeclared(set(samples.values))
         sql = self._insert_samples()
-        with self._transaction():
+        with self._together:
             for first in range(0, len(samples), ROWS_AT_ONCE):
                 some = samples.rows(slice(first, first + ROWS_AT_ONCE))
                 self._execute_many(sql, rows_of(some, self.survey.frame, self._quantities))
@@ -292,11 +277,11 @@ class SurveyFile:
             )
         new = [t for t in revision.targets if t.seq > self.revision.highest_seq]
         try:
-            with self._transaction():
+            with self._together:
                 schema.write_targets(self._connection, self.survey.frame, new)
                 revision_tables.append(self._connection, self.survey.frame, revision)
         except sqlite3.Error as error:
-            raise _unwritten(self.path, error) from None
+            raise unwritten(self.path, error) from None
         self.revision = revision
         self.survey = survey_of(self.survey, revision)
 
@@ -329,7 +314,7 @@ class SurveyFile:
         if any(len(column) != len(fids) for column in flags.values()):
             raise ValueError(f"flags are given for other than the {len(fids)} samples there are")
         setters = ", ".join(f'"{key}_qc" = ?' for key in keys)
-        with self._transaction():
+        with self._together:
             for first in range(0, len(fids), ROWS_AT_ONCE):
                 part = slice(first, first + ROWS_AT_ONCE)
                 columns = [flags[key][part].tolist() for key in keys]
@@ -347,13 +332,13 @@ class SurveyFile:
 
     def set_meta(self, key: str, value: str) -> None:
         """Set one entry of the meta table."""
-        with self._transaction():
+        with self._together:
             self._execute("DELETE FROM meta WHERE key = ?", (key,))
             self._insert("meta", {"key": key, "value": value})
 
     def clear_mission(self) -> None:
         """Forget track, samples, events and what was reached; the plan stays."""
-        with self._transaction():
+        with self._together:
             for table in ("track", "samples", "events"):
                 self._execute(f"DELETE FROM {table}")
             self._execute("UPDATE targets SET reached_at = NULL, sample_count = 0")
@@ -388,17 +373,7 @@ class SurveyFile:
             f"SELECT time, status, target_seq, {columns}, thrust_port_n, thrust_starboard_n, "
             "solve_ms FROM track ORDER BY fid"
         )
-        times = tuple(parse_time(row[0]) for row in rows)
-        numbers = np.array([row[3:] for row in rows], dtype=float).reshape(-1, 9)
-        return TrackTable(
-            times=times,
-            seconds=np.array([(t - times[0]).total_seconds() for t in times]),
-            states=numbers[:, :6],
-            thrusts=numbers[:, 6:8],
-            solve_ms=numbers[:, 8],
-            status=tuple(row[1] or "" for row in rows),
-            target_seq=np.array([row[2] or 0 for row in rows], dtype=np.int64),
-        )
+        return track_of(rows)
 
     def track_ends(self) -> tuple[TrackEnd, TrackEnd] | None:
         """Return the first and the last row of the track; None where there is none."""
@@ -475,20 +450,17 @@ class SurveyFile:
         names, marks = ", ".join(row), ", ".join("?" * len(row))
         self._execute(f"INSERT INTO {table} ({names}) VALUES ({marks})", tuple(row.values()))
 
-    def _transaction(self) -> _Transaction:
-        return self._together
-
     def _execute(self, sql: str, values: tuple[Any, ...] = ()) -> None:
         try:
             self._connection.execute(sql, values)
         except sqlite3.Error as error:
-            raise _unwritten(self.path, error) from None
+            raise unwritten(self.path, error) from None
 
     def _execute_many(self, sql: str, rows: Iterator[tuple[Any, ...]]) -> None:
         try:
             self._connection.executemany(sql, rows)
         except sqlite3.Error as error:
-            raise _unwritten(self.path, error) from None
+            raise unwritten(self.path, error) from None
 
     def _blocks(self, sql: str) -> Iterator[list[Any]]:
         """The rows of a query, so many at a time."""
@@ -506,96 +478,6 @@ class SurveyFile:
             raise schema.damaged(self.path, str(error)) from None
 
 
-@contextmanager
-def new_file(path: Path, *, force: bool) -> Generator[Path]:
-    """Yield a temporary path for a new survey file that takes `path`'s place once it is complete.
-
-    Raises `SurveyFileError` where that cannot be written, or is there already and not forced.
-    """
-    if path.exists() and not force:
-        raise SurveyFileError(
-            f"{path} exists already; give another name, or replace it by force.",
-            settings=("force",),
-        )
-    with written_whole(path, sqlite3.Error, UnwrittenError, error=SurveyFileError) as part:
-        try:
-            yield part
-        except UnwrittenError:
-            raise
-        except SurveyFileError as error:
-            named = str(error).replace(str(part), str(path))
-            raise SurveyFileError(named, settings=error.settings) from None
-        for suffix in ("-wal", "-shm"):
-            path.with_name(path.name + suffix).unlink(missing_ok=True)
-
-
-class UnwrittenError(SurveyFileError):
-    """The disk would not take it; `strerror` says why, as the system's own errors do."""
-
-    def __init__(self, path: Path, reason: str) -> None:
-        super().__init__(f"{path} cannot be written ({reason}); what was recorded before is kept.")
-        self.strerror = reason
-
-
-class _Transaction:
-    """All or nothing, with the disk's complaints turned into ours; one within another joins it."""
-
-    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
-        self._path = path
-        self._connection = connection
-        self._depth = 0
-
-    def __enter__(self) -> None:
-        if self._depth == 0:
-            self._begin()
-        self._depth += 1
-
-    def _begin(self) -> None:
-        try:
-            if self._connection.in_transaction:  # left open by an interruption
-                self._connection.execute("ROLLBACK")
-            self._connection.execute("BEGIN IMMEDIATE")
-        except sqlite3.Error as failure:
-            raise _unwritten(self._path, failure) from None
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._depth -= 1
-        if self._depth > 0:
-            return
-        if error is not None:
-            with suppress(sqlite3.Error):
-                self._connection.execute("ROLLBACK")
-            return
-        try:
-            self._connection.execute("COMMIT")
-        except sqlite3.Error as failure:
-            with suppress(sqlite3.Error):
-                self._connection.execute("ROLLBACK")
-            raise _unwritten(self._path, failure) from None
-
-
-def _connect(path: Path) -> sqlite3.Connection:
-    """Open for one thread at a time: a mission writes in another than the one it was opened in."""
-    return sqlite3.connect(path, isolation_level=None, timeout=10.0, check_same_thread=False)
-
-
-def _make_durable(connection: sqlite3.Connection) -> None:
-    """What is committed is on the disk, also after a power cut, and readers are not in the way."""
-    connection.execute("PRAGMA journal_mode = WAL")
-    connection.execute("PRAGMA synchronous = FULL")
-    # It grows while another program holds on to what it reads, and shrinks to this afterwards.
-    connection.execute(f"PRAGMA journal_size_limit = {JOURNAL_BYTES}")
-
-
 def _is_bare(connection: sqlite3.Connection, *, journal: bool) -> bool:
     """Whether a mission did not come to close the file, and its `journal` is not there either."""
     return not journal and sessions.is_left_open(connection)
-
-
-def _unwritten(path: Path, error: sqlite3.Error) -> UnwrittenError:
-    return UnwrittenError(path, str(error))

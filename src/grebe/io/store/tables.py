@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import shapely
 
-from grebe.core.events import State
+from grebe.core.events import State, Step
 from grebe.core.frames import LocalFrame
 from grebe.core.quantities import Quantities
 from grebe.core.samples import Flag, Sample, Samples
 from grebe.io.store import geopackage
-from grebe.io.store.timestamps import parse_times, time_text, time_texts
+from grebe.io.store.schema import STATE_COLUMNS
+from grebe.io.store.timestamps import parse_time, parse_times, time_text, time_texts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,6 +59,38 @@ class TrackTable:
 
     def __len__(self) -> int:
         return len(self.states)
+
+
+def track_row(point: Step, place: bytes) -> dict[str, Any]:
+    """A step as a row of the track; `place` is its point as the file has it."""
+    return {
+        "geom": place,
+        "time": time_text(point.time),
+        **dict(zip(STATE_COLUMNS, point.state, strict=True)),
+        "thrust_port_n": point.thrusts[0],
+        "thrust_starboard_n": point.thrusts[1],
+        "target_seq": point.target_seq,
+        "split_stage": point.split_stage,
+        "solve_ms": point.solve_ms,
+        "status": point.status,
+        "current_north_mps": point.current_north_mps,
+        "current_east_mps": point.current_east_mps,
+    }
+
+
+def track_of(rows: Sequence[tuple[Any, ...]]) -> TrackTable:
+    """The track from its rows: time, status, target, the state, both thrusts, ms of the solver."""
+    times = tuple(parse_time(row[0]) for row in rows)
+    numbers = np.array([row[3:] for row in rows], dtype=float).reshape(-1, 9)
+    return TrackTable(
+        times=times,
+        seconds=np.array([(t - times[0]).total_seconds() for t in times]),
+        states=numbers[:, :6],
+        thrusts=numbers[:, 6:8],
+        solve_ms=numbers[:, 8],
+        status=tuple(row[1] or "" for row in rows),
+        target_seq=np.array([row[2] or 0 for row in rows], dtype=np.int64),
+    )
 
 
 def sample_columns(quantities: Quantities) -> list[str]:

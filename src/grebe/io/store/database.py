@@ -1,0 +1,105 @@
+"""The database below a survey file: durable, all or nothing, its complaints turned into ours."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+
+from grebe.core.errors import SurveyFileError
+from grebe.io.whole import written_whole
+
+JOURNAL_BYTES = 8_000_000
+
+
+class UnwrittenError(SurveyFileError):
+    """The disk would not take it; `strerror` says why, as the system's own errors do."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"{path} cannot be written ({reason}); what was recorded before is kept.")
+        self.strerror = reason
+
+
+def unwritten(path: Path, error: sqlite3.Error) -> UnwrittenError:
+    """What to raise where the disk would not take something."""
+    return UnwrittenError(path, str(error))
+
+
+class Transaction:
+    """All or nothing, with the disk's complaints turned into ours; one within another joins it."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self._path = path
+        self._connection = connection
+        self._depth = 0
+
+    def __enter__(self) -> None:
+        if self._depth == 0:
+            self._begin()
+        self._depth += 1
+
+    def _begin(self) -> None:
+        try:
+            if self._connection.in_transaction:  # left open by an interruption
+                self._connection.execute("ROLLBACK")
+            self._connection.execute("BEGIN IMMEDIATE")
+        except sqlite3.Error as failure:
+            raise unwritten(self._path, failure) from None
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._depth -= 1
+        if self._depth > 0:
+            return
+        if error is not None:
+            with suppress(sqlite3.Error):
+                self._connection.execute("ROLLBACK")
+            return
+        try:
+            self._connection.execute("COMMIT")
+        except sqlite3.Error as failure:
+            with suppress(sqlite3.Error):
+                self._connection.execute("ROLLBACK")
+            raise unwritten(self._path, failure) from None
+
+
+def connect(path: Path) -> sqlite3.Connection:
+    """Open for one thread at a time: a mission writes in another than the one it was opened in."""
+    return sqlite3.connect(path, isolation_level=None, timeout=10.0, check_same_thread=False)
+
+
+def make_durable(connection: sqlite3.Connection) -> None:
+    """What is committed is on the disk, also after a power cut, and readers are not in the way."""
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    # It grows while another program holds on to what it reads, and shrinks to this afterwards.
+    connection.execute(f"PRAGMA journal_size_limit = {JOURNAL_BYTES}")
+
+
+@contextmanager
+def new_file(path: Path, *, force: bool) -> Generator[Path]:
+    """Yield a temporary path for a new survey file that takes `path`'s place once it is complete.
+
+    Raises `SurveyFileError` where that cannot be written, or is there already and not forced.
+    """
+    if path.exists() and not force:
+        raise SurveyFileError(
+            f"{path} exists already; give another name, or replace it by force.",
+            settings=("force",),
+        )
+    with written_whole(path, sqlite3.Error, UnwrittenError, error=SurveyFileError) as part:
+        try:
+            yield part
+        except UnwrittenError:
+            raise
+        except SurveyFileError as error:
+            named = str(error).replace(str(part), str(path))
+            raise SurveyFileError(named, settings=error.settings) from None
+        for suffix in ("-wal", "-shm"):
+            path.with_name(path.name + suffix).unlink(missing_ok=True)
