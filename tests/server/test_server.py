@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -77,9 +79,9 @@ def gate(tmp_path):
 
 
 def run(coroutine):
-    import asyncio
-
-    return asyncio.run(coroutine)
+    """In a thread of its own: a browser's tests in the same process keep a loop running."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, coroutine).result()
 
 
 def test_the_launch_token_is_exchanged_once_for_a_cookie_of_this_site_alone(gate):

@@ -17,13 +17,14 @@ from __future__ import annotations
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.control.rollout import lagged, pieces_ends
 from grebe.control.solvers.fast.model import parameter_vector
-from grebe.core.dynamics import Weather
+from grebe.core.dynamics import CALM, Weather
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -49,11 +50,17 @@ PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
 COUNT = len(PRIOR_SD)
 BOAT, WEATHER, DRIFT, ALL = slice(0, 9), slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)
 ITERATIONS = 6
+# Of a search for the weather alone, whose end decides whether the model is rejected at all: one
+# that stops short makes a boat of a current that rises.
+WEATHER_ITERATIONS = 15
 # Dead times from which the search begins anew [s]: what a few turns explain has several minima.
 OTHER_STARTS_S = (0.5, 1.0)
 # The boat's own numbers must explain this much more than weather alone: in halves of chi squared,
 # and as a share of all that is left unexplained.
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
+# What is left unexplained may be at most so many times what noise leaves: where neither boat nor
+# weather explains how it moved, in weeds or on a tow, the fit's numbers are nobody's.
+MOST_LEFT = 4.0
 # What is left of a lag that is made up for, as a share of it: found by flying.
 LAG_LEFT = 0.3
 # A correction is followed where it moved by more than this in any of its numbers.
@@ -145,10 +152,11 @@ Found = tuple[Correction, Weather]
 
 
 def fitting(
-    model: Vessel, flown: Flown, followed: Correction
+    model: Vessel, flown: Flown, followed: Correction, weather: Weather = CALM
 ) -> Generator[None, None, Found | None]:
     """Find the correction that the data ask for and the weather with it; None where the model, or
-    the correction that was followed so far explains them well enough.
+    the correction that was followed so far explains them well enough. The search begins in
+    `weather`.
 
     A generator, for a boat's small computer must not think for long at once: it yields after
     every roll-out of the model and returns what it found.
@@ -156,14 +164,14 @@ def fitting(
     problem = _Problem.of(model, flown)
     if problem is None:
         return None
-    plain, plain_cost = yield from problem.solve(np.zeros(COUNT), WEATHER)
+    plain, plain_cost = yield from problem.solve(_in_weather(model, AS_MODELLED, weather), WEATHER)
     if plain_cost < LEAST_GAIN:
         return None
     best, cost, kept_cost = plain, plain_cost, plain_cost
     if followed == AS_MODELLED:
         starts = [(plain, dead_s) for dead_s in (0.0, *OTHER_STARTS_S)]
     else:
-        kept, kept_cost = yield from problem.solve(_numbers(followed), WEATHER)
+        kept, kept_cost = yield from problem.solve(_in_weather(model, followed, weather), WEATHER)
         if kept_cost < LEAST_GAIN:
             return None
         starts = [(kept, followed.dead_s)]
@@ -212,8 +220,20 @@ class _Problem:
 
         What is left over scales what counts as much, where the data are noisier than assumed.
         """
-        unit = max(1.0, 2 * cost / max(1, 6 * len(self.first) - COUNT))
-        return plain_cost - cost > max(LEAST_GAIN * unit, LEAST_SHARE * plain_cost)
+        unit = 2 * cost / max(1, 6 * len(self.first) - COUNT)
+        if unit > MOST_LEFT * self.noise:
+            return False
+        return plain_cost - cost > max(LEAST_GAIN * max(1.0, unit), LEAST_SHARE * plain_cost)
+
+    @cached_property
+    def noise(self) -> float:
+        """The squared residual that noise leaves: 1 for estimates without any. By the median of
+        second differences, which manoeuvres hardly move.
+        """
+        states = self.flown.states
+        second = np.abs(states[:-2] - 2 * states[1:-1] + states[2:])
+        variance = (1.4826 * np.median(second, axis=0)) ** 2 / 6
+        return float(np.mean(1.0 + 2 * variance / END_SD**2))
 
     def residuals(self, numbers: Array) -> Array:
         """What the pieces' ends miss, in standard deviations, and the prior's pull."""
@@ -234,7 +254,7 @@ class _Problem:
         residuals = _bounded(self.residuals(numbers))
         cost, damping = 0.5 * float(residuals @ residuals), 1e-2
         which = np.arange(COUNT)[free]
-        for _ in range(ITERATIONS):
+        for _ in range(WEATHER_ITERATIONS if free is WEATHER else ITERATIONS):
             slopes = yield from self._slopes(numbers, residuals, which)
             normal = slopes.T @ slopes
             step = np.linalg.solve(
@@ -318,6 +338,15 @@ def _correction(numbers: Array) -> Correction:
         lag_s=lag_s,
         heading_rad=heading_rad,
     )
+
+
+def _in_weather(model: Vessel, correction: Correction, weather: Weather) -> Array:
+    """The numbers of a boat in some weather that does not change."""
+    numbers = _numbers(correction)
+    north, east, force_north, force_east = weather.as_tuple()
+    full = 2 * model.thrust_max_n
+    numbers[9:13] = north, east, force_north / full, force_east / full
+    return numbers
 
 
 def _weather(model: Vessel, numbers: Array) -> Weather:

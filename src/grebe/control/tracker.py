@@ -209,7 +209,7 @@ class Tracker:
             full = self._seen[-1][0] - self._seen[0][0] >= LEAST_S
             if full and time_s >= self._next_fit_s and self._orders:
                 self._next_fit_s = time_s + EVERY_S
-                self._work = fitting(self.model, self._flown(), self.correction)
+                self._work = fitting(self.model, self._flown(), self.correction, self.weather)
             return False
         try:
             for _ in range(WORK_PER_ESTIMATE):

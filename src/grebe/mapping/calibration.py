@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # A place this far from the way is no longer on it [m]: the error of a receiver, about.
 REACH_M = 3.0
 # Factors beyond these are the data's fault and not the model's.
-LEAST, MOST = 0.6, 6.0
+LEAST, MOST = 0.3, 6.0
 # So many left-out pieces weigh as much as the belief that the model is right.
 BELIEF_PIECES = 3.0
 
@@ -41,8 +41,13 @@ class Calibration:
         """The factor at each place (m, 2)."""
         if self.way is None or self.on_way == self.off_way:
             return np.full(len(places), self.on_way)
-        beside = 1.0 - np.exp(-off_the_way(self.way, places) / REACH_M)
+        beside = 1.0 - nearness(self.way, places)
         return self.on_way * (self.off_way / self.on_way) ** beside
+
+
+def nearness(way: Array, places: Array) -> Array:
+    """How far places (m, 2) are on a way (n, 2): 1 on it, falling off within metres, (m,)."""
+    return np.exp(-off_the_way(way, places) / REACH_M)
 
 
 def spread(errors: Errors, pieces: int) -> float:

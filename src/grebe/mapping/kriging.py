@@ -28,7 +28,7 @@ EXACT_LIMIT = 400
 NEIGHBOURS = 150
 TARGETS_AT_ONCE = 2000
 # The trend is estimated once for the whole water, from at most so many samples.
-MOST_FOR_TREND = 1_500
+MOST_FOR_TREND = 500
 # Two samples nearer than this are one place: without a nugget they would make the system
 # singular.
 SAME_PLACE_M = 0.01
@@ -94,7 +94,8 @@ def krige(
     count = 1 if values.ndim == 1 else values.shape[1]
     extra = np.zeros(len(values)) if extra_variance is None else extra_variance
     table = np.column_stack([values, functions, extra])
-    positions, table = distinct(positions, table)
+    once = distinct(positions, table)
+    positions, table = positions[once], table[once]
     positions, table, counts = _joined(positions, table, model)
     columns, extra = table[:, :-1], table[:, -1]
     functions, there = _scaled(columns[:, count:], there)
@@ -188,14 +189,13 @@ def _joined(positions: Array, columns: Array, model: CovarianceModel) -> tuple[A
     return merged
 
 
-def distinct(positions: Array, columns: Array) -> tuple[Array, Array]:
-    """Leave out rows that repeat the same reading at the same place, the first of each kept in its
-    order: one reading, recorded for several sets that overlap there.
+def distinct(positions: Array, columns: Array) -> NDArray[np.int64]:
+    """The rows to keep where some repeat the same reading at the same place, the first of each in
+    its order: one reading, recorded for several sets that overlap there.
     """
     table = np.column_stack([positions, columns])
     _, once = np.unique(table, axis=0, return_index=True)
-    once = np.sort(once)
-    return positions[once], columns[once]
+    return np.sort(once)
 
 
 def merge_places(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import shapely
@@ -15,6 +15,7 @@ from grebe.core.quantities import Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.calibration import Calibration, spread
+from grebe.mapping.change import Change, fit_change
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
 from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
@@ -44,13 +45,18 @@ CHOSEN = "this one predicts left-out samples better"
 class MapSettings:
     """How maps are made.
 
-    `method`: a method, or several of which the one that predicts left-out lines best is taken;
-    None leaves it to `choice`. `shore_depth_sd_m`: the depth of the water is taken as zero along
-    the shore, with this standard deviation [m]; None says nothing of the shore.
+    `method`: a method, or several of which the one that predicts left-out samples best is taken;
+    None leaves it to `choice`. `change`: how it is found out what changed while the readings were
+    taken. `moment` [unix s], or the middle of the survey: the map shows the water then, without
+    what changed everywhere and without the sensor's lag; None leaves each place as it was
+    measured. `shore_depth_sd_m`: the depth of the water is taken as zero along the shore, with
+    this standard deviation [m]; None says nothing of the shore.
     """
 
     method: Method | tuple[Method, ...] | None = None
     choice: Choice = field(default_factory=ByShore)
+    change: Callable[[Readings, float | None], Change] = fit_change
+    moment: float | Literal["middle"] | None = None
     shore_depth_sd_m: float | None = None
 
     def __post_init__(self) -> None:
@@ -76,7 +82,9 @@ class QuantityMap:
 
     `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not.
     `calibration` are the factors that left-out stretches and lines put on the standard deviations.
-    `positions` and `values` are the samples that made the map.
+    `change` is what all of the water changed by, and how late the sensor was. `is_of_moment`: both
+    are taken out, and the map is of `change.moment_s`; if not, each place is as it was when the
+    boat was near. `readings` made the map, brought to its moment.
     """
 
     quantity: Quantity
@@ -85,14 +93,25 @@ class QuantityMap:
     sd: Array
     calibration: Calibration
     micro_sd: float
+    change: Change
+    is_of_moment: bool
+    readings: Readings
     field: Field
     method: Method
     reason: str
     model: Model
     validation: Validation | None
-    positions: Array
-    values: Array
     flagged: int
+
+    @property
+    def positions(self) -> Array:
+        """Where the samples were taken that made the map, (n, 2) [m]."""
+        return self.readings.positions
+
+    @property
+    def values(self) -> Array:
+        """Their values (n,), brought to the map's moment where it has one."""
+        return self.readings.values
 
     @property
     def samples(self) -> int:
@@ -120,7 +139,11 @@ class QuantityMap:
         fields = np.array([self.grid.spread(one) for one in drawn])
         fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, fields.shape)
         factor = self.grid.spread(self.calibration.factor(self.grid.nodes))
-        return self.mean + factor * (fields - self.mean) + fine
+        drawn_fields = self.mean + factor * (fields - self.mean) + fine
+        if not self.is_of_moment:
+            return drawn_fields
+        late = self.change.draws_near(self.readings, self.grid.nodes, count, seed)
+        return drawn_fields + np.array([self.grid.spread(one) for one in late])
 
 
 @dataclass
@@ -135,9 +158,15 @@ class Mapper:
         self._domain = Domain(self.water, self.grid)
 
     def map_quantity(
-        self, quantity: Quantity, positions: Array, values: Array, flags: NDArray[np.int64]
+        self,
+        quantity: Quantity,
+        positions: Array,
+        values: Array,
+        flags: NDArray[np.int64],
+        times: Array | None = None,
     ) -> QuantityMap:
         """Map one quantity from its samples; those flagged suspect or failed stay out of it.
+        Without `times` (n,) [unix s] nothing is known of changes during the survey.
 
         Raises `InputError` when fewer than `FEWEST_SAMPLES` good samples are left.
         """
@@ -147,15 +176,24 @@ class Mapper:
             raise InputError(
                 f"{quantity.label}: {int(good.sum())} good samples; a map needs {FEWEST_SAMPLES}."
             )
-        at, data = distinct(positions[good], values[good])
+        once = distinct(positions[good], values[good])
+        readings = Readings(
+            positions=positions[good][once],
+            values=values[good][once],
+            times=None if times is None else times[good][once],
+        )
         flagged = int((present & ~good).sum())
         with one_blas_thread():
             try:
-                return self._mapped(quantity, Readings(positions=at, values=data), flagged)
+                return self._mapped(quantity, readings, flagged)
             except ValueError as error:
                 raise InputError(f"{quantity.label}: {error}.") from None
 
     def _mapped(self, quantity: Quantity, readings: Readings, flagged: int) -> QuantityMap:
+        moment = self.settings.moment
+        change = self.settings.change(readings, None if moment == "middle" else moment)
+        if moment is not None:
+            readings = change.reduced(change.placed(readings))
         at, data = readings.positions, readings.values
         methods, reason = self.settings.methods(readings, self._domain)
         if quantity.key == WATER_DEPTH and self.settings.shore_depth_sd_m is not None:
@@ -168,20 +206,24 @@ class Mapper:
         # What is finer than the sensor resolves is not known either.
         micro_sd = float(np.hypot(micro_sd, quantity.resolution / np.sqrt(12)))
         nodes = self.grid.nodes
+        sd = np.hypot(factors.factor(nodes) * found.field.sd(nodes), micro_sd)
+        if moment is not None:
+            sd = np.hypot(sd, change.sd_near(readings, nodes))
         return QuantityMap(
             quantity=quantity,
             grid=self.grid,
             mean=self.grid.spread(found.field.mean(nodes)),
-            sd=self.grid.spread(np.hypot(factors.factor(nodes) * found.field.sd(nodes), micro_sd)),
+            sd=self.grid.spread(sd),
             calibration=factors,
             micro_sd=micro_sd,
+            change=change,
+            is_of_moment=moment is not None,
+            readings=readings,
             field=found.field,
             method=found.method,
             reason=reason,
             model=model,
             validation=found.validation,
-            positions=at,
-            values=data,
             flagged=flagged,
         )
 
@@ -257,8 +299,15 @@ def map_all(
         key = quantity.key
         try:
             if samples.measured(key):
-                values, flags = samples.values[key], samples.flags[key]
-                maps.append(mapper.map_quantity(quantity, samples.positions, values, flags))
+                maps.append(
+                    mapper.map_quantity(
+                        quantity,
+                        samples.positions,
+                        samples.values[key],
+                        samples.flags[key],
+                        samples.times,
+                    )
+                )
             else:
                 left_out.append(f"{quantity.label}: not measured")
         except InputError as error:

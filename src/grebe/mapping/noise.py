@@ -43,4 +43,15 @@ def median_noise_variance(positions: Array, values: Array) -> float:
     if close.sum() < FEWEST_TRIPLES:
         close = np.ones(len(values) - 2, dtype=bool)
     second = np.abs(values[:-2] - 2 * values[1:-1] + values[2:])[close]
-    return float((1.4826 * np.median(second)) ** 2 / 6)
+    return max(float((1.4826 * np.median(second)) ** 2 / 6), rounding_variance(values))
+
+
+def rounding_variance(values: Array) -> float:
+    """Variance of the error of values that are written to so many digits.
+
+    Where most of them repeat the one before, differences show no noise at all, and a smooth
+    covariance would make slopes of the steps. The digit is the smallest step between two values.
+    """
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > 1e-9 * max(float(np.abs(values).max()), 1e-300)]
+    return float(steps.min()) ** 2 / 12 if len(steps) else 0.0

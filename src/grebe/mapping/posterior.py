@@ -53,16 +53,16 @@ def fit_posterior(
     if np.ptp(values) == 0:
         raise ValueError("the values do not vary")
     start = fit_variogram(positions, values, estimator)
-    chosen = _thinned(len(values))
+    chosen = thinned(len(values))
     noise = median_noise_variance(positions, values)
     at, data = positions[chosen], values[chosen]
-    problem = _Posterior.of(at, data, kind, noise)
+    problem = Posterior.of(at, data, kind, noise)
     gained, model, errors = problem.best(start.model)
     reason = f"{kind} by the posterior mode under priors of range, standard deviation and noise"
     if start.model.ratio < 1:
         shape = {"ratio": start.model.ratio, "angle_deg": start.model.angle_deg}
         directed = replace(start.model, kind=kind, **shape)
-        turned = _Posterior.of(directed.isotropic(at), data, kind, noise).best(directed)
+        turned = Posterior.of(directed.isotropic(at), data, kind, noise).best(directed)
         if turned[0] > gained + CLEAR_GAIN:
             reason += f"; its direction adds {turned[0] - gained:.1f}"
             model, errors = replace(turned[1], **shape), turned[2]
@@ -79,18 +79,21 @@ fit_rough = partial(fit_posterior, kind="exponential")
 fit_smooth = partial(fit_posterior, kind="matern32")
 
 
-def _thinned(count: int) -> NDArray[np.int64]:
+def thinned(count: int, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
     """Pairs of neighbours along the track, evenly spread: near pairs tell the noise."""
-    if count <= MOST_SAMPLES:
+    if count <= most:
         return np.arange(count)
-    first = np.linspace(0, count - 2, MOST_SAMPLES // 2).astype(np.int64)
+    first = np.linspace(0, count - 2, most // 2).astype(np.int64)
     return np.unique(np.concatenate([first, first + 1]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Posterior:
+class Posterior:
     """Log posterior of (log range / extent, log sill / variance, log noise / variance), the mean
     integrated out; `values` (n,) of mean 0 and variance 1, `noise` their noise's variance.
+
+    `common`, (n, n) each, are correlations that all places share, of what changed in time; the
+    variance of each over that of the values is one more number, a logarithm too.
     """
 
     distance: Array
@@ -99,9 +102,18 @@ class _Posterior:
     variance: float
     kind: str
     noise: float
+    common: tuple[Array, ...] = ()
 
     @classmethod
-    def of(cls, positions: Array, values: Array, kind: str, noise: float) -> _Posterior:
+    def of(
+        cls,
+        positions: Array,
+        values: Array,
+        kind: str,
+        noise: float,
+        common: tuple[Array, ...] = (),
+    ) -> Posterior:
+        """The problem of values (n,) at positions (n, 2) whose noise has a variance of `noise`."""
         distance = cdist(positions, positions)
         variance = float(np.var(values))
         return cls(
@@ -111,6 +123,7 @@ class _Posterior:
             variance=variance,
             kind=kind,
             noise=min(max(noise / variance, NOISE_BOUNDS[0]), NOISE_BOUNDS[1]),
+            common=common,
         )
 
     def best(self, start: CovarianceModel) -> tuple[float, CovarianceModel, dict[str, float]]:
@@ -141,21 +154,33 @@ class _Posterior:
 
     def log_density(self, at: Array) -> float:
         """Log posterior, but for a constant."""
-        share, sill, noise = np.exp(at).tolist()
-        n = len(self.values)
+        share, sill, noise = np.exp(at[:3]).tolist()
+        of_change = np.log(UNLIKELY) * np.sum(np.exp(0.5 * at[3:]))
+        prior = self._log_prior(share, float(np.sqrt(sill)), noise) + of_change
+        return self.log_likelihood(at) + float(prior)
+
+    def covariance(self, at: Array) -> Array:
+        """Covariance of the values, (n, n)."""
+        share, sill, noise = np.exp(at[:3]).tolist()
         matrix = sill * correlations(self.kind, self.distance / (share * self.extent_m))
-        matrix[np.diag_indices(n)] += noise + 1e-9 * sill
+        matrix[np.diag_indices(len(self.values))] += noise + 1e-9 * sill
+        for log_share, common in zip(at[3:].tolist(), self.common, strict=False):
+            matrix += np.exp(log_share) * common
+        return matrix
+
+    def log_likelihood(self, at: Array) -> float:
+        """Restricted log likelihood, but for a constant."""
+        matrix = self.covariance(at)
         try:
             factor, lower = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
         except np.linalg.LinAlgError:
             return -1e300
-        both = np.column_stack([np.ones(n), self.values])
+        both = np.column_stack([np.ones(len(self.values)), self.values])
         ones, values = solve_triangular(factor, both, lower=lower, check_finite=False).T
         information = float(ones @ ones)
         rest = values - float(ones @ values) / information * ones
         log_det = 2 * float(np.sum(np.log(np.diag(factor))))
-        likelihood = -0.5 * (float(rest @ rest) + log_det + np.log(information))
-        return likelihood + self._log_prior(share, float(np.sqrt(sill)), noise)
+        return -0.5 * (float(rest @ rest) + log_det + np.log(information))
 
     def _log_prior(self, share: float, sd: float, noise: float) -> float:
         """Of log range and log standard deviation (penalised complexity), and of log noise."""

@@ -1,0 +1,322 @@
+"""How the water changed, and how late the sensor was, while a survey was under way.
+
+A map is of one moment, and its samples are of an hour. What changes everywhere alike and slowly,
+the warming of a day or the drift of a sensor, is a smooth process of the time; beside a covariance
+of place it is found by restricted likelihood, because lines that lie side by side, or cross, were
+sailed at different times (Diggle and Ribeiro 2007, ch. 3, for the likelihood). What two passes
+differ by within minutes, a third process, is told apart from it and left in the readings: there is
+no moment without it. A sensor that answers late is found likewise: where the boat was some seconds
+before, opposing lines agree.
+
+Either is heeded only where the likelihood is clearly for it, and how large a change would have
+stayed unseen is told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import bisect, minimize
+from scipy.spatial import KDTree
+
+from grebe.mapping.methods.base import Readings
+from grebe.mapping.noise import median_noise_variance
+from grebe.mapping.posterior import Posterior, thinned
+from grebe.mapping.variogram import fit_variogram
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+KIND = "exponential"
+# Log likelihood that a change, or a lag, must add to be heeded.
+CLEAR_GAIN = 4.0
+# What the log likelihood may lose until a change is taken for impossible: 95 % of a chi square
+# with one degree of freedom, in halves.
+UNSEEN_LOSS = 1.92
+# Shares of the values' variance from which a search for a change begins, and its ends.
+SHARES, SHARE_BOUNDS = (1e-3, 1e-2, 1e-1, 1.0), (1e-6, 30.0)
+# Lags that are tried [s]; readings further apart than this in time are not on one way [s].
+LAGS_S, LONGEST_GAP_S = (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0, 22.0, 26.0, 30.0), 20.0
+KNOTS = 24
+FEWEST = 60
+# What is slow is told by few readings, if they come from the whole of the time.
+MOST_SAMPLES = 240
+# As shares of the survey's time: how slow a change is, and how long two passes remember what they
+# differ by.
+SLOW, FLEETING = 0.5, 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """What all of the water changed by between other times and the map's moment.
+
+    `moment_s` [unix s]; `times` (p,) [unix s], and there `mean` (p,) and `covariance` (p, p) of
+    the change, in the quantity's unit: 0 at the moment. `lag_s`: the sensor's. `gain` and
+    `lag_gain`: what either adds to the log likelihood. `unseen_sd`: the standard deviation, over
+    the whole survey, of a change that the samples do not rule out; infinite where they rule out
+    none.
+    """
+
+    moment_s: float
+    times: Array
+    mean: Array
+    covariance: Array
+    gain: float = 0.0
+    lag_s: float = 0.0
+    lag_gain: float = 0.0
+    unseen_sd: float = np.inf
+
+    @property
+    def is_heeded(self) -> bool:
+        """Whether the map is of one moment and not of the whole time of the survey."""
+        return bool(np.any(self.covariance > 0))
+
+    @property
+    def range_of(self) -> float:
+        """How far apart the water was, in its unit, at most during the survey."""
+        return float(np.ptp(self.mean))
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Mean and standard deviation, (m,) each, of the change at times (m,) [unix s]."""
+        sd = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return np.interp(times, self.times, self.mean), np.interp(times, self.times, sd)
+
+    def placed(self, readings: Readings) -> Readings:
+        """The readings where the sensor took them."""
+        if readings.times is None or not self.lag_s:
+            return readings
+        return replace(readings, positions=earlier(readings.times, readings.positions, self.lag_s))
+
+    def reduced(self, readings: Readings) -> Readings:
+        """The readings as they would have been at the moment."""
+        if readings.times is None or not self.is_heeded:
+            return readings
+        return replace(readings, values=readings.values - self.at(readings.times)[0])
+
+    def sd_near(self, readings: Readings, places: Array) -> Array:
+        """Standard deviation (m,) that the change adds at places (m, 2): that of the nearest
+        reading's time, for all readings near a place share its error.
+        """
+        if readings.times is None or not self.is_heeded:
+            return np.zeros(len(places))
+        nearest = KDTree(readings.positions).query(places)[1]
+        return self.at(readings.times)[1][nearest]
+
+    def draws_near(self, readings: Readings, places: Array, count: int, seed: int) -> Array:
+        """Equally likely errors of the change at places, (count, m)."""
+        if readings.times is None or not self.is_heeded:
+            return np.zeros((count, len(places)))
+        nearest = KDTree(readings.positions).query(places)[1]
+        when = readings.times[nearest]
+        rng = np.random.default_rng([seed, 2])
+        size = self.covariance + 1e-12 * np.eye(len(self.times)) * np.max(np.diag(self.covariance))
+        errors = rng.multivariate_normal(np.zeros(len(self.times)), size, count, method="cholesky")
+        return np.array([np.interp(when, self.times, one) for one in errors])
+
+
+def no_change(readings: Readings, moment_s: float | None = None) -> Change:
+    """Nothing is known to have changed."""
+    times = np.zeros(1) if readings.times is None else readings.times
+    middle = float((times.min() + times.max()) / 2) if moment_s is None else moment_s
+    return Change(
+        moment_s=middle, times=np.array([middle]), mean=np.zeros(1), covariance=np.zeros((1, 1))
+    )
+
+
+@lru_cache(maxsize=16)
+def fit_change(readings: Readings, moment_s: float | None = None) -> Change:
+    """Find the change of all the water and the sensor's lag.
+
+    The map's moment is the middle of the readings' time where none is given. Readings without
+    times, or too few of them, tell nothing.
+    """
+    still = no_change(readings, moment_s)
+    if readings.times is None or len(readings) < FEWEST or np.ptp(readings.values) == 0:
+        return still
+    span_s = float(np.ptp(readings.times))
+    if not span_s > 0:
+        return still
+    try:
+        problem = _Problem.of(readings)
+    except ValueError:
+        return still
+    lag_s, lag_gain = problem.lag()
+    if lag_s:
+        problem = problem.shifted(lag_s)
+    at, gain = problem.with_change()
+    change = replace(still, gain=gain, lag_s=lag_s, lag_gain=lag_gain, unseen_sd=problem.unseen(at))
+    if gain < CLEAR_GAIN:
+        return change
+    first, last = float(readings.times.min()), float(readings.times.max())
+    knots = np.unique([*np.linspace(first, last, KNOTS), np.clip(still.moment_s, first, last)])
+    mean, covariance = problem.predicted(at, knots, still.moment_s)
+    return replace(change, times=knots, mean=mean, covariance=covariance)
+
+
+def earlier(times: Array, positions: Array, seconds: float) -> Array:
+    """Where the boat was so many seconds before each of its readings, (n, 2); where it is not
+    known, beyond a gap or before the first one, the reading stays where it is.
+    """
+    order = np.argsort(times, kind="stable")
+    when, way = times[order], positions[order]
+    asked = when - seconds
+    after = np.clip(np.searchsorted(when, asked), 1, len(when) - 1)
+    known = (asked >= when[0]) & (when[after] - when[after - 1] <= LONGEST_GAP_S)
+    moved = np.column_stack([np.interp(asked, when, column) for column in way.T])
+    out = np.empty_like(positions, dtype=float)
+    out[order] = np.where(known[:, None], moved, way)
+    return out
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Problem:
+    """Some of the readings, and the best covariance without a slow change, `plain` (4,): of place,
+    of noise, and of what passes differ by.
+    """
+
+    readings: Readings
+    chosen: NDArray[np.int64]
+    posterior: Posterior
+    plain: Array
+
+    @classmethod
+    def of(cls, readings: Readings) -> _Problem:
+        chosen = thinned(len(readings), MOST_SAMPLES)
+        posterior = _posterior(readings, readings.positions, chosen)
+        start = fit_variogram(readings.positions, readings.values, "matheron").model
+        model = posterior.best(replace(start, kind=KIND))[1]
+        of_place = np.log(
+            [
+                model.range_m / posterior.extent_m,
+                model.sill / posterior.variance,
+                max(model.nugget / posterior.variance, 1e-12),
+            ]
+        )
+        begin = _with_share(posterior, of_place)
+        return cls(
+            readings=readings,
+            chosen=chosen,
+            posterior=posterior,
+            plain=_refined(posterior, begin),
+        )
+
+    def lag(self) -> tuple[float, float]:
+        """The sensor's lag [s] that the likelihood is clearly for, else 0; and its gain."""
+        found = [self._at_lag(lag_s)[1] for lag_s in LAGS_S]
+        best = int(np.argmax(found))
+        gain = found[best] - found[0]
+        return (LAGS_S[best], gain) if gain > CLEAR_GAIN else (0.0, gain)
+
+    def shifted(self, lag_s: float) -> _Problem:
+        """The same problem with the readings where the sensor took them."""
+        posterior, _ = self._at_lag(lag_s)
+        moved = _refined(posterior, self.plain)
+        return replace(self, posterior=posterior, plain=moved)
+
+    def _at_lag(self, lag_s: float) -> tuple[Posterior, float]:
+        times = self.readings.times
+        assert times is not None
+        moved = earlier(times, self.readings.positions, lag_s)
+        posterior = _posterior(self.readings, moved, self.chosen)
+        # The range is a share of an extent that has changed a little.
+        at = self.plain.copy()
+        at[0] += np.log(self.posterior.extent_m / posterior.extent_m)
+        return posterior, posterior.log_likelihood(at)
+
+    def with_change(self) -> tuple[Array, float]:
+        """The best numbers with a change, (5,), and what they add to the log likelihood."""
+        found = _refined(self.posterior, _with_share(self.posterior, self.plain))
+        gain = self.posterior.log_likelihood(found) - self.posterior.log_likelihood(self.plain)
+        return found, float(gain)
+
+    def unseen(self, at: Array) -> float:
+        """The largest standard deviation of a change that the readings do not rule out."""
+        best = max(self.posterior.log_likelihood(at), self.posterior.log_likelihood(self.plain))
+
+        def lost(log_share: float) -> float:
+            with_it = np.append(at[:4], log_share)
+            return best - self.posterior.log_likelihood(with_it) - UNSEEN_LOSS
+
+        top = float(np.log(SHARE_BOUNDS[1]))
+        low = float(np.clip(at[4], np.log(SHARE_BOUNDS[0]), top - 1.0))
+        if lost(top) < 0:
+            return np.inf
+        edge = low if lost(low) > 0 else bisect(lost, low, top, xtol=0.05)
+        return float(np.sqrt(np.exp(cast(float, edge)) * self.posterior.variance))
+
+    def predicted(self, at: Array, knots: Array, moment_s: float) -> tuple[Array, Array]:
+        """Mean (p,) and covariance (p, p) of the change at some times, 0 at the moment."""
+        times = self.readings.times
+        assert times is not None
+        seen = times[self.chosen]
+        span_s = float(np.ptp(times))
+        size = float(np.exp(at[4]))
+        between = size * _slow(knots, seen, span_s)
+        between = between - size * _slow(np.array([moment_s]), seen, span_s)
+        matrix = self.posterior.covariance(at)
+        factor = cho_factor(matrix, lower=True)
+        ones = np.ones(len(seen))
+        weighted = cho_solve(factor, np.column_stack([ones, self.posterior.values, between.T]))
+        by_one, by_value, by_change = weighted[:, 0], weighted[:, 1], weighted[:, 2:]
+        information = float(ones @ by_one)
+        mean = float(ones @ by_value) / information
+        estimate = between @ (by_value - mean * by_one)
+        missing = between @ by_one
+        covariance = size * _since(knots, moment_s, span_s) - between @ by_change
+        covariance = covariance + np.outer(missing, missing) / information
+        variance = self.posterior.variance
+        return np.sqrt(variance) * estimate, variance * 0.5 * (covariance + covariance.T)
+
+
+def _posterior(readings: Readings, positions: Array, chosen: NDArray[np.int64]) -> Posterior:
+    times = readings.times
+    assert times is not None
+    noise = median_noise_variance(positions, readings.values)
+    seen = times[chosen]
+    span_s = float(np.ptp(times))
+    common = (_fleeting(seen, span_s), _slow(seen, seen, span_s))
+    return Posterior.of(positions[chosen], readings.values[chosen], KIND, noise, common)
+
+
+def _slow(a: Array, b: Array, span_s: float) -> Array:
+    """Correlation (n, m) of a slow change at some times: Matérn 5/2."""
+    x = np.sqrt(5.0) * np.abs(a[:, None] - b[None, :]) / (SLOW * span_s)
+    return (1 + x + x**2 / 3) * np.exp(-x)
+
+
+def _since(times: Array, moment_s: float, span_s: float) -> Array:
+    """Covariance (n, n) of what has changed since a moment, for a variance of 1."""
+    at = np.array([moment_s])
+    to_moment = _slow(times, at, span_s)
+    return _slow(times, times, span_s) - to_moment - to_moment.T + _slow(at, at, span_s)
+
+
+def _fleeting(times: Array, span_s: float) -> Array:
+    """Correlation (n, n) of what passes differ by, which is gone within minutes."""
+    return np.exp(-np.abs(times[:, None] - times[None, :]) / (FLEETING * span_s))
+
+
+def _with_share(posterior: Posterior, at: Array) -> Array:
+    """One more process in time, at the best of a few shares of the variance."""
+    return max((np.append(at, np.log(share)) for share in SHARES), key=posterior.log_density)
+
+
+def _refined(posterior: Posterior, start: Array) -> Array:
+    """The posterior's mode from a start that is near."""
+    found = minimize(
+        lambda at: -posterior.log_density(at),
+        start,
+        method="Nelder-Mead",
+        bounds=[(one - 4.0, one + 4.0) for one in start.tolist()],
+        options={
+            "xatol": 2e-2, "fatol": 2e-2, "maxfev": 120,
+            "initial_simplex": np.vstack([start, start + 0.4 * np.eye(len(start))]),
+        },
+    )  # fmt: skip
+    return np.asarray(found.x)
