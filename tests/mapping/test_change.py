@@ -1,0 +1,112 @@
+"""Water that changes while it is measured, and a sensor that answers late."""
+
+import numpy as np
+import pytest
+import shapely
+from conftest import TEMPERATURE
+
+from grebe.core.samples import Flag
+from grebe.mapping.change import earlier, fit_change, no_change
+from grebe.mapping.grid import make_grid
+from grebe.mapping.maps import Mapper, MapSettings
+from grebe.mapping.methods.base import Readings
+from grebe.mapping.methods.choice import KRIGING
+
+SIDE, SPACING, SPEED = 120.0, 10.0, 1.0
+WATER = shapely.box(0, 0, SIDE, SIDE)
+
+
+def lanes():
+    """There and back along lanes, then across them: (n, 2) places a metre apart, and times [s]."""
+    way = []
+    for k, east in enumerate(np.arange(5.0, SIDE, SPACING)):
+        north = np.arange(2.0, SIDE - 1)
+        way += [(n, east) for n in (north if k % 2 == 0 else north[::-1])]
+    for k, north in enumerate((30.0, 60.0, 90.0)):
+        east = np.arange(2.0, SIDE - 1)
+        way += [(north, e) for e in (east[::-1] if k % 2 == 0 else east)]
+    places = np.array(way)
+    return places, np.arange(len(places)) / SPEED
+
+
+def waves(places, seed):
+    """A smooth random field of variance 1 and waves of some 40 to 120 m."""
+    rng = np.random.default_rng(seed)
+    waves = rng.normal(0, 2 * np.pi / 80, (60, 2))
+    phases = rng.uniform(0, 2 * np.pi, 60)
+    return np.sqrt(2 / 60) * np.cos(places @ waves.T + phases).sum(axis=1)
+
+
+def read(seed, drift=0.0, lag_s=0.0):
+    places, times = lanes()
+    rng = np.random.default_rng([seed, 1])
+    at = earlier(times, places, lag_s) if lag_s else places
+    values = waves(at, seed) + drift * (times / times[-1] - 0.5) + rng.normal(0, 0.03, len(times))
+    return Readings(positions=places, values=values, times=1.6e9 + times)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_drift_of_all_the_water_is_found(seed):
+    given = read(seed, drift=1.5)
+    change = fit_change(given)
+    assert change.is_heeded
+    mean, sd = change.at(given.times)
+    truth = 1.5 * (given.times - change.moment_s) / np.ptp(given.times)
+    assert np.sqrt(np.mean((mean - truth) ** 2)) < 0.15
+    assert np.mean(np.abs(mean - truth) <= 2 * sd + 1e-9) > 0.8
+    assert change.lag_s == 0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_nothing_is_made_up_of_water_that_stays_as_it_is(seed):
+    change = fit_change(read(seed))
+    assert not change.is_heeded
+    assert change.lag_s == 0
+    # And what could have stayed unseen is less than the field's own variation.
+    assert change.unseen_sd < 1.5
+
+
+@pytest.mark.parametrize("lag_s", [6.0, 12.0])
+def test_a_late_sensor_is_found_by_its_opposing_lanes(lag_s):
+    change = fit_change(read(4, lag_s=lag_s))
+    assert change.lag_s == pytest.approx(lag_s, abs=2.0)
+
+
+def test_a_map_of_one_moment_holds_the_water_of_that_moment():
+    """Of water that drifts by 1.5 of its standard deviations the 95 % intervals held half."""
+    held = {}
+    for moment in (None, "middle"):
+        within = []
+        for seed in (1, 2, 3):
+            given = read(seed, drift=1.5)
+            settings = MapSettings(moment=moment, method=KRIGING[0])
+            one = Mapper(WATER, make_grid(WATER, 4.0), settings).map_quantity(
+                TEMPERATURE,
+                given.positions,
+                given.values,
+                np.full(len(given), Flag.GOOD),
+                given.times,
+            )
+            nodes = one.grid.nodes
+            mean, sd = (field[one.grid.inside] for field in (one.mean, one.sd))
+            within.append(np.abs(mean - waves(nodes, seed)) <= 1.96 * sd)
+        held[moment] = float(np.mean(np.concatenate(within)))
+    assert held["middle"] > 0.9
+    assert held["middle"] > held[None]
+
+
+def test_without_times_nothing_is_said():
+    given = read(1, drift=1.5)
+    untimed = Readings(positions=given.positions, values=given.values)
+    assert not fit_change(untimed).is_heeded
+    assert not no_change(untimed).is_heeded
+
+
+def test_the_moment_is_where_the_change_is_none():
+    given = read(1, drift=1.5)
+    first = float(given.times[0])
+    change = fit_change(given, first)
+    mean, sd = change.at(np.array([first]))
+    assert mean[0] == pytest.approx(0.0, abs=1e-9)
+    assert sd[0] == pytest.approx(0.0, abs=1e-4)
+    assert change.at(given.times[-1:])[0][0] == pytest.approx(1.5, abs=0.4)
