@@ -5,10 +5,12 @@ import pytest
 import shapely
 from conftest import TEMPERATURE
 
-from grebe.core.samples import Flag
+from grebe.core.errors import InputError
+from grebe.core.quantities import LIMNOLOGICAL
+from grebe.core.samples import Flag, Samples
 from grebe.mapping.change import earlier, fit_change, no_change
 from grebe.mapping.grid import make_grid
-from grebe.mapping.maps import Mapper, MapSettings
+from grebe.mapping.maps import Mapper, MapSettings, map_all
 from grebe.mapping.methods.base import Readings
 from grebe.mapping.methods.choice import KRIGING
 
@@ -110,3 +112,16 @@ def test_the_moment_is_where_the_change_is_none():
     assert mean[0] == pytest.approx(0.0, abs=1e-9)
     assert sd[0] == pytest.approx(0.0, abs=1e-4)
     assert change.at(given.times[-1:])[0][0] == pytest.approx(1.5, abs=0.4)
+
+
+def test_a_moment_in_which_nobody_measured_is_refused_in_one_sentence():
+    given = read(1)
+    samples = Samples.of(
+        times=given.times,
+        positions=given.positions,
+        values={"temperature_degc": given.values},
+        quantities=LIMNOLOGICAL,
+    )
+    mapper = Mapper(WATER, make_grid(WATER, 8.0), MapSettings(moment=0.0))
+    with pytest.raises(InputError, match="1970-01-01T00:00:00Z; give a moment from 2020"):
+        map_all(mapper, samples, LIMNOLOGICAL)

@@ -22,7 +22,7 @@ from grebe.mapping.methods.choice import COVARIANCE_FITS, KRIGING, METHODS, BySh
 from grebe.mapping.variogram import ESTIMATORS
 from grebe.report.thresholds import read_profile
 from grebe.workflow.files import make_folder
-from grebe.workflow.maps import NETCDF_NAME, map_numbers, map_survey, write_maps
+from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_survey, write_maps
 
 
 @click.command(name="map")
@@ -44,6 +44,13 @@ from grebe.workflow.maps import NETCDF_NAME, map_numbers, map_survey, write_maps
     type=click.Choice(tuple(COVARIANCE_FITS)),
     help="The covariance: rough or smooth by its posterior under priors, by restricted likelihood "
     "alone (reml), or as the variogram has it (wls).  [default: what predicts best]",
+)
+@click.option(
+    "--moment",
+    type=options.MOMENT,
+    help="Map the water of one moment of the survey (ISO 8601, or middle): what changed everywhere "
+    "meanwhile, and the sensors' lag, are estimated and taken out.  [default: each place as it was "
+    "measured]",
 )
 @click.option("--drift", type=click.Choice(("linear",)), help="What the mean depends on.")
 @click.option(
@@ -120,6 +127,8 @@ def _map_one(file: Path, out: Path, asked: dict[str, Any], *, as_json: bool) -> 
     written = write_maps(data, out, thresholds, asked["draws"])
     for text in data.left_out:
         output.note(f"left out: {text}")
+    for text in change_notes(data.maps):
+        output.note(f"note: {text}")
     output.result(
         {
             "maps": [map_numbers(one) for one in data.maps]
@@ -158,7 +167,8 @@ def _map_many(
 
 def _settings(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings:
     """The methods by their names in the table, with the settings that are given."""
-    method, variogram, depth_sd = asked["method"], asked["variogram"], asked["shore_depth_sd_m"]
+    method, variogram = asked["method"], asked["variogram"]
+    more = {"shore_depth_sd_m": asked["shore_depth_sd_m"], "moment": asked["moment"]}
     given = {
         "fit_covariance": None if variogram is None else COVARIANCE_FITS[variogram],
         "estimator": asked["estimator"],
@@ -166,8 +176,8 @@ def _settings(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings
     }
     if method is None:
         straight = with_settings(KRIGING, **given)
-        return MapSettings(choice=ByShore(straight=straight), shore_depth_sd_m=depth_sd)
-    return MapSettings(method=with_settings(METHODS[method], **given), shore_depth_sd_m=depth_sd)
+        return MapSettings(choice=ByShore(straight=straight), **more)
+    return MapSettings(method=with_settings(METHODS[method], **given), **more)
 
 
 def _drift(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,25 @@ class Pair(click.ParamType):
         return first, second
 
 
+class Moment(click.ParamType):
+    """A moment in ISO 8601, UTC where it names no zone, as unix seconds; or the word middle."""
+
+    name = "TIME|middle"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | str:
+        """Parse; anything else is a usage error."""
+        if value == "middle" or isinstance(value, float):
+            return value
+        try:
+            moment = datetime.fromisoformat(str(value))
+        except ValueError:
+            self.fail(f"{value!r} is neither a moment such as 2026-05-01T12:00Z nor 'middle'.")
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+MOMENT = Moment()
 LON_LAT = Pair("LON", "LAT")
 NORTH_EAST = Pair("NORTH", "EAST")
 SPEED_WINDOW = Pair("LO", "HI", ":")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -191,6 +192,8 @@ class Mapper:
 
     def _mapped(self, quantity: Quantity, readings: Readings, flagged: int) -> QuantityMap:
         moment = self.settings.moment
+        if moment is not None and readings.times is None:
+            raise ValueError("a map of one moment needs the times of the samples")
         change = self.settings.change(readings, None if moment == "middle" else moment)
         if moment is not None:
             readings = change.reduced(change.placed(readings))
@@ -282,6 +285,22 @@ def _tried(method: Method, readings: Readings, domain: Domain) -> tuple[float, B
     )
 
 
+def _refuse_moment(moment: float | Literal["middle"] | None, times: Array) -> None:
+    """Nothing is known of the water at a time when nobody measured."""
+    if moment is None or moment == "middle" or not len(times):
+        return
+    first, last = float(times.min()), float(times.max())
+    if not first <= moment <= last:
+        asked, begun, ended = (
+            datetime.fromtimestamp(one, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+            for one in (moment, first, last)
+        )
+        raise InputError(
+            f"No sample was taken at {asked}; give a moment from {begun} to {ended}.",
+            settings=("moment",),
+        )
+
+
 def map_all(
     mapper: Mapper,
     samples: Samples,
@@ -290,8 +309,10 @@ def map_all(
 ) -> tuple[list[QuantityMap], list[str]]:
     """Map every quantity that can be mapped; return the maps and why others are left out.
 
-    `on_done` is told after each quantity how many are done, and of how many.
+    `on_done` is told after each quantity how many are done, and of how many. Raises `InputError`
+    where a moment is asked for in which nobody measured.
     """
+    _refuse_moment(mapper.settings.moment, samples.times)
     maps: list[QuantityMap] = []
     left_out: list[str] = []
     wanted = [one for one in quantities.values() if one.mapped]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
 
@@ -181,6 +182,7 @@ def _method(one: QuantityMap, t: Texts) -> str:
             reason=model.reason,
         ),
     ]
+    said += _changed(one, t)
     if check is not None:
         numbers = {"rmse": check.rmse, "nearest": check.nearest_rmse, "idw": check.idw_rmse,
                    "bias": check.bias, "msdr": check.msdr}  # fmt: skip
@@ -199,6 +201,27 @@ def _method(one: QuantityMap, t: Texts) -> str:
             t("calibrated", on_way=f"{factors.on_way:.2f}", off_way=f"{factors.off_way:.2f}")
         )
     return " ".join(said)
+
+
+def _changed(one: QuantityMap, t: Texts) -> list[str]:
+    """How the water changed during the survey, how late the sensor was, and what was done of it."""
+    change, said = one.change, list[str]()
+    if change.is_heeded:
+        by = significant(change.range_of, 2)
+        said.append(t("changed", change=by, unit=one.quantity.unit))
+    elif np.isfinite(change.unseen_sd):
+        by = significant(change.unseen_sd, 2)
+        said.append(t("unchanged", change=by, unit=one.quantity.unit))
+    elif change.gain or change.lag_gain:
+        said.append(t("change_untold"))
+    if change.lag_s:
+        said.append(t("late", lag=f"{change.lag_s:g}"))
+    if one.is_of_moment:
+        moment = datetime.fromtimestamp(change.moment_s, UTC)
+        said.append(t("of_moment", moment=f"{moment:%Y-%m-%d %H:%M} UTC"))
+    elif change.is_heeded or change.lag_s:
+        said.append(t("as_measured"))
+    return said
 
 
 def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,6 +79,44 @@ def _attributes(data: ReportData) -> dict[str, str]:
     }
 
 
+def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
+    """What a user should know of water that changed, and of sensors that answered late, while
+    each place was mapped as it was measured.
+    """
+    notes: list[str] = []
+    for one in maps:
+        name, change = one.quantity.label, one.change
+        if one.is_of_moment:
+            continue
+        if change.is_heeded:
+            unit = f" {one.quantity.unit}" if one.quantity.unit else ""
+            notes.append(
+                f"{name}: all of the water seems to have changed by {change.range_of:.2g}{unit} "
+                "during the survey; a map of one moment takes that out"
+            )
+        if change.lag_s:
+            notes.append(
+                f"{name}: opposing lanes agree best {change.lag_s:g} s late; a map of one moment "
+                "takes that out, or note it as the sensor's lag"
+            )
+    return notes
+
+
+def _change_numbers(one: QuantityMap) -> dict[str, Any]:
+    change = one.change
+    unseen = change.unseen_sd
+    return {
+        "moment": datetime.fromtimestamp(change.moment_s, UTC).isoformat()
+        if one.is_of_moment
+        else None,
+        "during_survey": change.range_of if change.is_heeded else None,
+        "log_likelihood_gain": change.gain,
+        "unseen_sd_at_most": unseen if np.isfinite(unseen) else None,
+        "sensor_lag_s": change.lag_s or None,
+        "lag_log_likelihood_gain": change.lag_gain,
+    }
+
+
 def map_numbers(one: QuantityMap) -> dict[str, Any]:
     """What there is to say of a map, for JSON."""
     model, validation = one.model, one.validation
@@ -100,5 +139,6 @@ def map_numbers(one: QuantityMap) -> dict[str, Any]:
                 for name, value in model.standard_errors.items()
             },
         },
+        "change": _change_numbers(one),
         "validation": vars(validation) if validation else None,
     }

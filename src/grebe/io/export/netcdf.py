@@ -8,6 +8,7 @@ RFU) stands in `reported_unit`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import netCDF4
@@ -107,6 +108,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
             "variogram_reason": model.reason,
             "interpolation": f"{one.method.key}: {one.reason}",
             "sample_count": np.int32(one.samples),
+            "moment": _moment(one),
         }
     )
     if quantity.standard_name:
@@ -121,6 +123,19 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
             "units": quantity.cf_unit,
         }
     )
+
+
+def _moment(one: QuantityMap) -> str:
+    """What time the values are of."""
+    change = one.change
+    if one.is_of_moment:
+        return datetime.fromtimestamp(change.moment_s, UTC).isoformat()
+    if change.is_heeded:
+        return (
+            "each place as it was measured; all of the water seems to have changed by "
+            f"{change.range_of:.3g} during the survey"
+        )
+    return "each place as it was measured"
 
 
 def _named(standard_name: str, modifier: str = "") -> dict[str, str]:
