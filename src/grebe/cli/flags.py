@@ -23,6 +23,7 @@ FLAGS = {
     "many": "--many",
     "max_minutes": "--max-minutes",
     "minutes": "--minutes",
+    "moment": "--moment",
     "pattern": "--pattern",
     "piece_s": "--piece",
     "profile": "--profile",
