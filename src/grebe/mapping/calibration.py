@@ -41,13 +41,8 @@ class Calibration:
         """The factor at each place (m, 2)."""
         if self.way is None or self.on_way == self.off_way:
             return np.full(len(places), self.on_way)
-        beside = 1.0 - nearness(self.way, places)
+        beside = 1.0 - np.exp(-off_the_way(self.way, places) / REACH_M)
         return self.on_way * (self.off_way / self.on_way) ** beside
-
-
-def nearness(way: Array, places: Array) -> Array:
-    """How far places (m, 2) are on a way (n, 2): 1 on it, falling off within metres, (m,)."""
-    return np.exp(-off_the_way(way, places) / REACH_M)
 
 
 def spread(errors: Errors, pieces: int) -> float:

@@ -74,7 +74,7 @@ class Change:
 
     @property
     def is_heeded(self) -> bool:
-        """Whether the map is of one moment and not of the whole time of the survey."""
+        """Whether the samples are clearly for a change of all the water."""
         return bool(np.any(self.covariance > 0))
 
     @property
