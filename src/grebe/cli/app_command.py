@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import socket
+import ssl
 import sys
 import threading
+import time
 import webbrowser
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -14,7 +18,9 @@ from grebe.cli import options, output
 from grebe.core.errors import InputError, UsageError
 
 HOST = "127.0.0.1"
+LOCAL = (HOST, "localhost", "::1")
 DEFAULT_PORT = 8737
+PASSWORD_VARIABLE = "GREBE_PASSWORD"
 
 
 @click.command(name="app")
@@ -23,7 +29,7 @@ DEFAULT_PORT = 8737
     type=click.IntRange(0, 65535),
     default=DEFAULT_PORT,
     show_default=True,
-    help="Where to listen on this computer; 0 takes a free one.",
+    help="Where to listen; 0 takes a free one.",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address and open nothing.")
 @click.option("--demo", is_flag=True, help="Put the demo's survey into the folder first.")
@@ -34,61 +40,179 @@ DEFAULT_PORT = 8737
     default=Path(),
     help="Folder of the surveys.  [default: this one]",
 )
+@click.option(
+    "--background",
+    type=options.EXISTING,
+    help="Your own map under the water: a .pmtiles or .mbtiles file of images.",
+)
 @click.option("--print-token", is_flag=True, help="Print the token with which scripts ask.")
-def command(port: int, no_browser: bool, demo: bool, folder: Path, print_token: bool) -> None:
+@click.option("--show", "shown", type=options.EXISTING, help="A survey of the folder to open at.")
+@click.option(
+    "--idle-minutes",
+    type=click.FloatRange(min=0.1),
+    help="End the app when no page has been open for so long.",
+)
+@click.option(
+    "--host",
+    default=HOST,
+    show_default=True,
+    help="The address to listen at. Other computers can ask at 0.0.0.0, over TLS and by password.",
+)
+@click.option(
+    "--name",
+    "names",
+    multiple=True,
+    help="A name by which other computers reach this one; may be given several times.",
+)
+@click.option("--certificate", type=options.EXISTING, help="For other computers: its chain (PEM).")
+@click.option("--key", type=options.EXISTING, help="For other computers: its private key (PEM).")
+@click.option(
+    "--password-file",
+    type=options.EXISTING,
+    help=f"For other computers: a file with the password.  [default: ${PASSWORD_VARIABLE}, or it "
+    "is asked for]",
+)
+def command(
+    port: int,
+    no_browser: bool,
+    demo: bool,
+    folder: Path,
+    background: Path | None,
+    print_token: bool,
+    shown: Path | None,
+    idle_minutes: float | None,
+    **remote: Any,
+) -> None:
     """Open the app: plan, watch, steer and read surveys in a browser, on this computer alone.
 
     A survey that is under way goes on where the app is ended, and is found again.
     """
     try:
-        import uvicorn
-
         from grebe.server.app import make_app
+        from grebe.server.background import open_background
+        from grebe.server.idle import Idle
+        from grebe.server.library import identity
         from grebe.server.security import Keys
     except ModuleNotFoundError as error:
         raise UsageError(f"The app needs {error.name}: pip install 'grebe[app]'.") from None
     from grebe.workflow.files import make_folder
-    from grebe.workflow.warm import compile_controller
 
+    under = None if background is None else open_background(background)
+    tls, password = _remote(**remote)
     make_folder(folder)
     folder = folder.resolve()
-    door = _door(port)
+    door = _door(remote["host"], port)
     port = door.getsockname()[1]
-    keys = Keys(folder, port)
+    keys = Keys(folder, port, password)
     if demo:
         _keep_demo(folder)
-    address = f"http://{HOST}:{port}/?token={keys.launch_token}"
+    names = [*LOCAL[:2], remote["host"], *remote["names"]]
+    reached = remote["names"][0] if remote["names"] else HOST
+    at = "" if shown is None else f"#/live/{identity(shown)}"
+    address = f"http{'s' if tls else ''}://{reached}:{port}/?token={keys.launch_token}{at}"
     output.note(f"Surveys in {folder}; Ctrl-C ends the app, and no mission with it. Open:")
     click.echo(address)
     if print_token:
         click.echo(keys.bearer)
     sys.stdout.flush()
-    threading.Thread(target=compile_controller, daemon=True).start()
     if not no_browser:
         threading.Timer(0.5, webbrowser.open, (address,)).start()
-    hosts = frozenset({f"{HOST}:{port}", f"localhost:{port}"})
+    hosts = frozenset(f"{name.lower()}:{port}" for name in names)
+    app = Idle(make_app(folder, keys, hosts, under))
+    _serve(app, door, tls, idle_minutes)
+
+
+def _serve(app: Any, door: socket.socket, tls: dict[str, Any], idle_minutes: float | None) -> None:
+    """Answer until Ctrl-C, or until nobody has looked on for so long."""
+    import uvicorn
+
+    from grebe.workflow.warm import compile_controller
+
     settings = uvicorn.Config(
-        make_app(folder, keys, hosts),
+        app,
         log_level="warning",
         access_log=False,
         timeout_graceful_shutdown=1,
         server_header=False,
+        **tls,
     )
-    uvicorn.Server(settings).run(sockets=[door])
+    server = uvicorn.Server(settings)
+
+    def end_when_idle(most: float) -> None:
+        while app.minutes() < most:
+            time.sleep(0.5)
+        server.should_exit = True
+
+    threading.Thread(target=compile_controller, daemon=True).start()
+    if idle_minutes is not None:
+        threading.Thread(target=end_when_idle, args=(idle_minutes,), daemon=True).start()
+    server.run(sockets=[door])
 
 
-def _door(port: int) -> socket.socket:
+def _remote(
+    host: str,
+    names: tuple[str, ...],
+    certificate: Path | None,
+    key: Path | None,
+    password_file: Path | None,
+) -> tuple[dict[str, Any], str | None]:
+    """What uvicorn needs for TLS, and the password: both, or neither on this computer alone."""
+    if certificate is None and key is None and password_file is None and host in LOCAL:
+        if names:
+            raise UsageError("A --name is for other computers: see --host.", settings=("name",))
+        return {}, None
+    if certificate is None or key is None:
+        raise UsageError(
+            "The app is shown to other computers over TLS alone: give --certificate and --key.",
+            settings=("certificate",),
+        )
+    if not names:
+        raise UsageError(
+            "Say with --name by which name other computers reach this one.", settings=("name",)
+        )
+    try:
+        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
+    except (OSError, ssl.SSLError) as error:
+        raise InputError(
+            f"{certificate} and {key} are no certificate and its key ({error}).",
+            settings=("certificate",),
+        ) from None
+    tls = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
+    return tls, _password(password_file)
+
+
+def _password(file: Path | None) -> str:
+    from grebe.server.login import LEAST_LENGTH
+
+    if file is not None:
+        try:
+            password = file.read_text(encoding="utf-8").strip("\r\n")
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"The password cannot be read from {file} ({error}).") from None
+    else:
+        password = os.environ.get(PASSWORD_VARIABLE) or click.prompt(
+            "Password for other computers", hide_input=True, err=True
+        )
+    if len(password) < LEAST_LENGTH:
+        raise UsageError(
+            f"A password that others can guess at has {LEAST_LENGTH} signs or more.",
+            settings=("password_file",),
+        )
+    return password
+
+
+def _door(host: str, port: int) -> socket.socket:
     """The socket on which the app listens."""
-    door = socket.socket()
+    door = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
     door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        door.bind((HOST, port))
+        door.bind((host, port))
         # Whoever reads the address may ask at once, and waits until there is an answer.
         door.listen()
     except OSError as error:
         door.close()
         raise InputError(
-            f"Port {port} cannot be had ({error.strerror}); is the app open already?",
+            f"Port {port} of {host} cannot be had ({error.strerror}); is the app open already?",
             settings=("port",),
         ) from None
     return door

@@ -12,6 +12,7 @@ from click.core import ParameterSource
 
 from grebe.cli import options, output
 from grebe.cli.interruption import heed_mission, ignore_hangup
+from grebe.cli.live_view import live_view
 from grebe.cli.safety_options import ONCE, safety_of, safety_options
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
@@ -24,6 +25,7 @@ from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
+from grebe.mission.loop import Mission
 from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
@@ -166,6 +168,7 @@ def _weight_options(command: Any) -> Any:
     help="Plan the rest anew, while the boat sails, where a target is not reached in time (it is "
     "left out) or the current is another than was planned with.",
 )
+@click.option("--live", is_flag=True, help="Open the app on this mission, and print its address.")
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
 @click.option("--preview", is_flag=True, help="Say what would be done, and do nothing.")
@@ -180,6 +183,7 @@ def command(
     sortie: int | None,
     resume: bool,
     preview: bool,
+    live: bool,
     force: bool,
     as_json: bool,
     **run: Any,
@@ -217,7 +221,7 @@ def command(
         kept = {name: value for name, value in run.items() if name not in ONCE}
         survey_file.set_meta("run", json.dumps(kept, default=str))
         report = _run(
-            survey_file, url, run, now, bar,
+            survey_file, url, run, now, bar, live,
             resume=goes_on, force=force, sortie=sortie, instruments=bench,
         )  # fmt: skip
         file = survey_file.path
@@ -246,25 +250,38 @@ def _run(
     run: dict[str, Any],
     now: datetime,
     bar: output.MissionBar,
+    live: bool,
     **how: Any,
 ) -> MissionReport:
     """Sail as `run` has it, and check what was measured."""
     rule, solver, world = _settings(run)
-    report = run_survey(
-        survey_file,
-        boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"]))),
-        steered_by(rule, solver),
-        now,
-        MissionSettings(
-            sampling=InSets() if run["in_sets_only"] else InWindow(),
-            safety=kept_by_plan(safety_of(run, now), survey_file.survey),
-        ),
-        replans=run["replans"],
-        listeners=[ProgressMeter(bar.update), Alarm(output.note)],
-        on_ready=heed_mission,
-        **how,
-    )
-    check_samples(survey_file)
+    boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
+    with live_view(survey_file, wanted=live) as ears:
+
+        def ready(mission: Mission) -> None:
+            heed_mission(mission)
+            if ears is not None:
+                ears.obeys(mission)
+
+        report = run_survey(
+            survey_file,
+            boat_at if ears is None else ears.beside(boat_at),
+            steered_by(rule, solver),
+            now,
+            MissionSettings(
+                sampling=InSets() if run["in_sets_only"] else InWindow(),
+                safety=kept_by_plan(safety_of(run, now), survey_file.survey),
+            ),
+            replans=run["replans"],
+            listeners=[
+                ProgressMeter(bar.update),
+                Alarm(output.note),
+                *([] if ears is None else [ears.telling.hear]),
+            ],
+            on_ready=ready,
+            **how,
+        )
+        check_samples(survey_file)
     return report
 
 

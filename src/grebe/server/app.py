@@ -1,4 +1,4 @@
-"""The server's routes: what the page and scripts ask for, and who answers."""
+"""The server: who answers what the page and scripts ask for."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
@@ -21,14 +21,14 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from grebe.core.errors import GrebeError, LinkError, UsageError
-from grebe.core.plan_settings import PATTERNS
-from grebe.core.quantities import BUILTIN
-from grebe.server import asked, library, maps, plans
-from grebe.server.boat import Voyage
+from grebe.core.errors import GrebeError, UsageError
+from grebe.server import asked, choices, endpoints, library, maps, plans
+from grebe.server.background import DEEPEST, Background
+from grebe.server.failures import ConflictError, failed, missing
 from grebe.server.library import Library, UnknownSurveyError
-from grebe.server.live import UNDER_WAY, Fleet, Tab
+from grebe.server.live import UNDER_WAY, Fleet
 from grebe.server.security import Gate, Keys
+from grebe.server.tabs import Tab
 from grebe.server.worker import Worker
 
 REPORT_HEADERS = {
@@ -36,7 +36,8 @@ REPORT_HEADERS = {
     "frame-ancestors 'self'",
     "cache-control": "no-store",
 }
-STATUS = {UnknownSurveyError: 404, maps.NoMapError: 404, LinkError: 409}
+# A tile does not change as long as the server stands.
+TILE_HEADERS = {"cache-control": "private, max-age=86400"}
 
 
 @dataclass
@@ -47,6 +48,7 @@ class App:
     surveys: Library
     plan_pool: Worker
     map_pool: Worker
+    background: Background | None = None
 
     async def plan(self, work: Callable[..., Any], *given: Any) -> Any:
         """Run the work of a plan in its process."""
@@ -56,11 +58,29 @@ class App:
         """Run the work of a map in its process."""
         return await self.map_pool.run(functools.partial(work, *given, **named))
 
+    async def description(self, _: Request) -> Response:
+        """What can be asked, for programs."""
+        return JSONResponse(endpoints.description(version("grebe")))
+
+    async def tile(self, request: Request) -> Response:
+        """A tile of the user's own map."""
+        place = [request.path_params[name] for name in ("zoom", "x", "y")]
+        if self.background is None or not all(one.isascii() and one.isdigit() for one in place):
+            raise UnknownSurveyError("There is no background here.")
+        zoom, x, y = (int(one[:10]) for one in place)
+        data: bytes | None = None
+        if zoom <= DEEPEST and max(x, y) < 2**zoom:
+            data = await run_in_threadpool(self.background.tile, zoom, x, y)
+        if not data:
+            return Response(status_code=204, headers=TILE_HEADERS)
+        kind = self.background.about.media_type
+        return Response(data, media_type=kind, headers=TILE_HEADERS)
+
     # Surveys.
 
     async def options(self, _: Request) -> Response:
         """What can be chosen, with limits and defaults."""
-        return JSONResponse(_options())
+        return JSONResponse(choices.options(self.background))
 
     async def list(self, _: Request) -> Response:
         """The surveys of the folder."""
@@ -70,20 +90,24 @@ class App:
         return JSONResponse(found)
 
     async def one(self, request: Request) -> Response:
-        """All about a survey, or its end."""
+        """All about a survey."""
         survey_id = request.path_params["id"]
         path = self.surveys.path(survey_id)
-        if request.method == "DELETE":
-            watch = self.fleet.watch(survey_id)
-            await watch.ready()
-            if watch.under_way:
-                raise _Conflict("This survey is under way; stop it before it is deleted.")
-            await run_in_threadpool(self.surveys.remove, path)
-            self.fleet.forget(survey_id)
-            return Response(status_code=204)
         found = await run_in_threadpool(library.detail, survey_id, path)
         found["state"] = self.fleet.state(survey_id) or found["state"]
         return JSONResponse(found)
+
+    async def remove(self, request: Request) -> Response:
+        """The end of a survey."""
+        survey_id = request.path_params["id"]
+        path = self.surveys.path(survey_id)
+        watch = self.fleet.watch(survey_id)
+        await watch.ready()
+        if watch.under_way:
+            raise ConflictError("This survey is under way; stop it before it is deleted.")
+        await run_in_threadpool(self.surveys.remove, path)
+        self.fleet.forget(survey_id)
+        return Response(status_code=204)
 
     async def file(self, request: Request) -> Response:
         """The survey file itself."""
@@ -134,13 +158,13 @@ class App:
         """The lines of the doctor."""
         path = self.surveys.path(request.path_params["id"])
         link = request.query_params.get("link", "simulated")
-        return JSONResponse(await run_in_threadpool(_preflight, path, link))
+        return JSONResponse(await run_in_threadpool(choices.preflight, path, link))
 
     async def run(self, request: Request) -> Response:
         """Begin a mission, or go on with one."""
         given = await asked.body_of(request)
         watch = self.fleet.watch(request.path_params["id"])
-        voyage = _voyage(given)
+        voyage = choices.voyage(given)
         if voyage.link != "sim:" and given.get("confirm") is not True:
             raise UsageError("A real boat needs to be confirmed.", settings=("confirm",))
         tab = asked.tab_of(request)
@@ -163,7 +187,7 @@ class App:
 
     def _steers(self, tab: str) -> None:
         if self.fleet.lease.holder != tab:
-            raise _Conflict("Another page steers; take over before you command the boat.")
+            raise ConflictError("Another page steers; take over before you command the boat.")
 
     async def lease(self, request: Request) -> Response:
         """Take or leave the right to steer."""
@@ -180,7 +204,8 @@ class App:
         watch = self.fleet.watch(request.path_params["id"])
         tab = Tab(name=asked.tab_of(request))
         headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
-        return StreamingResponse(watch.stream(tab), media_type="text/event-stream", headers=headers)
+        stream = watch.stream(tab, request.headers.get("last-event-id", ""))
+        return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
 
     # Maps.
 
@@ -227,116 +252,21 @@ class App:
         path = self.surveys.path(request.path_params["id"])
         return JSONResponse(await run_in_threadpool(library.replay, path))
 
-    async def report(self, request: Request) -> Response:
-        """Make the report, or show the one that was made."""
+    async def make_report(self, request: Request) -> Response:
+        """Make the report."""
         path = self.surveys.path(request.path_params["id"])
-        page = path.with_suffix(".html")
-        if request.method == "POST":
-            language = (await asked.body_of(request)).get("language", "en")
-            if language not in ("en", "fr"):
-                raise UsageError("The report speaks en or fr.", settings=("language",))
-            await self.map(maps.report, str(path), language)
-            return JSONResponse({"made": datetime.now(UTC).isoformat()}, status_code=201)
+        language = (await asked.body_of(request)).get("language", "en")
+        if language not in ("en", "fr"):
+            raise UsageError("The report speaks en or fr.", settings=("language",))
+        await self.map(maps.report, str(path), language)
+        return JSONResponse({"made": datetime.now(UTC).isoformat()}, status_code=201)
+
+    async def report(self, request: Request) -> Response:
+        """The report that was made."""
+        page = self.surveys.path(request.path_params["id"]).with_suffix(".html")
         if not page.exists():
             raise UnknownSurveyError("The report of this survey has not been made yet.")
         return FileResponse(page, media_type="text/html", headers=REPORT_HEADERS)
-
-
-class _Conflict(GrebeError):  # noqa: N818
-    """Not now, or not by this page."""
-
-
-def _options() -> dict[str, Any]:
-    def setting(unit: str, default: float, low: float, high: float) -> dict[str, Any]:
-        return {"unit": unit, "default": default, "min": low, "max": high}
-
-    def both(text: str, french: str | None = None) -> dict[str, str]:
-        return {"en": text, "fr": french or text}
-
-    rules = {
-        "lookahead": both("Looks ahead over many cells", "Voit plusieurs cellules devant"),
-        "dual": both("Two cells at a time (the paper's)", "Deux cellules à la fois (l'article)"),
-        "single": both("One cell at a time", "Une cellule à la fois"),
-    }
-    patterns = {
-        "free": both("The shortest way", "Le plus court chemin"),
-        "rows": both("In rows", "Par lignes"),
-        "columns": both("In columns", "Par colonnes"),
-    }
-    return {
-        "version": version("grebe"),
-        "vessels": [
-            {"id": name, "label": both(name), "speed_max_mps": round(vessel.speed_max_mps, 2)}
-            for name, vessel in plans.vessels()
-        ],
-        "patterns": [{"id": name, "label": patterns[name]} for name in PATTERNS],
-        "rules": [{"id": name, "label": label} for name, label in rules.items()],
-        "quantities": library.quantity_table(BUILTIN, list(BUILTIN)),
-        "settings": {
-            "cell_m": setting("m", 10.0, 0.5, 1000.0),
-            "speed_min_mps": setting("m/s", 0.5, 0.0, 5.0),
-            "speed_max_mps": setting("m/s", 1.5, 0.1, 10.0),
-            "shore_margin_m": setting("m", 2.0, 0.0, 500.0),
-            "rate": setting("x", 20.0, 0.1, 200.0),
-        },
-        "background": None,
-    }
-
-
-def _preflight(path: Path, link: str) -> list[dict[str, Any]]:
-    from grebe.workflow.doctor import diagnose
-
-    marks = {"ok": True, "look": None, "NOT": False}
-    found = diagnose(None if link == "simulated" else link, path, datetime.now(UTC))
-    return [
-        {
-            "line": {"en": line.what, "fr": line.what},
-            "ok": marks[line.verdict.value],
-            "detail": line.found,
-            "advice": line.advice,
-        }
-        for line in found
-    ]
-
-
-def _voyage(given: dict[str, Any]) -> Voyage:
-    link = given.get("link", "simulated")
-    rate = given.get("rate", 1.0)
-    if not isinstance(link, str) or len(link) > 200:
-        raise UsageError("The link is no address.", settings=("link",))
-    if link.startswith("python:"):
-        raise UsageError("A boat of one's own is sailed from the command line.", settings=("link",))
-    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 200:
-        raise UsageError("The rate is a number from 0.1 to 200.", settings=("rate",))
-    given_weather = given.get("weather") or {}
-    if not isinstance(given_weather, dict):
-        raise UsageError("The weather has a current and a wind.", settings=("weather",))
-    resume = given.get("resume") is True
-    return Voyage(
-        link="sim:" if link == "simulated" else link,
-        rule=str(given.get("rule", "lookahead")),
-        rate=float(rate),
-        weather=plans.weather(cast("dict[str, Any]", given_weather)).as_tuple(),
-        resume=resume,
-        force=given.get("force") is True and not resume,
-    )
-
-
-async def _failed(_: Request, error: Exception) -> Response:
-    status = next((code for kind, code in STATUS.items() if isinstance(error, kind)), 400)
-    if isinstance(error, _Conflict):
-        status = 409
-    elif isinstance(error, asked.TooLargeError):
-        status = 413
-    elif isinstance(error, GrebeError) and status == 400 and not isinstance(error, UsageError):
-        status = 422
-    body: dict[str, Any] = {
-        "code": type(error).__name__.strip("_").removesuffix("Error"),
-        "message": str(error),
-    }
-    if isinstance(error, GrebeError) and error.settings:
-        body["setting"] = error.settings[0]
-    return JSONResponse({"error": body}, status_code=status)
 
 
 class _Zipped:
@@ -359,45 +289,21 @@ async def _index(_: Request) -> Response:
     )
 
 
-async def _missing(_: Request, error: Exception) -> Response:
-    status = getattr(error, "status_code", 404)
-    message = getattr(error, "detail", "") or "There is nothing here."
-    return JSONResponse({"error": {"code": str(status), "message": message}}, status_code=status)
-
-
 def _routes(app: App) -> list[Route | Mount]:
-    one = "/api/surveys/{id}"
     static = Path(str(resources.files("grebe.server"))) / "static"
     return [
         Route("/", _index),
-        Route("/api/options", app.options),
-        Route("/api/surveys", app.list, methods=["GET"]),
-        Route("/api/surveys", app.upload, methods=["POST"]),
-        Route("/api/outline", app.outline, methods=["POST"]),
-        Route("/api/demo", app.demo, methods=["POST"]),
-        Route("/api/plan/preview", app.preview, methods=["POST"]),
-        Route("/api/plan", app.keep, methods=["POST"]),
-        Route("/api/lease", app.lease, methods=["POST"]),
-        Route(one, app.one, methods=["GET", "DELETE"]),
-        Route(f"{one}/file", app.file),
-        Route(f"{one}/preflight", app.preflight),
-        Route(f"{one}/run", app.run, methods=["POST"]),
-        Route(f"{one}/events", app.events),
-        Route(f"{one}/map", app.grid),
-        Route(f"{one}/map/at", app.at),
-        Route(f"{one}/map/profile", app.profile),
-        Route(f"{one}/map/diff", app.difference),
-        Route(f"{one}/replay", app.replay),
-        Route(f"{one}/report", app.report, methods=["GET", "POST"]),
-        *[
-            Route(f"{one}/{command}", app.order, methods=["POST"])
-            for command in ("pause", "continue", "return", "stop")
-        ],
+        *(
+            Route(each.path, getattr(app, each.name), methods=[each.method])
+            for each in endpoints.ENDPOINTS
+        ),
         Mount("/", StaticFiles(directory=static)),
     ]
 
 
-def make_app(folder: Path, keys: Keys, hosts: frozenset[str]) -> ASGIApp:
+def make_app(
+    folder: Path, keys: Keys, hosts: frozenset[str], background: Background | None = None
+) -> ASGIApp:
     """The whole server for a folder of surveys; it answers to `hosts` alone."""
     surveys = Library(folder)
     app = App(
@@ -405,6 +311,7 @@ def make_app(folder: Path, keys: Keys, hosts: frozenset[str]) -> ASGIApp:
         surveys=surveys,
         plan_pool=Worker(),
         map_pool=Worker(),
+        background=background,
     )
 
     @contextlib.asynccontextmanager
@@ -417,6 +324,6 @@ def make_app(folder: Path, keys: Keys, hosts: frozenset[str]) -> ASGIApp:
     inner = Starlette(
         routes=_routes(app),
         lifespan=lifespan,
-        exception_handlers={GrebeError: _failed, 404: _missing, 405: _missing},
+        exception_handlers={GrebeError: failed, 404: missing, 405: missing},
     )
     return Gate(_Zipped(inner), keys, hosts)

@@ -13,8 +13,8 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import AsyncGenerator, Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import AsyncGenerator
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -23,70 +23,20 @@ from starlette.concurrency import run_in_threadpool
 
 from grebe.core.errors import InputError, LinkError
 from grebe.server import library
-from grebe.server.boat import Voyage, live_path
+from grebe.server.boat import Voyage
+from grebe.server.ears import live_path
+from grebe.server.tabs import Lease, Message, Past, Tab, message
 from grebe.server.telling import iso
 
-# A tab holds at most so many messages.
-QUEUE = 40
 KEEP_S = 5.0
-# A tab that steers and is gone for so long steers no more.
-GONE_S = 15.0
 # A mission that was started is waited for so long: the first one compiles its controller [s].
 START_S = 180.0
 # The page is told of a new map at most so often [s].
 MAP_EACH_S = 5.0
 TRACK_KEPT, SAMPLES_KEPT = 20_000, 3_000
+# Who steers is told to each tab in its own words.
+LEASE = Message("lease", b"")
 UNDER_WAY = ("running", "paused", "returning")
-
-
-@dataclass(eq=False)
-class Tab:
-    """One page that looks on; `behind` where it has to be told all."""
-
-    name: str
-    queue: asyncio.Queue[tuple[str, Any]] = field(default_factory=lambda: asyncio.Queue(QUEUE))
-    behind: bool = False
-
-    def tell(self, kind: str, what: Any) -> None:
-        """Tell it, or note that it fell behind."""
-        if self.behind:
-            return
-        try:
-            self.queue.put_nowait((kind, what))
-        except asyncio.QueueFull:
-            self.behind = True
-
-
-@dataclass
-class Lease:
-    """Which tab steers, of all surveys: one, seen by all."""
-
-    holder: str | None = None
-    since: str | None = None
-
-    def seen_by(self, tab: str) -> dict[str, Any]:
-        """The lease in the words of a tab."""
-        who = None if self.holder is None else "you" if self.holder == tab else "other"
-        return {"holder": who, "since": self.since}
-
-    def take(self, tab: str) -> None:
-        """Give it to a tab."""
-        self.holder, self.since = tab, iso(datetime.now(UTC))
-
-    def expect(self, tab: str, is_back: Callable[[], bool]) -> None:
-        """A tab is gone: if it is not back soon, it steers no more."""
-
-        def look() -> None:
-            if not is_back():
-                self.leave(tab)
-
-        with contextlib.suppress(RuntimeError):
-            asyncio.get_running_loop().call_later(GONE_S, look)
-
-    def leave(self, tab: str) -> None:
-        """Take it from a tab that has it."""
-        if self.holder == tab:
-            self.holder = self.since = None
 
 
 class Watch:
@@ -95,6 +45,7 @@ class Watch:
     def __init__(self, survey_id: str, path: Path, lease: Lease) -> None:
         self.survey_id, self.path, self.lease = survey_id, path, lease
         self.tabs: list[Tab] = []
+        self._past = Past()
         self.state: dict[str, Any] = {}
         self.map_version = 0
         self._map_told = 0.0
@@ -150,10 +101,17 @@ class Watch:
         with contextlib.suppress(Exception):
             await self._read()
         self.map_version += 1
+        self._tell_all_anew()
+
+    def _tell_all_anew(self) -> None:
+        self._past.forget()
         for tab in self.tabs:
-            tab.behind = True
-            with contextlib.suppress(asyncio.QueueFull):
-                tab.queue.put_nowait(("nothing", None))
+            tab.tell_all()
+
+    def _tell(self, kind: str, what: Any) -> None:
+        told = self._past.add(kind, what)
+        for tab in self.tabs:
+            tab.tell(told)
 
     def _take(self, told: dict[str, Any]) -> None:
         """Take in what a mission says, and pass it on."""
@@ -172,8 +130,7 @@ class Watch:
         status["t"] = delta["t"]
         status["coverage"] = status["reached"] / max(1, status["targets"])
         delta["status"] = status
-        for tab in self.tabs:
-            tab.tell("delta", delta)
+        self._tell("delta", delta)
         if told.get("samples") and told["time"]:
             self._tell_map()
 
@@ -220,8 +177,7 @@ class Watch:
             return
         self._map_told = now
         self.map_version += 1
-        for tab in self.tabs:
-            tab.tell("map", {"quantity": "", "version": self.map_version})
+        self._tell("map", {"quantity": "", "version": self.map_version})
 
     def snapshot(self, tab: str) -> dict[str, Any]:
         """All that there is to know, for a tab."""
@@ -274,10 +230,7 @@ class Watch:
         await self.ready()
         if self.state:
             self.state["status"] |= {"rate": voyage.rate, "link": voyage.link}
-        for tab in self.tabs:
-            tab.behind = True
-            with contextlib.suppress(asyncio.QueueFull):
-                tab.queue.put_nowait(("nothing", None))
+        self._tell_all_anew()
 
     async def _ended(self) -> None:
         """Wait for a mission that is over to put its file away; refuse where one is under way."""
@@ -289,48 +242,53 @@ class Watch:
             await asyncio.sleep(0.1)
         raise InputError("This survey is under way already.")
 
-    async def stream(self, tab: Tab) -> AsyncGenerator[bytes]:
-        """The messages of a tab, as server-sent events."""
+    async def stream(self, tab: Tab, last: str = "") -> AsyncGenerator[bytes]:
+        """The messages of a tab, as server-sent events: all that there is to know, then what
+        changes; after `last`, the number of a message that it had, only what it missed.
+        """
         await self.ready()
         self.tabs.append(tab)
         try:
-            yield _event("snapshot", self.snapshot(tab.name))
+            missed = self._past.since(last)
+            if missed is None:
+                yield self._all(tab)
+            else:
+                yield b"".join(told.text for told in (*missed, self._lease_of(tab)))
             while True:
                 try:
-                    kind, what = await asyncio.wait_for(tab.queue.get(), KEEP_S)
+                    told = await asyncio.wait_for(tab.queue.get(), KEEP_S)
                 except TimeoutError:
                     if not self.under_way:
                         await self._look_again(tab)
                     yield b": keep\n\n"
                     continue
                 if tab.behind:
-                    while not tab.queue.empty():
-                        tab.queue.get_nowait()
-                    tab.behind = False
-                    yield _event("snapshot", self.snapshot(tab.name))
-                elif kind == "lease":
-                    yield _event("lease", self.lease.seen_by(tab.name))
-                elif kind != "nothing":
-                    yield _event(kind, what)
+                    tab.catch_up()
+                    yield self._all(tab)
+                elif told.kind == "lease":
+                    yield self._lease_of(tab).text
+                elif told.text:
+                    yield told.text
         finally:
             self.tabs.remove(tab)
             self.lease.expect(tab.name, lambda: any(one.name == tab.name for one in self.tabs))
+
+    def _all(self, tab: Tab) -> bytes:
+        return message("snapshot", self.snapshot(tab.name), self._past.number).text
+
+    def _lease_of(self, tab: Tab) -> Message:
+        return message("lease", self.lease.seen_by(tab.name))
 
     async def _look_again(self, tab: Tab) -> None:
         """A mission that was begun by somebody else is found."""
         if live_path(self.path).exists():
             await self.ready()
             if self.under_way:
-                tab.behind = True
-                tab.queue.put_nowait(("nothing", None))
+                tab.tell_all()
 
 
 def _since(event: dict[str, Any], zero: float) -> dict[str, Any]:
     return {**{k: v for k, v in event.items() if k != "at"}, "t": event["at"] - zero}
-
-
-def _event(kind: str, what: Any) -> bytes:
-    return f"event: {kind}\ndata: {json.dumps(what, allow_nan=False)}\n\n".encode()
 
 
 class Fleet:
@@ -364,4 +322,4 @@ class Fleet:
         """Tell all tabs who steers."""
         for watch in self._watches.values():
             for tab in watch.tabs:
-                tab.tell("lease", None)
+                tab.tell(LEASE)

@@ -1,4 +1,5 @@
-"""Who may speak to the server: this computer's user alone, by the page that it served itself.
+"""Who may speak to the server: by default this computer's user alone, by the page that it served
+itself; from another computer, over TLS, who knows the password.
 
 A page of another site cannot: it lacks the cookie (SameSite), its Origin is refused, and a name
 that is made to point here (DNS rebinding) is no Host that we know.
@@ -17,6 +18,8 @@ from urllib.parse import parse_qs
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from grebe.server import login
+
 HEADERS = {
     "content-security-policy": "default-src 'self'; img-src 'self' data: blob:; "
     "style-src 'self' 'unsafe-inline'; frame-ancestors 'self'; base-uri 'none'; "
@@ -26,6 +29,9 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
+# Where a password is asked for, a form is sent to this server and to no other.
+LOGIN_POLICY = "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'"
+REMOTE = {"strict-transport-security": "max-age=31536000"}
 BODIES = ("application/json", "application/octet-stream")
 # A page of this server may be shown without a cookie: how to open it.
 CLOSED = (
@@ -41,7 +47,8 @@ class Keys:
     that is open knows a server that was started again.
     """
 
-    def __init__(self, folder: Path, port: int) -> None:
+    def __init__(self, folder: Path, port: int, password: str | None = None) -> None:
+        self.password = None if password is None else login.Password(password)
         self.cookie_name = f"grebe_{port}"
         self.cookie = hashlib.sha256(f"{_secret(folder)}:{port}".encode()).hexdigest()
         self.bearer = hashlib.sha256(f"bearer:{_secret(folder)}:{port}".encode()).hexdigest()
@@ -56,6 +63,11 @@ class Keys:
         if known:
             self._launch = None
         return known
+
+    def new_cookie(self) -> str:
+        """The header that gives a browser the cookie; where there is a password, over TLS alone."""
+        secure = "" if self.password is None else "; Secure"
+        return f"{self.cookie_name}={self.cookie}; Path=/; HttpOnly; SameSite=Strict{secure}"
 
     def knows(self, headers: dict[str, str]) -> bool:
         """Whether a request carries the cookie, or the token of scripts."""
@@ -97,6 +109,7 @@ class Gate:
         self._app = app
         self._keys = keys
         self._hosts = hosts
+        self._more_headers = HEADERS if keys.password is None else {**HEADERS, **REMOTE}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let a request through, or answer it here."""
@@ -109,7 +122,7 @@ class Gate:
                 there = {name for name, _ in message.get("headers", [])}
                 more = [
                     (name.encode(), value.encode())
-                    for name, value in HEADERS.items()
+                    for name, value in self._more_headers.items()
                     if name.encode() not in there
                 ]
                 message = {**message, "headers": [*message.get("headers", []), *more]}
@@ -122,6 +135,8 @@ class Gate:
         refusal = self._refusal(scope, headers)
         if refusal is not None:
             await _answer(with_headers, *refusal)
+        elif scope["path"] == "/login" and self._keys.password is not None:
+            await self._login(scope, self._keys.password, receive, with_headers)
         elif scope["path"] == "/":
             await self._page(scope, headers, receive, with_headers)
         else:
@@ -153,14 +168,28 @@ class Gate:
     ) -> None:
         token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
         if token and self._keys.exchange(token):
-            cookie = (
-                f"{self._keys.cookie_name}={self._keys.cookie}; Path=/; HttpOnly; SameSite=Strict"
-            )
-            await _redirect(send, cookie)
+            await _redirect(send, self._keys.new_cookie())
         elif self._keys.knows(headers):
             await (_redirect(send, None) if token else self._app(scope, receive, send))
+        elif self._keys.password is not None:
+            await _ask_password(send, 401, wrong=False)
         else:
             await _send(send, 401, CLOSED, [(b"content-type", b"text/html; charset=utf-8")])
+
+    async def _login(
+        self, scope: Scope, password: login.Password, receive: Receive, send: Send
+    ) -> None:
+        """Take a password, and give the cookie for the right one."""
+        if scope["method"] != "POST":
+            await _redirect(send, None)
+            return
+        opens = await password.opens(await login.password_of(receive))
+        if opens is None:
+            await _answer(send, 429, "busy", "Too many passwords are being tried; wait a while.")
+        elif opens:
+            await _redirect(send, self._keys.new_cookie())
+        else:
+            await _ask_password(send, 403, wrong=True)
 
 
 async def _redirect(send: Send, cookie: str | None) -> None:
@@ -168,6 +197,15 @@ async def _redirect(send: Send, cookie: str | None) -> None:
     if cookie:
         headers.append((b"set-cookie", cookie.encode()))
     await _send(send, 303, b"", headers)
+
+
+async def _ask_password(send: Send, status: int, *, wrong: bool) -> None:
+    headers = [
+        (b"content-type", b"text/html; charset=utf-8"),
+        (b"content-security-policy", LOGIN_POLICY.encode()),
+        (b"cache-control", b"no-store"),
+    ]
+    await _send(send, status, login.page(wrong=wrong), headers)
 
 
 async def _answer(send: Send, status: int, code: str, message: str) -> None:

@@ -1,0 +1,68 @@
+"""grebe run --live: the app, in a process of its own, looks on at a mission of this terminal."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grebe.cli import output
+from grebe.core.errors import UsageError
+from grebe.io.store import SurveyFile
+
+if TYPE_CHECKING:
+    from grebe.server.ears import Ears
+
+# The app stays for those who look at what was measured, and ends when nobody does any more.
+IDLE_MINUTES = 10.0
+
+
+@contextmanager
+def live_view(survey_file: SurveyFile, *, wanted: bool) -> Generator[Ears | None]:
+    """Let the app look on at a mission, where it is wanted, and say where it is opened.
+
+    The mission waits for none of that: it sails whether or not the app comes up, and on when it
+    goes. Raises `UsageError` where the app is not installed.
+    """
+    if not wanted:
+        yield None
+        return
+    if missing := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
+        raise UsageError(
+            f"The app needs {' and '.join(missing)}: pip install 'grebe[app]'.", settings=("live",)
+        )
+    from grebe.server.ears import listened_to
+
+    with listened_to(survey_file) as ears:
+        threading.Thread(target=_open_app, args=(survey_file.path,), daemon=True).start()
+        yield ears
+
+
+def _open_app(survey: Path) -> None:
+    """Start the app and print its address when it answers."""
+    command = [
+        sys.executable, "-c", "from grebe.cli.main import main; main()", "app",
+        "--dir", survey.resolve().parent,
+        "--show", survey, "--port", "0", "--no-browser", "--idle-minutes", str(IDLE_MINUTES),
+    ]  # fmt: skip
+    try:
+        app = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            start_new_session=True,
+        )
+    except OSError as error:
+        output.note(f"the app does not start ({error}); the mission goes on")
+        return
+    assert app.stdout is not None
+    address = app.stdout.readline().strip()
+    said = f"watch it at {address}" if address else "the app did not start; the mission goes on"
+    output.note(said)

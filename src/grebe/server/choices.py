@@ -1,0 +1,95 @@
+"""What can be chosen in the app: settings of a plan, how a survey is sailed, and the preflight."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, cast
+
+from grebe.core.errors import UsageError
+from grebe.core.plan_settings import PATTERNS
+from grebe.core.quantities import BUILTIN
+from grebe.server import library, plans
+from grebe.server.background import Background, shown
+from grebe.server.boat import Voyage
+
+
+def options(background: Background | None) -> dict[str, Any]:
+    """All that can be chosen, with limits and defaults."""
+
+    def setting(unit: str, default: float, low: float, high: float) -> dict[str, Any]:
+        return {"unit": unit, "default": default, "min": low, "max": high}
+
+    def both(text: str, french: str | None = None) -> dict[str, str]:
+        return {"en": text, "fr": french or text}
+
+    rules = {
+        "lookahead": both("Looks ahead over many cells", "Voit plusieurs cellules devant"),
+        "dual": both("Two cells at a time (the paper's)", "Deux cellules à la fois (l'article)"),
+        "single": both("One cell at a time", "Une cellule à la fois"),
+    }
+    patterns = {
+        "free": both("The shortest way", "Le plus court chemin"),
+        "rows": both("In rows", "Par lignes"),
+        "columns": both("In columns", "Par colonnes"),
+    }
+    return {
+        "version": version("grebe"),
+        "vessels": [
+            {"id": name, "label": both(name), "speed_max_mps": round(vessel.speed_max_mps, 2)}
+            for name, vessel in plans.vessels()
+        ],
+        "patterns": [{"id": name, "label": patterns[name]} for name in PATTERNS],
+        "rules": [{"id": name, "label": label} for name, label in rules.items()],
+        "quantities": library.quantity_table(BUILTIN, list(BUILTIN)),
+        "settings": {
+            "cell_m": setting("m", 10.0, 0.5, 1000.0),
+            "speed_min_mps": setting("m/s", 0.5, 0.0, 5.0),
+            "speed_max_mps": setting("m/s", 1.5, 0.1, 10.0),
+            "shore_margin_m": setting("m", 2.0, 0.0, 500.0),
+            "rate": setting("x", 20.0, 0.1, 200.0),
+        },
+        "background": shown(background),
+    }
+
+
+def preflight(path: Path, link: str) -> list[dict[str, Any]]:
+    """The lines of the doctor for a survey and a boat."""
+    from grebe.workflow.doctor import diagnose
+
+    marks = {"ok": True, "look": None, "NOT": False}
+    found = diagnose(None if link == "simulated" else link, path, datetime.now(UTC))
+    return [
+        {
+            "line": {"en": line.what, "fr": line.what},
+            "ok": marks[line.verdict.value],
+            "detail": line.found,
+            "advice": line.advice,
+        }
+        for line in found
+    ]
+
+
+def voyage(given: dict[str, Any]) -> Voyage:
+    """How a survey is to be sailed, as it was asked."""
+    link = given.get("link", "simulated")
+    rate = given.get("rate", 1.0)
+    if not isinstance(link, str) or len(link) > 200:
+        raise UsageError("The link is no address.", settings=("link",))
+    if link.startswith("python:"):
+        raise UsageError("A boat of one's own is sailed from the command line.", settings=("link",))
+    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 200:
+        raise UsageError("The rate is a number from 0.1 to 200.", settings=("rate",))
+    given_weather = given.get("weather") or {}
+    if not isinstance(given_weather, dict):
+        raise UsageError("The weather has a current and a wind.", settings=("weather",))
+    resume = given.get("resume") is True
+    return Voyage(
+        link="sim:" if link == "simulated" else link,
+        rule=str(given.get("rule", "lookahead")),
+        rate=float(rate),
+        weather=plans.weather(cast("dict[str, Any]", given_weather)).as_tuple(),
+        resume=resume,
+        force=given.get("force") is True and not resume,
+    )

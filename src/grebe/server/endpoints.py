@@ -1,0 +1,248 @@
+"""Every request that the server answers, in one table: the routes and their description are both
+made from it, so that neither can lack what the other has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+
+from grebe.server import answers
+
+Method = Literal["GET", "POST", "DELETE"]
+FILE = "application/octet-stream"
+JSON = "application/json"
+ERRORS = (
+    "400 a setting that cannot be, 401 no token and no cookie, 403 from another site or by another "
+    "name, 404 what is not there, 409 not now or not by this page, 413 too much, 415 another type "
+    "of body, 422 what was sent cannot be used."
+)
+
+
+class Query(NamedTuple):
+    """A value in the address; `kind` is its type in JSON."""
+
+    name: str
+    what: str
+    kind: Literal["string", "number"] = "string"
+    required: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Endpoint:
+    """One request: `name` is the method of `App` that answers it; `answer` a type of `answers`, or
+    the media type of what is no JSON, or None for nothing; `body` likewise.
+    """
+
+    method: Method
+    path: str
+    name: str
+    what: str
+    answer: Any = None
+    body: Any = None
+    query: Sequence[Query] = ()
+    status: int = 200
+
+
+NAME = Query("name", "the name of the file that is sent, with its ending")
+QUANTITY = Query("quantity", "the id of a quantity")
+ONE = "/api/surveys/{id}"
+
+
+def _post(path: str, name: str, what: str, body: Any, answer: Any, status: int = 200) -> Endpoint:
+    return Endpoint(
+        method="POST", path=path, name=name, what=what, body=body, answer=answer, status=status
+    )
+
+
+def _get(path: str, name: str, what: str, answer: Any, *query: Query) -> Endpoint:
+    return Endpoint(method="GET", path=path, name=name, what=what, answer=answer, query=query)
+
+
+ENDPOINTS: tuple[Endpoint, ...] = (
+    _get("/api/openapi.json", "description", "This description.", dict[str, Any]),
+    _get("/api/options", "options", "What can be chosen.", answers.Options),
+    _get("/api/surveys", "list", "The surveys of the folder, newest first.", list[answers.Summary]),
+    Endpoint(
+        method="POST",
+        path="/api/surveys",
+        name="upload",
+        what="Keep a survey file, or a table of samples, that is sent.",
+        body=FILE,
+        answer=answers.Summary,
+        query=(NAME,),
+        status=201,
+    ),
+    Endpoint(
+        method="POST",
+        path="/api/outline",
+        name="outline",
+        what="The water of a file of outlines that is sent, as GeoJSON.",
+        body=FILE,
+        answer=answers.Outline,
+        query=(NAME,),
+    ),
+    _post("/api/demo", "demo", "A new survey of a hectare.", answers.Empty, answers.Summary, 201),
+    _post(
+        "/api/plan/preview",
+        "preview",
+        "What a survey would be: cells, way, length, time, energy; or the problems.",
+        answers.PlanRequest,
+        answers.Preview,
+    ),
+    _post("/api/plan", "keep", "Plan and keep it.", answers.PlanRequest, answers.Summary, 201),
+    _post(
+        "/api/lease",
+        "lease",
+        "Take or leave the right to steer.",
+        answers.LeaseRequest,
+        answers.LeaseShown,
+    ),
+    _get(
+        "/api/background/{zoom}/{x}/{y}",
+        "tile",
+        "A tile of the user's own map; 204 where it has none.",
+        "image/*",
+    ),
+    _get(ONE, "one", "All about a survey.", answers.Detail),
+    Endpoint(
+        method="DELETE", path=ONE, name="remove", what="Delete it; 409 under way.", status=204
+    ),
+    _get(f"{ONE}/file", "file", "The survey file.", "application/geopackage+sqlite3"),
+    _get(
+        f"{ONE}/preflight",
+        "preflight",
+        "The lines of the doctor.",
+        list[answers.PreflightLine],
+        Query("link", "a boat's address, as of grebe run --link", required=False),
+    ),
+    _post(f"{ONE}/run", "run", "Begin or go on.", answers.RunRequest, answers.Status, 201),
+    *(
+        _post(f"{ONE}/{order}", "order", what, answers.Empty, answers.Status)
+        for order, what in (
+            ("pause", "Hold station."),
+            ("continue", "Go on after a pause."),
+            ("return", "Come home."),
+            ("stop", "Stop; everybody's right, without the lease."),
+        )
+    ),
+    _get(
+        f"{ONE}/events",
+        "events",
+        "Server-sent events: snapshot, then delta, map and lease; Last-Event-ID is heeded.",
+        "text/event-stream",
+        Query("tab", "the name of the page or script that listens", required=False),
+    ),
+    _get(
+        f"{ONE}/map",
+        "grid",
+        "A layer of the map on a grid.",
+        answers.Grid,
+        QUANTITY,
+        Query("layer", "mean, sd, probability or quality", required=False),
+        Query("threshold", "for the probability", "number", required=False),
+        Query("side", "above or below the threshold", required=False),
+    ),
+    _get(
+        f"{ONE}/map/at",
+        "at",
+        "The value at a place.",
+        answers.Value,
+        QUANTITY,
+        Query("lon", "longitude [deg]", "number"),
+        Query("lat", "latitude [deg]", "number"),
+    ),
+    _get(
+        f"{ONE}/map/profile",
+        "profile",
+        "Values along a line.",
+        answers.Line,
+        QUANTITY,
+        Query("line", "lon,lat;lon,lat and so on [deg]"),
+    ),
+    _get(
+        f"{ONE}/map/diff",
+        "difference",
+        "This survey less another one.",
+        answers.Grid,
+        QUANTITY,
+        Query("other", "the id of the other survey"),
+    ),
+    _get(f"{ONE}/replay", "replay", "A recorded mission as columns.", answers.Replay),
+    _post(
+        f"{ONE}/report",
+        "make_report",
+        "Make the report.",
+        answers.ReportRequest,
+        answers.ReportMade,
+        201,
+    ),
+    _get(f"{ONE}/report", "report", "The report that was made.", "text/html"),
+)
+
+
+def description(version: str) -> dict[str, Any]:
+    """The interface as an OpenAPI 3.1 document."""
+    types = [one for each in ENDPOINTS for one in (each.body, each.answer)]
+    shapes = [one for one in types if one is not None and not isinstance(one, str)]
+    found, components = msgspec.json.schema_components(
+        [*shapes, answers.Failure], ref_template="#/components/schemas/{name}"
+    )
+    schemas = dict(zip(map(repr, shapes), found, strict=False))
+    paths: dict[str, dict[str, Any]] = {}
+    for each in ENDPOINTS:
+        paths.setdefault(each.path, {})[each.method.lower()] = _operation(each, schemas, found[-1])
+    return {
+        "openapi": "3.1.0",
+        "info": {
+            "title": "Grebe",
+            "version": version,
+            "description": "Plan, watch, steer and read surveys of a lake; as grebe app serves it.",
+        },
+        "paths": paths,
+        "components": {
+            "schemas": components,
+            "securitySchemes": {"token": {"type": "http", "scheme": "bearer"}},
+        },
+        "security": [{"token": []}],
+    }
+
+
+def _operation(each: Endpoint, schemas: dict[str, Any], failure: Any) -> dict[str, Any]:
+    named = f"{each.name}_{each.path.rpartition('/')[2]}" if each.name == "order" else each.name
+    parts = [part[1:-1] for part in each.path.split("/") if part.startswith("{")]
+    operation: dict[str, Any] = {
+        "operationId": named,
+        "summary": each.what,
+        "parameters": [
+            *({"name": part, "in": "path", "required": True, "schema": {"type": "string"}}
+              for part in parts),
+            *({"name": one.name, "in": "query", "required": one.required,
+               "description": one.what, "schema": {"type": one.kind}} for one in each.query),
+            *([{"name": "X-Grebe-Tab", "in": "header", "required": False,
+                "description": "the name by which the lease knows you",
+                "schema": {"type": "string"}}] if each.method == "POST" else []),
+        ],
+        "responses": {
+            str(each.status): _answer(each.what, each.answer, schemas),
+            "4XX": {"description": ERRORS, "content": {JSON: {"schema": failure}}},
+        },
+    }  # fmt: skip
+    if each.body is not None:
+        operation["requestBody"] = {"required": True, "content": _content(each.body, schemas)}
+    return operation
+
+
+def _answer(what: str, answer: Any, schemas: dict[str, Any]) -> dict[str, Any]:
+    if answer is None:
+        return {"description": what}
+    return {"description": what, "content": _content(answer, schemas)}
+
+
+def _content(shape: Any, schemas: dict[str, Any]) -> dict[str, Any]:
+    if isinstance(shape, str):
+        return {shape: {}}
+    return {JSON: {"schema": schemas[repr(shape)]}}

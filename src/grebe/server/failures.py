@@ -1,0 +1,43 @@
+"""Answers to what cannot be answered: one sentence, and the status that fits it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from grebe.core.errors import GrebeError, LinkError, UsageError
+from grebe.server import asked, maps
+from grebe.server.library import UnknownSurveyError
+
+STATUS = {UnknownSurveyError: 404, maps.NoMapError: 404, LinkError: 409}
+
+
+class ConflictError(GrebeError):
+    """Not now, or not by this page."""
+
+
+async def failed(_: Request, error: Exception) -> Response:
+    """Say what was wrong with a request."""
+    status = next((code for kind, code in STATUS.items() if isinstance(error, kind)), 400)
+    if isinstance(error, ConflictError):
+        status = 409
+    elif isinstance(error, asked.TooLargeError):
+        status = 413
+    elif isinstance(error, GrebeError) and status == 400 and not isinstance(error, UsageError):
+        status = 422
+    body: dict[str, Any] = {
+        "code": type(error).__name__.removesuffix("Error"),
+        "message": str(error),
+    }
+    if isinstance(error, GrebeError) and error.settings:
+        body["setting"] = error.settings[0]
+    return JSONResponse({"error": body}, status_code=status)
+
+
+async def missing(_: Request, error: Exception) -> Response:
+    """Say that there is nothing at an address."""
+    status = getattr(error, "status_code", 404)
+    message = getattr(error, "detail", "") or "There is nothing here."
+    return JSONResponse({"error": {"code": str(status), "message": message}}, status_code=status)
