@@ -19,8 +19,12 @@ from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS
+from grebe.io.store import SurveyFile
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
+from grebe.server.telling import Telling
+from grebe.workflow.demo import HERON, OUTLINE_M
+from grebe.workflow.files import write_survey
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -104,3 +108,24 @@ def states(reach: float = 100.0) -> st.SearchStrategy[tuple[float, ...]]:
     return st.tuples(
         place, place, st.floats(-7, 7), st.floats(-1, 3), st.floats(-1, 1), st.floats(-1, 1)
     )
+
+
+@pytest.fixture(scope="session")
+def simulated_survey(tmp_path_factory):
+    """The file of a survey that was sailed, the survey, and what a page was told of it in turn."""
+    region = Region(name="Heron", frame=HERON, water=shapely.Polygon(OUTLINE_M))
+    survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=15.0))
+    path = tmp_path_factory.mktemp("told") / "demo.gpkg"
+    write_survey(path, survey)
+    told = []
+    with SurveyFile.open(path) as file:
+        telling = Telling(survey, list(file.quantities))
+
+        def hear(event):
+            telling.hear(event)
+            if (one := telling.take()) is not None:
+                told.append(one)
+
+        report = simulate(file, listeners=[hear])
+    assert report.complete
+    return path, survey, told

@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -18,21 +17,15 @@ from starlette.responses import PlainTextResponse  # noqa: E402
 from starlette.routing import Route  # noqa: E402
 
 from grebe.core.errors import GrebeError, InputError  # noqa: E402
-from grebe.core.plan_settings import PlanSettings  # noqa: E402
-from grebe.core.survey import Survey  # noqa: E402
-from grebe.core.vessel import PRESETS  # noqa: E402
 from grebe.io.store import SurveyFile  # noqa: E402
-from grebe.planning.planner import plan_survey  # noqa: E402
-from grebe.planning.region import Region  # noqa: E402
 from grebe.server import library, maps, plans  # noqa: E402
 from grebe.server.asked import parsed  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
-from grebe.server.live import QUEUE, Lease, Tab, Watch  # noqa: E402
+from grebe.server.live import Watch  # noqa: E402
 from grebe.server.security import Gate, Keys  # noqa: E402
-from grebe.server.telling import Telling  # noqa: E402
+from grebe.server.tabs import PAST, QUEUE, Lease, Past, Tab, message  # noqa: E402
 from grebe.server.worker import Worker  # noqa: E402
-from grebe.workflow.demo import HERON, OUTLINE_M  # noqa: E402
 
 LAKE = [[6.55, 46.45], [6.551, 46.45], [6.551, 46.4506], [6.55, 46.4506], [6.55, 46.45]]
 REGION = {"type": "Polygon", "coordinates": [LAKE]}
@@ -248,9 +241,36 @@ def test_a_kept_plan_is_a_survey_file_of_that_name(tmp_path):
 def test_a_slow_tab_is_told_all_again_instead_of_a_queue():
     tab = Tab(name="slow")
     for _ in range(3 * QUEUE):
-        tab.tell("delta", {})
+        tab.tell(message("delta", {}))
     assert tab.behind
     assert tab.queue.qsize() == QUEUE
+
+
+@given(told=st.integers(0, PAST + 50), missed=st.integers(0, PAST + 50))
+def test_who_comes_back_is_told_what_it_missed_and_nothing_twice(told, missed):
+    past = Past()
+    numbers = [past.number]
+    for count in range(told):
+        past.add("delta", {"n": count})
+        numbers.append(past.number)
+    missed = min(missed, told)
+    found = past.since(numbers[told - missed])
+    if missed > PAST:
+        assert found is None
+    else:
+        assert found is not None
+        sent = [json.loads(one.text.split(b"data: ")[1])["n"] for one in found]
+        assert sent == list(range(told - missed, told))
+
+
+@given(number=st.text(max_size=30) | st.builds("{}.{}".format, st.text(max_size=9), st.integers()))
+def test_a_number_of_another_server_or_of_nobody_begins_anew(number):
+    past = Past()
+    past.add("delta", {})
+    assert past.since(number) is None
+    before = past.number
+    past.forget()
+    assert past.since(before) is None
 
 
 def test_one_page_steers_and_all_see_which():
@@ -368,30 +388,6 @@ def test_a_map_is_read_where_there_is_water_alone(simulated_survey):
         maps.at(str(path), "ph", lon + 1.0, lat, forming=False)
     grid = maps.grid(str(path), "ph", "probability", read["mean"], "above", forming=False)
     assert grid["range"] == [0.0, 1.0]
-
-
-@pytest.fixture(scope="module")
-def simulated_survey(tmp_path_factory):
-    from conftest import simulate
-
-    from grebe.workflow.files import write_survey
-
-    region = Region(name="Heron", frame=HERON, water=shapely.Polygon(OUTLINE_M))
-    survey: Survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=15.0))
-    path = tmp_path_factory.mktemp("told") / "demo.gpkg"
-    write_survey(path, survey)
-    told = []
-    with SurveyFile.open(path) as file:
-        telling = Telling(survey, list(file.quantities))
-
-        def hear(event):
-            telling.hear(event)
-            if (one := telling.take()) is not None:
-                told.append(one)
-
-        report = simulate(file, listeners=[hear])
-    assert report.complete
-    return path, survey, told
 
 
 def test_a_paced_boat_takes_its_time(monkeypatch):
