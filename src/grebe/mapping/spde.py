@@ -277,6 +277,14 @@ class ShoreField:
         return system.posterior.solve(self._weights.T @ residual / system.noise)
 
 
+def prior_precision(mesh: Mesh, model: ShoreModel) -> csc_matrix:
+    """The inverse covariance (nodes, nodes) of the signal before any sample."""
+    kappa = PRACTICAL / model.range_m
+    scale = max(model.sill, 1e-300) * 4 * math.pi * kappa**2
+    operator = _operator(mesh, kappa)
+    return csc_matrix(operator @ operator) / (mesh.step_m**2 * scale)
+
+
 def _operator(mesh: Mesh, kappa: float) -> csc_matrix:
     area = mesh.step_m**2
     return csc_matrix(mesh.laplace + diags_array(np.full(len(mesh.nodes), kappa**2 * area)))

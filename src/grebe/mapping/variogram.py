@@ -7,11 +7,12 @@ fit.method 7). Estimators: Matheron's, and two that outliers do not move: Cressi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize_scalar
 from scipy.spatial.distance import pdist
 
 from grebe.mapping.covariance import KINDS, CovarianceModel, correlations, stretched
@@ -37,6 +38,9 @@ DIRECTIONS_DEG, SECTOR_DEG = (0.0, 45.0, 90.0, 135.0), 22.5
 # A direction is believed where it takes away so much of the misfit, and shortens the range so
 # much: less than that sampling alone brings about.
 LEAST_GAIN, CLEAR_RATIO = 0.3, 0.8
+# Ranges that are tried, in shares of the longest distance, and how many on the way to the best;
+# the largest sill, in shares of the largest semivariance.
+REACHES, REACHES_TRIED, MOST_SILL = (0.01, 5.0), 60, 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,24 +172,60 @@ def fit_model(
         "1": np.ones(len(h)),
     }[weighting]
 
-    def residuals(parameters: Array) -> Array:
-        nugget, sill, reach = parameters
-        modelled = nugget + sill * (1 - correlations(kind, h / (reach * h[-1])))
-        return roots * (modelled - gamma / level)
+    scaled = gamma / level
 
-    starts = [(0.05, 0.9, reach) for reach in (0.15, 0.5, 1.0)]
-    bounds = ([0.0, 0.0, 0.01], [2.0, 10.0, 5.0])
-    fits = [least_squares(residuals, start, bounds=bounds, xtol=1e-12) for start in starts]
-    best = min(fits, key=lambda fit: fit.cost)
-    nugget, sill, reach = best.x
+    def best_at(reach: float) -> tuple[float, float, float]:
+        """Nugget and sill that fit best at a reach, in shares of the level, and the misfit."""
+        rise = 1 - correlations(kind, h / (reach * h[-1]))
+        nugget, sill = _bounded(roots, roots * rise, roots * scaled)
+        return nugget, sill, float(np.sum((roots * (nugget + sill * rise - scaled)) ** 2))
+
+    reach = _least(lambda log_reach: best_at(float(np.exp(log_reach)))[2])
+    nugget, sill, misfit = best_at(reach)
     model = CovarianceModel(
         kind=kind,
         sill=float(sill * level),
         range_m=float(reach * h[-1]),
         nugget=float(nugget * level),
     )
-    errors = _standard_errors(best.jac, 2 * best.cost) * [level, level, h[-1]]
-    return model, float(2 * best.cost), errors
+    jacobian = _slopes(kind, h / h[-1], sill, reach) * roots[:, None]
+    return model, misfit, _standard_errors(jacobian, misfit) * [level, level, h[-1]]
+
+
+def _least(misfit: Callable[[float], float]) -> float:
+    """The reach of the least misfit: the best of a fine grid in logarithms, refined."""
+    grid = np.log(np.geomspace(REACHES[0], REACHES[1], REACHES_TRIED))
+    found = [misfit(one) for one in grid.tolist()]
+    best = int(np.argmin(found))
+    ends = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    refined = minimize_scalar(misfit, bounds=ends, method="bounded", options={"xatol": 1e-10})
+    return float(np.exp(refined.x if refined.fun <= found[best] else grid[best]))
+
+
+def _bounded(one: Array, rise: Array, data: Array) -> tuple[float, float]:
+    """Least squares of data by a nugget times `one` and a sill times `rise`, neither below 0."""
+    oo, rr, cross = float(one @ one), float(rise @ rise), float(one @ rise)
+    od, rd = float(one @ data), float(rise @ data)
+    determinant = oo * rr - cross**2
+    if determinant > 1e-12 * oo * rr:
+        nugget, sill = (rr * od - cross * rd) / determinant, (oo * rd - cross * od) / determinant
+        if nugget >= 0 and 0 <= sill <= MOST_SILL:
+            return nugget, sill
+    # On an edge of what can be: without a nugget, with the largest sill, or with a nugget alone.
+    edges = [
+        (0.0, min(max(rd / rr, 0.0), MOST_SILL) if rr > 0 else 0.0),
+        (max((od - MOST_SILL * cross) / oo, 0.0), MOST_SILL),
+        (max(od / oo, 0.0), 0.0),
+    ]
+    return min(edges, key=lambda at: float(np.sum((at[0] * one + at[1] * rise - data) ** 2)))
+
+
+def _slopes(kind: str, h: Array, sill: float, reach: float) -> Array:
+    """Derivatives of the model by nugget, sill and reach, (n, 3)."""
+    step = 1e-5 * reach
+    further, nearer = (correlations(kind, h / (reach + one)) for one in (step, -step))
+    by_reach = -sill * (further - nearer) / (2 * step)
+    return np.column_stack([np.ones(len(h)), 1 - correlations(kind, h / reach), by_reach])
 
 
 def _standard_errors(jacobian: Array, squares: float) -> Array:
@@ -240,17 +280,17 @@ def _directed(
     if min(len(sector.pairs) for sector in sectors) < FEWEST_CLASSES or model.sill == 0:
         return None
     level = model.nugget + model.sill
+    distance = np.concatenate([sector.distance_m for sector in sectors])
+    found = np.concatenate([sector.semivariance for sector in sectors])
+    roots = np.sqrt(np.concatenate([sector.pairs for sector in sectors])) / distance
+    counts = [len(sector.pairs) for sector in sectors]
+    bearing = np.radians(np.repeat(np.asarray(DIRECTIONS_DEG, dtype=float), counts))
+    ways = np.column_stack([np.cos(bearing), np.sin(bearing)])
 
     def residuals(parameters: Array) -> Array:
         reach, ratio, angle = parameters
-        return np.concatenate(
-            [
-                np.sqrt(sector.pairs) / sector.distance_m
-                * (_along(model, sector.distance_m, bearing, (reach, ratio, angle))
-                   - sector.semivariance) / level
-                for bearing, sector in zip(DIRECTIONS_DEG, sectors, strict=True)
-            ]
-        )  # fmt: skip
+        factor = np.hypot(*stretched(ways, ratio, angle).T) / reach
+        return roots * (model.variogram(distance * factor) - found) / level
 
     plain = float(np.sum(residuals(np.array([1.0, 1.0, 0.0])) ** 2))
     bounds = ([0.3, 0.2, -400.0], [3.0, 1.0, 400.0])
@@ -264,13 +304,3 @@ def _directed(
     if gain < LEAST_GAIN or ratio > CLEAR_RATIO:
         return None
     return replace(model, range_m=reach * model.range_m, ratio=ratio, angle_deg=angle % 180), gain
-
-
-def _along(
-    model: CovarianceModel, distance: Array, bearing_deg: float, shape: tuple[float, float, float]
-) -> Array:
-    """Semivariance along a bearing with the range times `reach`, a ratio and an angle."""
-    reach, ratio, angle = shape
-    way = np.array([[np.cos(np.radians(bearing_deg)), np.sin(np.radians(bearing_deg))]])
-    factor = float(np.hypot(*stretched(way, ratio, angle)[0]))
-    return model.variogram(distance * factor / reach)

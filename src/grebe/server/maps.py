@@ -1,25 +1,34 @@
-"""Maps as the page asks for them, made in a process of their own and kept as long as they hold."""
+"""Maps as the page asks for them, made in a process of their own and kept as long as they hold.
+
+The map of a survey under way takes in what was measured since it was asked for last, and is fitted
+anew only when the readings have become half as many more.
+"""
 
 from __future__ import annotations
 
 import base64
 import importlib
 import math
-import time
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 
 from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
+from grebe.core.quantity import Quantity
 from grebe.core.samples import Flag
 from grebe.io.store import SurveyFile
 from grebe.mapping.grid import make_grid
+from grebe.mapping.kriging import distinct
 from grebe.mapping.lag import corrected_values
 from grebe.mapping.maps import Mapper, QuantityMap
+from grebe.mapping.methods.base import Readings
+from grebe.mapping.sequential import SequentialField, sequential
+from grebe.mapping.threads import one_blas_thread
 from grebe.mapping.validation import Z95
 
 if TYPE_CHECKING:
@@ -27,8 +36,9 @@ if TYPE_CHECKING:
 
 # A map that is still forming has about so many nodes, a finished one the default.
 FORMING_NODES = 2_500
-FORMING_S = 6.0
-KEPT = 24
+# It is fitted anew when it has so many times the readings of its fit.
+FIT_AGAIN = 1.5
+KEPT, FORMING_KEPT = 24, 8
 PROFILE_POINTS = 200
 
 
@@ -38,27 +48,71 @@ class NoMapError(InputError):
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """A map, the frame that it lies in, the flags (n,) of its samples with their places, and when
-    it was made by the clock that never runs back [s].
-    """
+    """A map, the frame that it lies in, and the flags (n,) of its samples with their places."""
 
     map: QuantityMap
     frame: LocalFrame
     positions: NDArray[np.float64]
     flags: NDArray[np.int64]
     forming: bool
-    at_s: float = 0.0
+
+
+@dataclass(kw_only=True)
+class Forming:
+    """A map that takes in readings: `fitted` is how it was at its fit, from the first `rows` of
+    the file; `taken` rows are in it now.
+    """
+
+    fitted: QuantityMap
+    field: SequentialField
+    readings: Readings
+    rows: int
+    taken: int
+
+    def holds(self, count: int) -> bool:
+        """Whether a file of so many rows is the same one, without too much that is new."""
+        return self.taken <= count < FIT_AGAIN * self.rows
+
+    def take_in(
+        self, positions: NDArray[np.float64], values: NDArray[Any], flags: NDArray[np.int64]
+    ) -> None:
+        """Take in the rows that are new."""
+        new = slice(self.taken, None)
+        good = np.isfinite(values[new]) & np.isin(flags[new], Flag.USABLE)
+        at, read = positions[new][good], values[new][good]
+        once = distinct(at, read)
+        at, read = at[once], read[once]
+        with one_blas_thread():
+            self.field.add(at, read)
+        self.taken = len(values)
+        self.readings = Readings(
+            positions=np.vstack([self.readings.positions, at]),
+            values=np.append(self.readings.values, read),
+        )
+
+    def now(self) -> QuantityMap:
+        """The map of all that was taken in."""
+        one, nodes = self.fitted, self.fitted.grid.nodes
+        factors = replace(one.calibration, way=self.readings.positions)
+        sd = np.hypot(factors.factor(nodes) * self.field.node_sd, one.micro_sd)
+        return replace(
+            one,
+            mean=one.grid.spread(self.field.node_mean),
+            sd=one.grid.spread(sd),
+            calibration=factors,
+            field=self.field,
+            readings=self.readings,
+        )
 
 
 _KEPT: OrderedDict[tuple[Any, ...], Made] = OrderedDict()
+_FORMING: OrderedDict[tuple[str, str], Forming] = OrderedDict()
 
 
 def _made(path: str, quantity: str, *, forming: bool) -> Made:
-    """The map of a quantity, made again where the file has changed."""
-    # Under way the file changes ten times a second, and a map holds for a few seconds.
-    key = (path, quantity, forming, *(() if forming else _stamps(path)))
-    now = time.monotonic()
-    if key in _KEPT and (not forming or now - _KEPT[key].at_s < FORMING_S):
+    """The map of a quantity, brought up to date where the file has changed."""
+    key = (path, quantity, forming, *_stamps(path))
+    if key in _KEPT:
         _KEPT.move_to_end(key)
         return _KEPT[key]
     with SurveyFile.open(Path(path)) as file:
@@ -67,21 +121,48 @@ def _made(path: str, quantity: str, *, forming: bool) -> Made:
             raise NoMapError(f"This survey has no quantity {quantity!r}.")
         known = file.quantities.known(quantity)
         values = corrected_values(samples, file.lags())[quantity]
-    nodes = math.sqrt(survey.water.area / FORMING_NODES) if forming else None
-    mapper = Mapper(survey.water, make_grid(survey.water, nodes))
     flags = samples.flags[quantity]
+    taken = (known, samples.positions, values, flags)
+    if forming:
+        one = _forming(path, survey.water, *taken)
+    else:
+        one = Mapper(survey.water, make_grid(survey.water)).map_quantity(*taken)
     made = Made(
-        map=mapper.map_quantity(known, samples.positions, values, flags),
-        frame=survey.frame,
-        positions=samples.positions,
-        flags=flags,
-        forming=forming,
-        at_s=time.monotonic(),
+        map=one, frame=survey.frame, positions=samples.positions, flags=flags, forming=forming
     )
     _KEPT[key] = made
     while len(_KEPT) > KEPT:
         _KEPT.popitem(last=False)
     return made
+
+
+def _forming(
+    path: str,
+    water: shapely.Polygon,
+    quantity: Quantity,
+    positions: NDArray[np.float64],
+    values: NDArray[Any],
+    flags: NDArray[np.int64],
+) -> QuantityMap:
+    """The map of a survey under way: what is new is taken in, or all of it is fitted anew."""
+    key = (path, quantity.key)
+    kept = _FORMING.get(key)
+    if kept is not None and kept.holds(len(values)):
+        kept.take_in(positions, values, flags)
+        return kept.now()
+    grid = make_grid(water, math.sqrt(water.area / FORMING_NODES))
+    fitted = Mapper(water, grid).map_quantity(quantity, positions, values, flags)
+    with one_blas_thread():
+        begun = sequential(fitted.field, grid.nodes)
+    if begun is None:
+        return fitted
+    rows = len(values)
+    _FORMING[key] = Forming(
+        fitted=fitted, field=begun, readings=fitted.readings, rows=rows, taken=rows
+    )
+    while len(_FORMING) > FORMING_KEPT:
+        _FORMING.popitem(last=False)
+    return fitted
 
 
 def _stamps(path: str) -> tuple[float, ...]:
