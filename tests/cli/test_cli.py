@@ -180,14 +180,16 @@ def test_the_real_track_is_imported_mapped_and_flown(tmp_path):
     done = grebe("import", CHINA, "-o", "track.gpkg", "--json", cwd=tmp_path, check=0)
     assert json.loads(done.stdout)["left_out"] == ["Turbidity"]
     assert "Turbidity" in done.stderr
-    done = grebe("map", "track.gpkg", "--out", "measured", "--json", cwd=tmp_path, check=0)
+    done = grebe(
+        "map", "track.gpkg", "--out", "measured", "--resolution", 6, "--json", cwd=tmp_path, check=0
+    )
     mapped = {one["quantity"] for one in json.loads(done.stdout)["maps"]}
     assert mapped >= {"temperature_degc", "dissolved_oxygen_mgl", "ph", "chlorophyll_rfu"}
-    grebe("plan", CHINA, "-o", "s.gpkg", "--cell", 20, cwd=tmp_path, check=0)
+    grebe("plan", CHINA, "-o", "s.gpkg", "--cell", 30, cwd=tmp_path, check=0)
     run = grebe("run", "s.gpkg", "--water", CHINA, "--json", cwd=tmp_path, check=0)
     report = json.loads(run.stdout)
     assert report["reached"] == report["targets"]
-    grebe("map", "s.gpkg", "--out", "maps", cwd=tmp_path, check=0)
+    grebe("map", "s.gpkg", "--out", "maps", "--resolution", 6, cwd=tmp_path, check=0)
     grebe("report", "s.gpkg", "-o", "r.html", cwd=tmp_path, check=0)
     page = (tmp_path / "r.html").read_text()
     assert f"{report['samples']} of {report['samples']}" in page

@@ -1,6 +1,7 @@
 """Figures 4 to 6, and the study of the paper's claim."""
 
 import json
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -41,9 +42,10 @@ def test_the_same_water_is_sampled_both_ways(hand):
     ways = claim.ways(hand)
     driven, timed, length = ways
     assert timed.duration_s <= driven.duration_s
-    assert length.length_m == pytest.approx(driven.length_m, rel=0.2)
-    scores = list(claim.measure(hand, ways, seeds=1))
-    assert len(scores) == 3 * 4
+    assert 0.9 * driven.length_m < length.length_m <= driven.length_m
+    # Two of the four quantities: the maps of all take minutes, and `grebe paper claim` has them.
+    scores = list(islice(claim.measure(hand, ways, seeds=1), 3 * 2))
+    assert len({score.quantity for score in scores}) == 2
     rows = claim.summary(scores)
     base = [row["rmse"] for row in rows if row["way"] == driven.way]
     better = [row["rmse"] for row in rows if row["way"] == timed.way]

@@ -6,10 +6,10 @@ is diagonal in Fourier space. What is negative there, of a smooth covariance, is
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy.fft import next_fast_len
+from scipy import fft
 from scipy.ndimage import map_coordinates
 
 from grebe.mapping.covariance import CovarianceModel
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Room beyond the grid on the torus: so many practical ranges and at most so many nodes. With less,
-# a smooth covariance has negative values there, and cutting them off roughens the fields.
-ROOM_RANGES, MOST_ROOM = 4.0, 2_000
+# Room beyond the grid on the torus, in practical ranges: the first with which what is negative
+# there is no more than such a share of the variance, for to cut it off roughens the fields; and at
+# most so many nodes.
+ROOM_RANGES, NEGATIVE_SHARE, MOST_ROOM = (1.0, 2.0, 4.0), 1e-6, 2_000
 
 
 def circulant_fields(
@@ -42,23 +43,39 @@ def circulant_fields(
     step = grid.step_m / refine
     shape = [refine * (side - 1) + 1 for side in grid.inside.shape]
     spectrum = _spectrum(model, shape, step)
-    size = (spectrum.shape[0], 2 * (spectrum.shape[1] - 1))
     place = ((positions - [grid.north[0], grid.east[0]]) / step).T
     nodes, seen = [], []
-    for _ in range(count):
-        field = np.fft.irfft2(np.fft.rfft2(rng.normal(size=size)) * spectrum, s=size)
-        nodes.append(field[: shape[0] : refine, : shape[1] : refine][grid.inside])
-        seen.append(map_coordinates(field, place, order=1, mode="grid-wrap"))
+    for _ in range(0, count, 2):
+        # The real and the imaginary part are two fields that know nothing of each other.
+        white = rng.normal(size=(*spectrum.shape, 2)).view(np.complex128)[..., 0]
+        both = _transformed(white * spectrum)
+        for field in (both.real, both.imag)[: count - len(nodes)]:
+            nodes.append(field[: shape[0] : refine, : shape[1] : refine][grid.inside])
+            seen.append(map_coordinates(field, place, order=1, mode="grid-wrap"))
     return np.array(nodes), np.array(seen)
 
 
 def _spectrum(model: CovarianceModel, shape: list[int], step: float) -> Array:
-    """Square roots of the covariance's eigenvalues on a torus with room beyond the grid."""
-    room = int(ROOM_RANGES * model.practical_range_m / step) + 1
-    # Samples may lie beyond the grid by a node or two; the last side's length must be even.
-    size = [int(next_fast_len(side + max(min(room, MOST_ROOM), 4)) or side) for side in shape]
-    size[1] += size[1] % 2
+    """Square roots of the covariance's eigenvalues, over the number of nodes, on a torus with
+    room beyond the grid.
+    """
+    values = np.ones((1, 1))
+    for ranges in ROOM_RANGES:
+        room = min(int(ranges * model.practical_range_m / step) + 1, MOST_ROOM)
+        values = _eigenvalues(model, shape, step, room)
+        if -values[values < 0].sum() <= NEGATIVE_SHARE * values.sum():
+            break
+    return np.sqrt(np.maximum(values, 0.0) / values.size)
+
+
+def _eigenvalues(model: CovarianceModel, shape: list[int], step: float, room: int) -> Array:
+    # Samples may lie beyond the grid by a node or two.
+    size = [int(fft.next_fast_len(side + max(room, 4)) or side) for side in shape]
     signed = [step * np.where(np.arange(n) <= n // 2, np.arange(n), np.arange(n) - n) for n in size]
     offsets = np.stack(np.meshgrid(*signed, indexing="ij"), axis=-1).reshape(-1, 2)
     distance = np.hypot(*model.isotropic(offsets).T).reshape(size)
-    return np.sqrt(np.maximum(np.fft.rfft2(model.covariance(distance)).real, 0.0))
+    return _transformed(model.covariance(distance)).real
+
+
+def _transformed(field: NDArray[Any]) -> NDArray[np.complex128]:
+    return cast("NDArray[np.complex128]", fft.fft2(field))

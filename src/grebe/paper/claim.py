@@ -42,9 +42,9 @@ CORE = 0.5
 WINDOW = (1.0, 2.0)
 # A place counts as badly known where the map's sd exceeds this share of the truth's own sd.
 SD_BOUND_SHARE = 0.5
-# The plan of equal length is looked for by bisection of the cells' size.
-BISECTIONS = 7
-LENGTH_TOLERANCE = 0.05
+# The plan of equal length: cells are tried, each as much larger as the last way was too long, until
+# the way is shorter by less than this share.
+TRIALS, LENGTH_TOLERANCE = 7, 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,20 +97,19 @@ def ways(hand: HandDriven) -> list[Sampled]:
 
 def _as_long(hand: HandDriven, way: str) -> Sampled:
     """The planned survey whose track is about as long as the hand-driven one, and not longer."""
-    low, high = 2.0, 0.5 * float(np.sqrt(hand.survey.water.area))
+    cell_m = hand.survey.water.area / hand.length_m
     best: Sampled | None = None
-    for _ in range(BISECTIONS):
-        cell_m = float(np.sqrt(low * high))
+    for _ in range(TRIALS):
         survey = plan(
             hand.region, vessel_named("spyboat"), PlanSettings(cell_m=cell_m, core=CORE)
         ).survey
         sampled = flown(survey, way)
-        if sampled.length_m > hand.length_m:
-            low = cell_m
-            continue
-        best, high = sampled, cell_m
-        if sampled.length_m > (1 - LENGTH_TOLERANCE) * hand.length_m:
+        share = sampled.length_m / hand.length_m
+        if share <= 1 and (best is None or sampled.length_m > best.length_m):
+            best = sampled
+        if 1 - LENGTH_TOLERANCE < share <= 1:
             break
+        cell_m *= share / (1 - 0.5 * LENGTH_TOLERANCE)
     if best is None:
         raise PlanError("No plan of this water is as short as the hand-driven track.")
     return best
