@@ -263,6 +263,8 @@ export interface Snapshot {
 /** `event: delta`, at most 10 Hz: only what changed. */
 export interface Delta {
   t: number;
+  /** When the oldest of this was heard from the boat, unix seconds of the mission's computer. */
+  heard: number;
   estimate?: Estimate;
   thrusts?: [number, number];
   horizon?: LonLat[];

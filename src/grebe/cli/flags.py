@@ -5,6 +5,8 @@ from __future__ import annotations
 from grebe.core.errors import GrebeError
 
 FLAGS = {
+    "apart_m": "--apart",
+    "boats": "--boats",
     "bollard_n": "--bollard",
     "battery_reserve": "--battery-reserve",
     "battery_wh": "--battery-wh",
@@ -40,6 +42,7 @@ FLAGS = {
     "reserve": "--reserve",
     "harbours": "--harbour",
     "sortie": "--sortie",
+    "starts": "--start",
     "sortie_battery_wh": "--battery",
     "sortie_minutes": "--sortie-minutes",
     "servos": "--servos",

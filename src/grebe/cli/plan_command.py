@@ -9,9 +9,10 @@ from typing import Any
 import click
 
 from grebe.cli import options, output
-from grebe.cli.sortie_options import sortie_options, sorties_of
+from grebe.cli.sortie_options import fleet_of, sortie_options, sorties_of
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
+from grebe.core.revision import Sortie
 from grebe.core.vessel import PRESETS
 from grebe.planning.planner import Planned
 from grebe.planning.sorties import PlannedSorties
@@ -117,7 +118,13 @@ DEFAULT_MARGIN_M = 1.0
     show_default=True,
     help=f"One of {', '.join(sorted(PRESETS))}, or a TOML file of your own.",
 )
-@click.option("--start", type=options.LON_LAT, help="Where the boat starts [deg].")
+@click.option(
+    "--start",
+    "starts",
+    type=options.LON_LAT,
+    multiple=True,
+    help="Where the boat starts [deg]; of a fleet once for each boat.",
+)
 @click.option("--feature", metavar="NAME|N", help="Which of several lakes in REGION.")
 @sortie_options
 @options.column_options
@@ -129,7 +136,7 @@ def command(
     path: Path,
     no_go: tuple[Path, ...],
     vessel: str,
-    start: tuple[float, float] | None,
+    starts: tuple[tuple[float, float], ...],
     feature: str | None,
     force: bool,
     as_json: bool,
@@ -146,7 +153,8 @@ def command(
     """
     options.refuse_same(region, options.checked_output(path))
     boat = vessel_of(vessel)
-    settings = _settings(asked, region)
+    settings = _settings(asked, starts, region)
+    start = starts[0] if starts else None
     water, notes = read_region(
         region,
         columns=options.track_columns(columns, asked),
@@ -167,7 +175,9 @@ def command(
     )
 
 
-def _settings(asked: dict[str, Any], region: Path) -> PlanSettings:
+def _settings(
+    asked: dict[str, Any], starts: tuple[tuple[float, float], ...], region: Path
+) -> PlanSettings:
     """The plan's settings by what was asked for."""
     minutes, energy_wh = asked["minutes"], asked["energy_wh"]
     low, high = asked["speed"]
@@ -193,6 +203,7 @@ def _settings(asked: dict[str, Any], region: Path) -> PlanSettings:
         sorties=sorties_of(
             asked["sortie_battery_wh"], asked["sortie_minutes"], asked["reserve"], asked["harbours"]
         ),
+        fleet=fleet_of(asked["boats"], asked["apart_m"], starts),
     )
 
 
@@ -251,8 +262,14 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
     }
     if isinstance(planned, PlannedSorties):
         numbers["sorties"] = [
-            f"{one.number}: {one.time_s / 60:.0f} min, {one.energy_wh:.0f} Wh"
+            f"{one.number}: {one.time_s / 60:.0f} min, {one.energy_wh:.0f} Wh{_whose(planned, one)}"
             for one in planned.revision.sorties
         ]
         numbers["over_bound"] = round(planned.legs_s / planned.bound_s - 1, 4)
     return numbers
+
+
+def _whose(planned: PlannedSorties, sortie: Sortie) -> str:
+    settings = planned.survey.settings
+    fleet = None if settings is None else settings.fleet
+    return "" if fleet is None else f", boat {sortie.boat}"

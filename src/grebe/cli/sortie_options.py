@@ -1,4 +1,4 @@
-"""The options that cut a plan into sorties, and the settings that they make."""
+"""The options that cut a plan into sorties or share it out, and the settings that they make."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import click
 
 from grebe.cli import options
 from grebe.core.errors import UsageError
-from grebe.core.plan_settings import SortieSettings
+from grebe.core.plan_settings import FleetSettings, SortieSettings
 
 RESERVE = 0.2
 
@@ -44,6 +44,13 @@ _OPTIONS = (
         multiple=True,
         help="Where sorties begin and end; may be given several times.  [default: the start]",
     ),
+    click.option("--boats", type=int, default=1, help="Share the survey out among so many boats."),
+    click.option(
+        "--apart",
+        "apart_m",
+        type=float,
+        help="How far apart the boats of a fleet keep [m].  [default: 8]",
+    ),
 )
 
 
@@ -66,3 +73,16 @@ def sorties_of(
         reserve=RESERVE if reserve is None else reserve,
         harbours=harbours,
     )
+
+
+def fleet_of(
+    boats: int, apart_m: float | None, starts: tuple[tuple[float, float], ...]
+) -> FleetSettings | None:
+    """The settings of the options; None where one boat sails."""
+    if boats == 1:
+        if apart_m is not None or len(starts) > 1:
+            raise UsageError("--apart and several --start are of fleets; give --boats too.")
+        return None
+    if apart_m is None:
+        return FleetSettings(boats=boats, starts=starts)
+    return FleetSettings(boats=boats, apart_m=apart_m, starts=starts)

@@ -18,6 +18,7 @@ PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
 # A window whose lower end needs more than this share of the top speed leaves no thrust to
 # steer with.
 SPEED_RESERVE = 0.9
+MOST_BOATS = 50
 # A target must stay large enough to be entered by more than the controller's own margin.
 SMALLEST_CORE = 0.2
 
@@ -56,6 +57,35 @@ class SortieSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FleetSettings:
+    """How many boats share a survey, and how far apart they keep [m], from centre to centre.
+
+    `starts` are the places (longitude, latitude) at which they are launched, one for each boat;
+    without any each is launched where its part begins.
+    """
+
+    boats: int
+    apart_m: float = 8.0
+    starts: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.boats <= MOST_BOATS:
+            raise UsageError(
+                f"A fleet has 2 to {MOST_BOATS} boats, and not {self.boats}.", settings=("boats",)
+            )
+        if not 0 < self.apart_m < math.inf:
+            raise UsageError(
+                f"Boats cannot keep {self.apart_m:g} m apart; give a positive number of metres.",
+                settings=("apart_m",),
+            )
+        if self.starts and len(self.starts) != self.boats:
+            raise UsageError(
+                f"{self.boats} boats have {self.boats} starts, and {len(self.starts)} are given.",
+                settings=("starts", "boats"),
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlanSettings:
     """What a plan is made with.
 
@@ -66,7 +96,8 @@ class PlanSettings:
     way back to the start belongs to the survey. `weather` is what the plan reckons with.
     `coast_tolerance_m`: within how far of the outline a coast of very many vertices may be drawn
     with fewer, always on the water's side (0: never; None: by the cells' size). `sorties`: the
-    survey is cut into trips from a harbour and back; None where all of it is one mission.
+    survey is cut into trips from a harbour and back; None where all of it is one mission. `fleet`:
+    several boats share it; None for one.
     """
 
     cell_m: float | None = 5.0
@@ -83,6 +114,7 @@ class PlanSettings:
     minutes: float | None = None
     energy_wh: float | None = None
     sorties: SortieSettings | None = None
+    fleet: FleetSettings | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.speed_min_mps < self.speed_max_mps:

@@ -79,6 +79,7 @@ def prepare(
     ends = survey_file.track_ends()
     if sortie is not None or survey_file.revision.sorties:
         part = part_of(survey_file, sortie)
+        ends = survey_file.track_ends(part.boat)
         if part.reached == 0 and not force:
             return _fresh_sortie(survey_file, now, part, ends)
         if force:
@@ -118,10 +119,11 @@ def prepare(
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One sortie of a survey: its targets alone, and how many of them are reached."""
+    """One sortie of a survey: its targets alone, how many of them are reached, and whose it is."""
 
     survey: Survey
     reached: int
+    boat: int
 
 
 def part_of(survey_file: SurveyFile, sortie: int | None) -> Part:
@@ -137,7 +139,11 @@ def part_of(survey_file: SurveyFile, sortie: int | None) -> Part:
     else:
         open_ = [one for one in revision.sorties if reached(one) < len(one)]
         chosen = (open_ or list(revision.sorties[-1:]))[0]
-    return Part(survey=survey_of(survey_file.survey, revision, chosen), reached=reached(chosen))
+    return Part(
+        survey=survey_of(survey_file.survey, revision, chosen),
+        reached=reached(chosen),
+        boat=chosen.boat,
+    )
 
 
 def _fresh_sortie(

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Protocol
+from typing import Protocol, cast
+
+import numpy as np
+import shapely
 
 from grebe.control.controller import Controller
 from grebe.control.rules.base import reached_count
@@ -22,6 +25,7 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import AdaptableHelm, Helm
+from grebe.mission.lookout import LEAST_WAIT_S, Lookout
 from grebe.mission.patience import patience_s
 from grebe.mission.safety.fence import STEP_S, Escape, Fence, Schedule, escape, fence_of, reckoned
 from grebe.mission.safety.machine import (
@@ -31,6 +35,8 @@ from grebe.mission.safety.machine import (
     advised,
     at_the_fence,
     blinded,
+    gone_on,
+    in_traffic,
     without_way_home,
 )
 from grebe.mission.safety.reserve import way_home_s
@@ -89,7 +95,7 @@ def home_of(survey: Survey, settings: SafetySettings) -> Place:
 
 
 class Guard:
-    """Watches over one mission; `tell` hears of every change of state."""
+    """Watches over one mission; `tell` hears of every change of state; `lookout` of a fleet."""
 
     def __init__(
         self,
@@ -99,7 +105,9 @@ class Guard:
         tell: Tells,
         started: datetime,
         pilot: Pilot | None = None,
+        lookout: Lookout | None = None,
     ) -> None:
+        self._lookout = lookout
         self._survey, self._vessel, self._settings = survey, vessel, settings
         self._tell = tell
         # Faults show beside the boat as it was said to be, not as its faults have made it.
@@ -173,6 +181,7 @@ class Guard:
         self.depth_m = None
         after = advised(self._memory, facts, self._settings, self._as_said, asked)
         self._become(after, observation)
+        self._look_out(observation, facts)
         own = self.own_thrusts(observation, weather)
         if own is not None or ahead is None:
             held = own or thrusts
@@ -188,22 +197,83 @@ class Guard:
         drives = self.state not in (SafetyState.HOLDING, SafetyState.STOPPED)
         if self._fence is None or not self._fenced or not drives:
             return True
-        way_out = escape(
-            self._fence,
+        if self._may_go_on(self._fence, observation, ahead, weather):
+            return True
+        facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
+        if self._lookout and self._way_out(self._fence, observation, ahead, weather):
+            waits = self._lookout.place_to_wait(self._fence, facts.place)
+            self._become(in_traffic(self._memory, facts, waits), observation)
+            return False
+        refuge = self._fence.refuge(facts.place)
+        self._become(at_the_fence(self._memory, facts, self._settings, refuge), observation)
+        return False
+
+    def _may_go_on(
+        self, fence: Fence, observation: Observation, ahead: Schedule, weather: Weather
+    ) -> bool:
+        """Whether the boat could still stop inside, and away from others; how, is remembered."""
+        place, lookout = (observation.state[0], observation.state[1]), self._lookout
+        near = lookout is not None and lookout.is_near(place)
+        within = lookout.fence(fence, place) if lookout and near else fence
+        way_out = self._way_out(within, observation, ahead, weather, foresees=near)
+        if way_out is None or (lookout and not lookout.claim(way_out.way)):
+            return False
+        self._escape = (observation.time_s, way_out)
+        return True
+
+    def _way_out(
+        self,
+        fence: Fence,
+        observation: Observation,
+        ahead: Schedule,
+        weather: Weather,
+        *,
+        foresees: bool = False,
+    ) -> Escape | None:
+        return escape(
+            fence,
             self._vessel,
             observation.state,
             ahead,
             weather,
             reaction_s=self._settings.reaction_s + observation.age_s,
             weaker_share=self._settings.weaker_share,
+            foresees=foresees,
         )
-        if way_out is not None:
-            self._escape = (observation.time_s, way_out)
-            return True
-        facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
-        refuge = self._fence.refuge(facts.place)
-        self._become(at_the_fence(self._memory, facts, self._settings, refuge), observation)
-        return False
+
+    def _look_out(self, observation: Observation, facts: Facts) -> None:
+        """Say where the boat would go; where it waits for others, make room or go on."""
+        lookout, fence = self._lookout, self._fence
+        if lookout is None or fence is None:
+            return
+        ahead = self._next_place(facts.reached)
+        lookout.wish(facts.place, ahead)
+        if self.state is not SafetyState.HOLDING:
+            return
+        waited = facts.time_s - self._memory.since_s
+        waits = self._memory.cause is Cause.TRAFFIC
+        if (
+            waits
+            and waited > LEAST_WAIT_S
+            and (ahead is None or lookout.is_clear(facts.place, ahead))
+        ):
+            self._become(gone_on(self._memory, facts), observation)
+            return
+        if self._memory.cause in (Cause.TRAFFIC, Cause.HOLD):
+            place = lookout.place_to_wait(fence, facts.place)
+            if place != facts.place:
+                self._memory = replace(self._memory, place=place)
+        lookout.claim(np.array([facts.place, self._memory.place]))
+
+    def _next_place(self, reached: int) -> Place | None:
+        """Where the boat goes, or would go on to; None where it has nowhere to go."""
+        going = self._memory.resumes if self.state is SafetyState.HOLDING else self.state
+        way = self._way if going is SafetyState.RETURNING else None
+        sets, done = (way.survey.sets, way.helm.reached) if way else (self._survey.sets, reached)
+        if done >= len(sets):
+            return None
+        north, east = sets[done].centre
+        return float(north), float(east)
 
     def own_thrusts(self, observation: Observation, weather: Weather) -> Thrusts | None:
         """Return what the guard itself steers with; None where a helm does."""
@@ -328,8 +398,8 @@ class Guard:
         if self._ways is None and not self._no_way:
             try:
                 home = home_of(self._survey, self._settings)
-                water = fence_of(self._survey.water, self._survey.no_go, home).water
-                self._ways = homeward(water, home)
+                fence = fence_of(self._survey.water, self._survey.no_go, home)
+                self._ways = homeward(cast("shapely.Polygon", fence.water), home)
             except PlanError as error:
                 self._no_way = str(error)
         return self._ways

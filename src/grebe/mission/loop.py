@@ -47,6 +47,7 @@ from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard, Pilot
 from grebe.mission.headings import unwrapped
 from grebe.mission.helm import AdaptableHelm, Helm
+from grebe.mission.lookout import Lookout
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.replanning import Replanner
@@ -72,7 +73,8 @@ class Mission:
 
     `reached` targets count as reached before it begins; `started` is the UTC time of the link's
     second zero; `stopwatch` times the steps [s]; `pilot` makes who steers a way home;
-    `instruments` are sondes apart from the boat, which the caller closes.
+    `instruments` are sondes apart from the boat, which the caller closes. Of a fleet `lookout` is
+    the boat's, and `stands_by` says whether it is to wait when it is done, for others still sail.
     """
 
     def __init__(
@@ -91,8 +93,11 @@ class Mission:
         pilot: Pilot | None = None,
         replanner: Replanner | None = None,
         instruments: Instruments | None = None,
+        lookout: Lookout | None = None,
+        stands_by: Callable[[], bool] | None = None,
     ) -> None:
         self._replanner = replanner
+        self._lookout, self._stands_by = lookout, stands_by
         self._targets = survey.targets
         self._sets = survey.sets
         self._controller = controller
@@ -111,7 +116,9 @@ class Mission:
         self._reached = controller.reached = reached
         self._gate = Gate(link)
         safety = self._settings.safety
-        self._guard = Guard(survey, controller.vessel, safety, self._tell_change, started, pilot)
+        self._guard = Guard(
+            survey, controller.vessel, safety, self._tell_change, started, pilot, lookout
+        )
         self._next_step_s = 0.0
         self._deadline_s = math.inf
         self._raw: Observation | None = None
@@ -191,7 +198,7 @@ class Mission:
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
         """Why the mission ends at this estimate; None where it goes on."""
         surveys = self._guard.state is SafetyState.SURVEYING
-        if self._done and surveys:
+        if self._done and not self._waits_for_others():
             return EndReason.COMPLETE, "every target is reached"
         if request := self._requested_stop():
             return EndReason.STOPPED, request
@@ -207,6 +214,17 @@ class Mission:
             limit = self._settings.limit_s
             return EndReason.OUT_OF_TIME, f"the {limit:g} s that the mission was given are over"
         return None
+
+    def _waits_for_others(self) -> bool:
+        """Whether the boat is not free to end: it is sent home, or makes room for others."""
+        if self._lookout is None or self._stands_by is None:
+            return self._guard.state is not SafetyState.SURVEYING
+        if not self._stands_by():
+            return self._guard.state is SafetyState.RETURNING
+        if not self._lookout.is_done:
+            self._lookout.is_done = True
+            self._guard.ask(Request.HOLD, "its part is done, and it makes room for others")
+        return True
 
     def _gives_up(self, observation: Observation) -> bool:
         """Whether the mission goes on without the target that it does not reach."""
@@ -251,6 +269,8 @@ class Mission:
             if own != self._thrusts:
                 self._send(observation, own)
                 self._tell_step(observation, None)
+        elif self._done and self._helm is self._controller:
+            self._send(observation, (0.0, 0.0))
         elif observation.time_s >= self._next_step_s - 1e-9:
             self._steer(observation)
         else:

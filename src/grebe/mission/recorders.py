@@ -7,7 +7,9 @@ watches: one that fails is dropped, and the mission goes on, for no display may 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar, runtime_checkable
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from grebe.core.events import (
     Estimate,
@@ -47,11 +49,13 @@ class SurveyRecorder:
     """Writes a mission into its survey file: each event is on the disk before the next estimate.
 
     What happened at one estimate is one transaction: a sample, what was reached and the track
-    agree wherever the mission is cut off, and the disk is waited for once.
+    agree wherever the mission is cut off, and the disk is waited for once. Of a fleet each `boat`
+    has its own, and says its number in the log.
     """
 
-    def __init__(self, survey_file: SurveyFile) -> None:
+    def __init__(self, survey_file: SurveyFile, boat: int | None = None) -> None:
         self._file = survey_file
+        self._boat = boat
 
     def record(self, event: MissionEvent) -> None:
         """See `Recorder`."""
@@ -75,7 +79,7 @@ class SurveyRecorder:
     def _write(self, event: MissionEvent) -> None:
         match event:
             case Step():
-                self._file.append_track(event)
+                self._file.append_track(event, self._boat or 1)
             case SampleTaken():
                 self._file.append_samples([event.sample])
             case Revised():
@@ -86,7 +90,24 @@ class SurveyRecorder:
                 pass
         entry = log_entry(event)
         if entry is not None:
-            self._file.append_event(entry)
+            whose = "" if self._boat is None else f"boat {self._boat}: "
+            self._file.append_event(replace(entry, message=whose + entry.message))
+
+
+class SharedRecorder:
+    """One of several recorders that write one file, each from a thread of its own."""
+
+    def __init__(self, recorder: SurveyRecorder, lock: AbstractContextManager[Any]) -> None:
+        self._recorder, self._lock = recorder, lock
+
+    def record(self, event: MissionEvent) -> None:
+        """See `Recorder`."""
+        self.record_together([event])
+
+    def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
+        """See `KeepsTogether`."""
+        with self._lock:
+            return self._recorder.record_together(events)
 
 
 class MemoryRecorder:

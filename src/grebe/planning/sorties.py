@@ -63,7 +63,8 @@ FITTINGS = 5
 @dataclass(frozen=True, kw_only=True)
 class PlannedSorties(Planned):
     """A survey in sorties; `revision` holds them, `bound_s` is what no sorties together go below,
-    `legs_s` what the trips through the cells' centres take in the same measure.
+    `legs_s` what the trips through the cells' centres take in the same measure. Of a fleet without
+    sorties `legs_s` is what the slowest boat takes, `bound_s` one boat's time over their number.
     """
 
     revision: PlanRevision
@@ -138,7 +139,8 @@ def plan_sorties(
     places = [region.frame.place_near(region.water, one, "harbour") for one in sorties.harbours]
     lake = lake_of(planner, draft, places or [draft.start])
     trips = trips_within(lake, endurance_of(vessel, settings, planner.travel))
-    return _laid_out(lake, trips, notes)
+    planned = _laid_out(lake, trips, notes)
+    return planned if settings.fleet is None else dealt(planned, settings.fleet.boats)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -394,6 +396,32 @@ def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSortie
         planner.survey(_trip_draft(lake, harbour, order), lake.ways, bound_m)
         for harbour, order in zip(trips.harbours.tolist(), trips.orders, strict=True)
     ]
+    survey, revision = put_together(parts, bound_m)
+    assert survey.outcome is not None
+    return PlannedSorties(
+        survey=survey, outcome=survey.outcome, check=checked(survey, revision, planner.water),
+        notes=notes, revision=revision, bound_s=trips.bound_s, legs_s=trips.legs_s,
+    )  # fmt: skip
+
+
+def dealt(planned: PlannedSorties, boats: int) -> PlannedSorties:
+    """Deal sorties out to boats, the longest first, each to the boat that has least to do."""
+    load = [0.0] * boats
+    of: dict[int, int] = {}
+    for one in sorted(planned.revision.sorties, key=lambda one: -one.time_s):
+        boat = load.index(min(load))
+        load[boat] += one.time_s
+        of[one.number] = boat + 1
+    sorties = tuple(replace(one, boat=of[one.number]) for one in planned.revision.sorties)
+    return replace(planned, revision=replace(planned.revision, sorties=sorties))
+
+
+def put_together(
+    parts: Sequence[Survey], bound_m: float, boats: Sequence[int] = ()
+) -> tuple[Survey, PlanRevision]:
+    """Return one survey of several, its targets numbered on, with each as a sortie; `boats` are
+    those that sail them, the first without.
+    """
     targets: list[Target] = []
     sorties: list[Sortie] = []
     for number, part in enumerate(parts, 1):
@@ -406,6 +434,7 @@ def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSortie
             Sortie(
                 number=number, first=first, last=len(targets), start=start,
                 time_s=outcome.time_s, energy_wh=outcome.energy_wh,
+                boat=boats[number - 1] if boats else 1,
             )
         )  # fmt: skip
     survey = replace(
@@ -414,12 +443,7 @@ def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSortie
         corridors=tuple(one for part in parts for one in part.corridors),
         outcome=_outcome(parts, bound_m),
     )
-    assert survey.outcome is not None
-    revision = first_revision(survey, sorties)
-    return PlannedSorties(
-        survey=survey, outcome=survey.outcome, check=_checked(survey, revision, planner.water),
-        notes=notes, revision=revision, bound_s=trips.bound_s, legs_s=trips.legs_s,
-    )  # fmt: skip
+    return survey, first_revision(survey, sorties)
 
 
 def _trip_draft(lake: Lake, harbour: int, order: Order) -> Draft:
@@ -452,7 +476,7 @@ def _outcome(parts: Sequence[Survey], bound_m: float) -> PlanOutcome:
     )
 
 
-def _checked(survey: Survey, revision: PlanRevision, water: shapely.Polygon) -> PlanCheck:
+def checked(survey: Survey, revision: PlanRevision, water: shapely.Polygon) -> PlanCheck:
     """The check of each sortie, put together: from one to the next nobody sails."""
     checks = [check_plan(survey_of(survey, revision, one), water) for one in revision.sorties]
     cells = survey.cells

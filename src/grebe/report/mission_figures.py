@@ -78,10 +78,9 @@ def track_figure(survey: Survey, track: TrackTable, samples: Samples, texts: Tex
     draw_water(axes, survey)
     corners = [np.asarray(t.set.vertices)[:, ::-1] for t in survey.targets]
     axes.add_collection(PolyCollection(corners, facecolors="none", edgecolors=GREY, linewidths=0.5))
-    if len(track):
-        axes.plot(
-            track.states[:, 1], track.states[:, 0], color=BLUE, lw=1.1, label=texts["track_label"]
-        )
+    for k, one in enumerate(track.each_boat()):
+        label = texts["track_label"] if k == 0 else None
+        axes.plot(one.states[:, 1], one.states[:, 0], color=BLUE, lw=1.1, label=label)
     axes.plot(
         samples.positions[:, 1],
         samples.positions[:, 0],
@@ -106,19 +105,23 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
     high = max(t.set.speed_max_mps for t in survey.targets)
     speed.axhspan(low, high, color=SKY, alpha=0.3, lw=0,
                   label=texts("window_label", low=f"{low:g}", high=f"{high:g}"))  # fmt: skip
-    speed.plot(track.seconds, track.states[:, 3], color=BLUE, lw=0.9, label=texts["surge"])
+    boats = track.each_boat()
+    for k, one in enumerate(boats):
+        label = texts["surge"] if k == 0 else None
+        speed.plot(one.seconds, one.states[:, 3], color=BLUE, lw=0.9, label=label)
     speed.set_ylabel(texts["surge_axis"])
     speed.set_title(texts["speed_title"])
     speed.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
     for column, name, colour in ((0, "port", ORANGE), (1, "starboard", GREEN)):
-        thrust.step(
-            track.seconds,
-            track.thrusts[:, column],
-            where="post",
-            lw=0.8,
-            color=colour,
-            label=texts[name],
-        )
+        for k, one in enumerate(boats):
+            thrust.step(
+                one.seconds,
+                one.thrusts[:, column],
+                where="post",
+                lw=0.8,
+                color=colour,
+                label=texts[name] if k == 0 else None,
+            )
     if survey.vessel is not None:
         for limit in (survey.vessel.thrust_min_n, survey.vessel.thrust_max_n):
             thrust.axhline(limit, color=GREY, lw=0.8, ls="--")

@@ -132,10 +132,10 @@ def _facts(data: ReportData, t: Texts) -> list[tuple[str, str]]:
             (t["window"], t("of", part=data.in_window, whole=samples)),
         ]  # fmt: skip
     if len(data.track):
-        steps = np.diff(data.track.states[:, :2], axis=0)
+        ways = [np.diff(one.states[:, :2], axis=0) for one in data.track.each_boat()]
         facts += [
             (t["duration"], f"{data.track.seconds[-1] / 60:.1f} min"),
-            (t["track"], f"{np.hypot(*steps.T).sum():.0f} m"),
+            (t["track"], f"{sum(np.hypot(*way.T).sum() for way in ways):.0f} m"),
             (t["began"], f"{data.track.times[0]:%Y-%m-%d %H:%M} UTC"),
         ]
     elif len(data.samples):

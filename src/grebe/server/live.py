@@ -119,7 +119,7 @@ class Watch:
         if state["begins"] is None:
             state["begins"] = told["time"]
         zero: float = state["begins"]
-        delta: dict[str, Any] = {"t": told["time"] - zero}
+        delta: dict[str, Any] = {"t": told["time"] - zero, "heard": told["heard"]}
         for name in ("estimate", "thrusts", "horizon", "current"):
             if name in told:
                 state[name] = delta[name] = told[name]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
@@ -54,6 +55,7 @@ class Telling:
     """Listens to a mission; `take` returns what changed since the last `take`, None for nothing.
 
     Times are unix seconds, positions degrees; `quantities` is the order of a sample's values.
+    `heard` is when the oldest of what is told was heard, by the clock of the mission's computer.
     """
 
     def __init__(self, survey: Survey, quantities: Sequence[str]) -> None:
@@ -81,6 +83,7 @@ class Telling:
         """Take in one event of the mission."""
         with self._lock:
             self._changed["time"] = event.time.timestamp()
+            self._changed.setdefault("heard", time.time())
             self._note(event)
             entry = log_entry(event)
             if entry is not None:

@@ -17,6 +17,7 @@ from grebe.io.readers.land import sea_warning
 from grebe.io.readers.outline import read_outline
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import TrackColumns
+from grebe.planning.fleets import plan_fleet
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.sorties import PlannedSorties, plan_sorties
@@ -55,6 +56,8 @@ def plan_region(
     zones = _zones(no_go, region)
     if settings.sorties is not None:
         return plan_sorties(region, vessel, settings, start_lonlat, zones)
+    if settings.fleet is not None:
+        return plan_fleet(region, vessel, settings, zones)
     return plan(region, vessel, settings, start_lonlat, zones)
 
 

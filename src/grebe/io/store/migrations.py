@@ -46,11 +46,19 @@ def declare_quantities(connection: sqlite3.Connection) -> None:
     write_quantities(connection, held.values())
 
 
+def tell_boats_apart(connection: sqlite3.Connection) -> None:
+    """Bring a file of schema 4 to schema 5: its track is that of one boat."""
+    columns = {row[1] for row in connection.execute("PRAGMA table_info(track)")}
+    if "boat" not in columns:
+        connection.execute("ALTER TABLE track ADD COLUMN boat INTEGER NOT NULL DEFAULT 1")
+
+
 # The schema that each step leads to, and the step; several may lead to one.
 STEPS: tuple[tuple[int, Step], ...] = (
     (3, declare_quantities),
     (3, type_the_plan),
     (4, keep_revisions),
+    (5, tell_boats_apart),
 )
 
 

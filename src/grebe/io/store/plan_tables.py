@@ -13,7 +13,7 @@ import shapely
 
 from grebe.core.dynamics import Weather
 from grebe.core.frames import LocalFrame
-from grebe.core.plan_settings import PlanOutcome, PlanSettings, SortieSettings
+from grebe.core.plan_settings import FleetSettings, PlanOutcome, PlanSettings, SortieSettings
 from grebe.core.survey import Target
 from grebe.io.store import geopackage
 
@@ -29,8 +29,9 @@ def settings_text(settings: PlanSettings | None) -> str:
     if settings is None:
         return ""
     values = asdict(settings)
-    if settings.sorties is None:
-        del values["sorties"]
+    for name in ("sorties", "fleet"):
+        if values[name] is None:
+            del values[name]
     return json.dumps(values, sort_keys=True)
 
 
@@ -39,11 +40,17 @@ def parse_settings(text: str) -> PlanSettings | None:
     if not text:
         return None
     values = json.loads(text)
-    sorties = values.get("sorties")
+    sorties, fleet = values.get("sorties"), values.get("fleet")
     if sorties is not None:
-        places = tuple((lon, lat) for lon, lat in sorties["harbours"])
-        sorties = SortieSettings(**sorties | {"harbours": places})
-    return PlanSettings(**values | {"weather": Weather(**values["weather"]), "sorties": sorties})
+        sorties = SortieSettings(**sorties | {"harbours": _places(sorties["harbours"])})
+    if fleet is not None:
+        fleet = FleetSettings(**fleet | {"starts": _places(fleet["starts"])})
+    weather = Weather(**values["weather"])
+    return PlanSettings(**values | {"weather": weather, "sorties": sorties, "fleet": fleet})
+
+
+def _places(pairs: list[list[float]]) -> tuple[tuple[float, float], ...]:
+    return tuple((lon, lat) for lon, lat in pairs)
 
 
 def outcome_text(outcome: PlanOutcome | None) -> str:

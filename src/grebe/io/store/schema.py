@@ -39,7 +39,7 @@ from grebe.io.store.plan_tables import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-VERSION = 4
+VERSION = 5
 # What SQLite says where there is no room, be it for the journal's index in memory.
 NO_ROOM = ("SQLITE_FULL", "SQLITE_IOERR_WRITE", "SQLITE_IOERR_SHM", "SQLITE_IOERR_FSYNC")
 STATE_COLUMNS = STATE_NAMES
@@ -60,7 +60,7 @@ _LAYERS: dict[str, tuple[str | None, str]] = {
         + "".join(f"{name} DOUBLE, " for name in STATE_COLUMNS)
         + "thrust_port_n DOUBLE, thrust_starboard_n DOUBLE, target_seq INTEGER, "
         "split_stage INTEGER, solve_ms DOUBLE, status TEXT, current_north_mps DOUBLE, "
-        "current_east_mps DOUBLE",
+        "current_east_mps DOUBLE, boat INTEGER NOT NULL DEFAULT 1",
     ),
     # Two columns a quantity follow: those that the file declares.
     "samples": ("POINT", "time DATETIME NOT NULL, target_seq INTEGER, speed_mps DOUBLE"),

@@ -230,9 +230,9 @@ class SurveyFile:
             raise unwritten(self.path, error) from None
         self._quantities = self._quantities.extended(quantities)
 
-    def append_track(self, point: Step) -> None:
-        """Append one point of the track."""
-        self._insert("track", track_row(point, self._point_blob(*point.state[:2])))
+    def append_track(self, point: Step, boat: int = 1) -> None:
+        """Append one point of a boat's track."""
+        self._insert("track", track_row(point, self._point_blob(*point.state[:2]), boat))
 
     def append_samples(self, samples: Sequence[Sample]) -> None:
         """Append samples and count them in their targets, in one transaction.
@@ -370,17 +370,20 @@ class SurveyFile:
         """Return the track in the order in which it was written."""
         columns = ", ".join(schema.STATE_COLUMNS)
         rows = self._query(
-            f"SELECT time, status, target_seq, {columns}, thrust_port_n, thrust_starboard_n, "
+            f"SELECT time, status, target_seq, boat, {columns}, thrust_port_n, thrust_starboard_n, "
             "solve_ms FROM track ORDER BY fid"
         )
         return track_of(rows)
 
-    def track_ends(self) -> tuple[TrackEnd, TrackEnd] | None:
-        """Return the first and the last row of the track; None where there is none."""
+    def track_ends(self, boat: int | None = None) -> tuple[TrackEnd, TrackEnd] | None:
+        """Return the first and the last row of the track, or of one boat's; None where there is
+        none.
+        """
         columns = ", ".join(schema.STATE_COLUMNS)
+        some = "track" if boat is None else f"track WHERE boat = {int(boat)}"
         rows = self._query(
             f"SELECT time, {columns} FROM track WHERE fid IN "
-            "((SELECT min(fid) FROM track), (SELECT max(fid) FROM track)) ORDER BY fid"
+            f"((SELECT min(fid) FROM {some}), (SELECT max(fid) FROM {some})) ORDER BY fid"
         )
         if not rows:
             return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import compress
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -46,7 +47,7 @@ class TrackEnd:
 @dataclass(frozen=True, kw_only=True)
 class TrackTable:
     """The whole track as columns: `seconds` since the first row, `states` (n, 6),
-    `thrusts` (n, 2) [N], `solve_ms` (n,), `status` (n,).
+    `thrusts` (n, 2) [N], `solve_ms` (n,), `status` (n,), `boat` (n,) by its number in the fleet.
     """
 
     times: tuple[datetime, ...]
@@ -56,13 +57,30 @@ class TrackTable:
     solve_ms: NDArray[np.float64]
     status: tuple[str, ...]
     target_seq: NDArray[np.int64]
+    boat: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.states)
 
+    def each_boat(self) -> list[TrackTable]:
+        """The tracks of the boats, the one with the lowest number first."""
+        return [self._rows(self.boat == number) for number in np.unique(self.boat)]
 
-def track_row(point: Step, place: bytes) -> dict[str, Any]:
-    """A step as a row of the track; `place` is its point as the file has it."""
+    def _rows(self, chosen: NDArray[np.bool_]) -> TrackTable:
+        return TrackTable(
+            times=tuple(compress(self.times, chosen)),
+            seconds=self.seconds[chosen],
+            states=self.states[chosen],
+            thrusts=self.thrusts[chosen],
+            solve_ms=self.solve_ms[chosen],
+            status=tuple(compress(self.status, chosen)),
+            target_seq=self.target_seq[chosen],
+            boat=self.boat[chosen],
+        )
+
+
+def track_row(point: Step, place: bytes, boat: int) -> dict[str, Any]:
+    """A step of a boat as a row of the track; `place` is its point as the file has it."""
     return {
         "geom": place,
         "time": time_text(point.time),
@@ -75,13 +93,16 @@ def track_row(point: Step, place: bytes) -> dict[str, Any]:
         "status": point.status,
         "current_north_mps": point.current_north_mps,
         "current_east_mps": point.current_east_mps,
+        "boat": boat,
     }
 
 
 def track_of(rows: Sequence[tuple[Any, ...]]) -> TrackTable:
-    """The track from its rows: time, status, target, the state, both thrusts, ms of the solver."""
+    """The track from its rows: time, status, target, boat, the state, both thrusts, ms of the
+    solver.
+    """
     times = tuple(parse_time(row[0]) for row in rows)
-    numbers = np.array([row[3:] for row in rows], dtype=float).reshape(-1, 9)
+    numbers = np.array([row[4:] for row in rows], dtype=float).reshape(-1, 9)
     return TrackTable(
         times=times,
         seconds=np.array([(t - times[0]).total_seconds() for t in times]),
@@ -90,6 +111,7 @@ def track_of(rows: Sequence[tuple[Any, ...]]) -> TrackTable:
         solve_ms=numbers[:, 8],
         status=tuple(row[1] or "" for row in rows),
         target_seq=np.array([row[2] or 0 for row in rows], dtype=np.int64),
+        boat=np.array([row[3] for row in rows], dtype=np.int64),
     )
 
 

@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from grebe.control.solvers.fast.model import advance, parameter_vector
 from grebe.control.station import APPROACH_MPS, brake, drift_mps, keep
@@ -52,21 +53,23 @@ Schedule = Callable[[float], tuple[float, float]]
 @dataclass(frozen=True, kw_only=True)
 class Escape:
     """How a boat stops inside its fence: thrusts [N] for so many steps of `STEP_S`, then
-    `station.keep` to a refuge; None where the fence is far.
+    `station.keep` to a refuge; None where the fence is far. `way` (n, 2) is where it comes so, as
+    far as it was foreseen.
     """
 
     thrusts: tuple[tuple[float, float], ...]
     refuge: Place | None
+    way: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fence:
-    """The water that the boat stays in: a local polygon (x north, y east), no-go zones cut out."""
+    """The water that the boat stays in: local polygons (x north, y east), no-go zones cut out."""
 
-    water: shapely.Polygon
+    water: BaseGeometry
 
     @cached_property
-    def _allowed(self) -> shapely.Polygon:
+    def _allowed(self) -> BaseGeometry:
         allowed = self.water.buffer(ROUNDING_M)
         shapely.prepare(allowed)
         return allowed
@@ -94,6 +97,19 @@ class Fence:
         """Whether the fence is farther than this from a place inside it."""
         point = shapely.Point(place)
         return self.holds(place) and not shapely.dwithin(self._line, point, distance_m)
+
+    def less(self, taken: BaseGeometry, place: Place, reach_m: float) -> Fence:
+        """The fence within reach of a place and without what is taken; the whole of it where
+        nothing would be left.
+        """
+        left = shapely.clip_by_rect(
+            self.water,
+            place[0] - reach_m,
+            place[1] - reach_m,
+            place[0] + reach_m,
+            place[1] + reach_m,
+        ).difference(taken)
+        return Fence(water=left) if left.area > 0 else self
 
     def refuge(self, place: Place) -> Place:
         """The nearest place well inside to which the way is water; the nearest of all without."""
@@ -125,24 +141,25 @@ def escape(
     *,
     reaction_s: float,
     weaker_share: float,
+    foresees: bool = False,
 ) -> Escape | None:
     """Return how the boat could stop inside if it went on now; None where it could not.
 
     `ahead` are the thrusts that it is about to have. It could brake after the reaction time; or, in
-    the middle of a turn along the shore, after it has followed its plan for a little longer.
+    the middle of a turn along the shore, after it has followed its plan for a little longer. With
+    `foresees` its way is foreseen also where the fence is far.
     """
     place = (state[0], state[1])
     reaction = math.ceil((reaction_s + vessel.thruster_lag_s) / STEP_S - 1e-9)
-    if fence.is_far(
-        place, _surely_enough_m(vessel, state, weather, reaction * STEP_S, weaker_share)
-    ):
-        return Escape(thrusts=(), refuge=None)
+    enough_m = _surely_enough_m(vessel, state, weather, reaction * STEP_S, weaker_share)
+    if not foresees and fence.is_far(place, enough_m):
+        return Escape(thrusts=(), refuge=None, way=np.array([place]))
     refuge = fence.refuge(place)
     for steps in (reaction, *(reaction + round(s / STEP_S) for s in PLANS_S)):
         thrusts = tuple(ahead(STEP_S * min(k, steps)) for k in range(steps))
         way = foreseen(fence, vessel, state, thrusts, weather, refuge, weaker_share)
         if fence.holds_way(way[:, :2]):
-            return Escape(thrusts=thrusts, refuge=refuge)
+            return Escape(thrusts=thrusts, refuge=refuge, way=way[:, :2])
     return None
 
 

@@ -131,6 +131,24 @@ def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge:
     return replace(held, resumes=going, place=refuge, fenced=tried)
 
 
+def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
+    """Return what the boat does that would come too near to another: it stops, and waits where it
+    is in nobody's way.
+    """
+    if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
+        return memory
+    going = memory.resumes if memory.state is SafetyState.FREEING else memory.state
+    text = "it would have come too near to another boat"
+    held = _changed(memory, facts, SafetyState.HOLDING, Finding(cause=Cause.TRAFFIC, message=text))
+    return replace(held, resumes=going, place=refuge)
+
+
+def gone_on(memory: Memory, facts: Facts) -> Memory:
+    """Return what the boat does that waited for another, now that its way is clear."""
+    finding = Finding(cause=Cause.CLEAR, message="the way is clear of other boats")
+    return _changed(memory, facts, memory.resumes, finding)
+
+
 def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySettings) -> Memory:
     """Return what the boat does without an estimate for so long: it is stopped where it is, as far
     as that can be reckoned, and after a time the mission ends.

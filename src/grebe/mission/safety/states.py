@@ -47,6 +47,8 @@ class Cause(enum.Enum):
     FREE = "astern_again_free"
     THRUSTER = "thruster_without_effect"
     CURRENT = "current_too_strong"
+    TRAFFIC = "another_boat_near"
+    CLEAR = "way_is_clear"
 
 
 # What a mission ends with that is stopped for a cause.

@@ -1,0 +1,85 @@
+"""A boat's lookout: what of the others its guard has to know, and what the others know of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from grebe.mission.safety.fence import Fence
+from grebe.mission.safety.states import Place
+from grebe.mission.safety.traffic import WANDER_M, Traffic
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# So far ahead a boat says where it wishes to go [m]; it goes on when as much of its way is clear.
+WISH_M = 12.0
+# Boats farther apart than this need no lookout: two of them stop within less.
+NEAR_M = 60.0
+# A boat that waits, waits so long at least [s].
+LEAST_WAIT_S = 2.0
+
+
+@dataclass
+class Lookout:
+    """What one boat, by its number, sees of a fleet's traffic. `is_done`: it has nothing left to
+    do, and makes room for all.
+    """
+
+    traffic: Traffic
+    boat: int
+    is_done: bool = False
+
+    def is_near(self, place: Place) -> bool:
+        """Whether another boat is so near that its claim matters."""
+        return self.traffic.nearest_m(self.boat, place) < NEAR_M
+
+    def fence(self, fence: Fence, place: Place) -> Fence:
+        """What the others leave of a fence about a place: neither claimed, nor wished by who goes
+        first.
+        """
+        taken = self.traffic.taken(self.boat).union(self._wished())
+        return fence.less(taken, place, NEAR_M)
+
+    def claim(self, way: NDArray[np.float64]) -> bool:
+        """Claim a way (n, 2); False where another holds it."""
+        return self.traffic.claim(self.boat, way)
+
+    def wish(self, place: Place, towards: Place | None) -> None:
+        """Say where the boat would go next."""
+        self.traffic.wish(self.boat, None if towards is None else _way_to(place, towards))
+
+    def is_clear(self, place: Place, towards: Place) -> bool:
+        """Whether the next piece of the way is neither claimed nor wished by others."""
+        way = shapely.LineString(_way_to(place, towards))
+        blocked = self.traffic.taken(self.boat).union(self._wished())
+        return not blocked.intersects(way)
+
+    def place_to_wait(self, fence: Fence, place: Place) -> Place:
+        """Where to wait in nobody's way, if a straight way leads there; else where the boat is."""
+        wished = self._wished()
+        here = shapely.Point(place)
+        if wished.is_empty or not wished.intersects(here):
+            return place
+        refuge = self.fence(fence, place).refuge(place)
+        way = shapely.LineString([place, refuge])
+        if not fence.holds_way(np.array([place, refuge])):
+            return place
+        claims = self.traffic.taken(self.boat)
+        # One that lies within another's distance already may leave it, and not cross it.
+        inner = claims.buffer(-WANDER_M)
+        return place if inner.intersects(way) else refuge
+
+    def _wished(self) -> BaseGeometry:
+        return self.traffic.wished(10**9 if self.is_done else self.boat, but=self.boat)
+
+
+def _way_to(place: Place, towards: Place) -> NDArray[np.float64]:
+    north, east = towards[0] - place[0], towards[1] - place[1]
+    share = min(1.0, WISH_M / max(math.hypot(north, east), 1e-9))
+    return np.array([place, (place[0] + share * north, place[1] + share * east)])

@@ -1,0 +1,105 @@
+"""Boats that keep apart: each claims the water that it may still come to, and no two claims touch.
+
+A claim is the way on which a boat would go on for its reaction time and then stop, foreseen as the
+fence foresees it. A boat takes a new claim only where that is farther than the stated distance from
+the claims that the others hold at that moment, and keeps the way of its old one otherwise: it
+stops. Claims are taken one after the other, so at every instant each boat is on a claim of its own
+and the claims are apart, whatever the boats intend. Planning with what the others have announced,
+and a stop that is always at hand, is how distributed predictive control keeps what it promises
+(Schouwenaars, How and Feron 2004, AIAA GNC, "Decentralized cooperative trajectory planning of
+multiple aircraft with hard safety guarantees").
+
+Who may go first is decided beforehand, by the boats' numbers: a boat also says where it wishes to
+go, and one of a higher number that lies in the way makes room.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# A boat that holds its place wanders about it by so much, and estimates are off [m].
+WANDER_M = 1.0
+# A claim's way is rounded to this [m].
+ROUNDING_M = 0.05
+
+
+@dataclass
+class Traffic:
+    """What the boats of one fleet claim and wish, by their numbers; safe from any thread.
+
+    `apart_m` is the distance between two boats' centres that is kept.
+    """
+
+    apart_m: float
+    _claims: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
+    _wishes: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
+    _lock: threading.RLock = field(default_factory=threading.RLock)
+
+    def nearest_m(self, boat: int, place: tuple[float, float]) -> float:
+        """How far the nearest claim of another is; infinite where there is none."""
+        with self._lock:
+            claims = [claim for other, claim in self._claims.items() if other != boat]
+        if not claims:
+            return math.inf
+        return float(shapely.distance(shapely.Point(place), np.array(claims, dtype=object)).min())
+
+    def taken(self, boat: int) -> BaseGeometry:
+        """The water that others' claims keep this boat's centre out of."""
+        with self._lock:
+            claims = [claim for other, claim in self._claims.items() if other != boat]
+        return _around(claims, self.apart_m + 2 * WANDER_M)
+
+    def wished(self, boat: int, but: int) -> BaseGeometry:
+        """The water that boats of lower numbers wish to cross, `but` for one."""
+        with self._lock:
+            wishes = [w for other, w in self._wishes.items() if other < boat and other != but]
+        return _around(wishes, self.apart_m + 3 * WANDER_M)
+
+    def claim(self, boat: int, way: NDArray[np.float64]) -> bool:
+        """Take the way (n, 2) as this boat's claim; False where it is too near to another's."""
+        line = _line(way)
+        with self._lock:
+            others = [claim for other, claim in self._claims.items() if other != boat]
+            if (
+                others
+                and shapely.distance(line, np.array(others, dtype=object)).min()
+                < self.apart_m + WANDER_M
+            ):
+                return False
+            self._claims[boat] = line
+            return True
+
+    def wish(self, boat: int, way: NDArray[np.float64] | None) -> None:
+        """Say where this boat would go; None for nowhere."""
+        with self._lock:
+            if way is None:
+                self._wishes.pop(boat, None)
+            else:
+                self._wishes[boat] = _line(way)
+
+    def leave(self, boat: int) -> None:
+        """A boat that is over wishes nothing any more; it keeps its claim, for it lies there."""
+        self.wish(boat, None)
+
+
+def _line(way: NDArray[np.float64]) -> BaseGeometry:
+    places = np.unique(np.round(way, 3), axis=0) if len(way) < 2 else way
+    if len(places) < 2 or np.ptp(places, axis=0).max() < ROUNDING_M:
+        return shapely.Point(places[0])
+    return shapely.LineString(places).simplify(ROUNDING_M)
+
+
+def _around(shapes: list[BaseGeometry], distance_m: float) -> BaseGeometry:
+    if not shapes:
+        return shapely.Polygon()
+    return shapely.union_all([shape.buffer(distance_m, quad_segs=4) for shape in shapes])

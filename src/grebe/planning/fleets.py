@@ -1,0 +1,168 @@
+"""Share a survey out among boats: stretches of one good order, as long as each other in time.
+
+A stretch of an order that is short holds cells that lie together, so each boat has its own part of
+the lake and boats seldom meet. The ends of the stretches are moved until the predicted times, the
+ways from the starts with them, are alike; which boat takes which stretch, and from which end, is
+the assignment with the shortest ways out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from scipy.optimize import linear_sum_assignment
+
+from grebe.core.errors import PlanError, UsageError
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.survey import Survey
+from grebe.core.vessel import Vessel
+from grebe.planning.corridors import Waterways
+from grebe.planning.planner import Draft, Planner, planner_of
+from grebe.planning.region import Region
+from grebe.planning.route import Route
+from grebe.planning.sorties import PlannedSorties, checked, lake_of, put_together
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Order = NDArray[np.int64]
+    Array = NDArray[np.float64]
+
+# Rounds in which the ends of the stretches are moved, and by how much a round may be worse than
+# the best before the search ends.
+ROUNDS, ALIKE = 8, 1.005
+
+
+def plan_fleet(
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    no_go: Sequence[shapely.Polygon] = (),
+) -> PlannedSorties:
+    """Plan a survey that several boats share, one trip each; `PlanError` says why there is none."""
+    fleet = settings.fleet
+    if fleet is None:
+        raise UsageError("How many boats share the survey is not given.", settings=("boats",))
+    first = fleet.starts[0] if fleet.starts else None
+    planner, notes = planner_of(region, vessel, settings, first, no_go)
+    draft = planner.first_draft(quick=False)
+    if len(draft.route.order) < fleet.boats:
+        raise PlanError(
+            f"The water has {len(draft.route.order)} cells, too few for {fleet.boats} boats to "
+            "share; give smaller cells or fewer boats.",
+            settings=("cell_m", "boats"),
+        )
+    places = [region.frame.place_near(region.water, one, "start") for one in fleet.starts]
+    sharing = _Sharing.of(planner, draft, places, fleet.boats)
+    parts, boats = sharing.balanced()
+    bound_m = planner.bound_m(draft)
+    survey, revision = put_together(parts, bound_m, boats)
+    alone = planner.survey(draft, sharing.ways, bound_m).outcome
+    assert survey.outcome is not None
+    assert alone is not None
+    return PlannedSorties(
+        survey=survey,
+        outcome=survey.outcome,
+        check=checked(survey, revision, planner.water),
+        notes=notes,
+        revision=revision,
+        bound_s=alone.time_s / fleet.boats,
+        legs_s=max(one.time_s for one in revision.sorties),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sharing:
+    """The order that is shared, with the times of its legs [s], and the ways out from the starts to
+    each cell of the order [s], (boats, n); without starts nobody has a way out.
+    """
+
+    planner: Planner
+    draft: Draft
+    ways: Waterways
+    places: Sequence[tuple[float, float]]
+    legs_s: Array
+    out_s: Array
+
+    @classmethod
+    def of(
+        cls,
+        planner: Planner,
+        draft: Draft,
+        places: Sequence[tuple[float, float]],
+        boats: int,
+    ) -> _Sharing:
+        lake = lake_of(planner, draft, places or [draft.start])
+        order = draft.route.order
+        centres = draft.network.centres[order]
+        legs = planner.travel.leg_s(np.diff(centres, axis=0))
+        out = lake.seconds(outwards=True)[:, order] if places else np.zeros((boats, len(order)))
+        return cls(
+            planner=planner, draft=draft, ways=lake.ways, places=places,
+            legs_s=np.concatenate([[0.0], legs]) + float(np.mean(legs)) * 1e-3, out_s=out,
+        )  # fmt: skip
+
+    def balanced(self) -> tuple[list[Survey], list[int]]:
+        """The parts whose longest is the shortest that was found, and whose they are."""
+        boats = len(self.out_s)
+        weights = np.ones(boats)
+        best: tuple[float, list[Survey], list[int]] | None = None
+        for _ in range(ROUNDS):
+            stretches = self._cut(weights)
+            chosen = self._assigned(stretches)
+            parts = [
+                self._part(stretch, *one) for stretch, one in zip(stretches, chosen, strict=True)
+            ]
+            times = np.array([_time_s(part) for part in parts])
+            if best is None or times.max() < best[0]:
+                best = float(times.max()), parts, [boat + 1 for boat, _ in chosen]
+            if times.max() < ALIKE * times.mean():
+                break
+            # A part that takes too long is given less of the order; half way, for its way out
+            # changes with it.
+            weights *= (times.mean() / times) ** 0.7
+        assert best is not None
+        return best[1], best[2]
+
+    def _cut(self, weights: Array) -> list[Order]:
+        """The order in stretches whose legs take times in the ratio of the weights."""
+        order = self.draft.route.order
+        passed = np.cumsum(self.legs_s)
+        ends = np.searchsorted(passed, passed[-1] * np.cumsum(weights)[:-1] / weights.sum())
+        # Each boat has a cell at least.
+        count = len(weights)
+        lowest = np.arange(1, count)
+        ends = np.maximum.accumulate(np.clip(ends, lowest, len(order) - count + lowest))
+        ends = np.maximum(ends, np.maximum.accumulate(ends - lowest) + lowest)
+        return np.split(order, np.minimum(ends, len(order) - count + lowest))
+
+    def _assigned(self, stretches: Sequence[Order]) -> list[tuple[int, bool]]:
+        """Which boat takes each stretch, and whether from its far end."""
+        lengths = np.array([len(one) for one in stretches], dtype=np.int64)
+        ends = np.cumsum(lengths)
+        near, far = self.out_s[:, ends - lengths], self.out_s[:, ends - 1]
+        boats, taken = linear_sum_assignment(np.minimum(near, far))
+        of = dict(zip(taken.tolist(), boats.tolist(), strict=True))
+        return [(of[k], bool(far[of[k], k] < near[of[k], k])) for k in range(len(stretches))]
+
+    def _part(self, stretch: Order, boat: int, backwards: bool) -> Survey:
+        order = stretch[::-1] if backwards else stretch
+        place = self.places[boat] if self.places else None
+        if place is None:
+            north, east = self.draft.network.centres[order[0]].tolist()
+            place = (north, east)
+        draft = replace(
+            self.draft,
+            route=Route(order=order, legs_s=0.0, method=self.draft.route.method),
+            start=place,
+        )
+        return self.planner.survey(draft, self.ways, 0.0)
+
+
+def _time_s(part: Survey) -> float:
+    assert part.outcome is not None
+    return part.outcome.time_s

@@ -1,0 +1,267 @@
+"""Run the part of a survey that each boat of a fleet has, all at once, into one survey file."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+
+import numpy as np
+
+from grebe.core.errors import PlanError, UsageError
+from grebe.core.events import EndReason
+from grebe.core.plan_settings import FleetSettings
+from grebe.core.revision import PlanRevision, Sortie
+from grebe.core.survey import Pose, Survey
+from grebe.io.store import SurveyFile
+from grebe.links.base import BoatLink
+from grebe.mission.departure import Departure, prepare
+from grebe.mission.lookout import Lookout
+from grebe.mission.loop import Mission
+from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
+from grebe.mission.rota import InTurn, Rota
+from grebe.mission.safety.traffic import Traffic
+from grebe.mission.settings import MissionSettings
+from grebe.mission.statistics import MissionReport
+from grebe.planning.revise import Halfway, open_water, replanned
+from grebe.workflow.run import HelmOf
+
+# The link of a boat, by its number and whence it departs.
+FleetAt = Callable[[int, Departure], BoatLink]
+# Ends after which a boat sails no more; another takes what it has left.
+LOST = frozenset(EndReason) - {EndReason.COMPLETE, EndReason.STOPPED, EndReason.FAILED}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetReport:
+    """What came of the boats' missions, in the order in which they were sailed: each boat's number,
+    its sortie's, and its report.
+    """
+
+    missions: tuple[tuple[int, int, MissionReport], ...]
+    reached: int
+    targets: int
+
+    @property
+    def complete(self) -> bool:
+        """Whether every target was reached by some boat."""
+        return self.reached == self.targets
+
+    @property
+    def stopped(self) -> bool:
+        """Whether somebody stopped it."""
+        return any(report.ended is EndReason.STOPPED for *_, report in self.missions)
+
+    @property
+    def duration_s(self) -> float:
+        """The longest time that one boat sailed [s]."""
+        spent: dict[int, float] = {}
+        for boat, _, report in self.missions:
+            spent[boat] = spent.get(boat, 0.0) + report.duration_s
+        return max(spent.values(), default=0.0)
+
+
+def fleet_of(survey: Survey) -> FleetSettings | None:
+    """The fleet that a survey was planned for; None for one boat."""
+    return None if survey.settings is None else survey.settings.fleet
+
+
+class _Together:
+    """What the missions of one round share: the boats that still have something to do among it."""
+
+    def __init__(self, traffic: Traffic, boats: list[int]) -> None:
+        self.traffic, self.rota, self.lock = traffic, Rota(boats), threading.Lock()
+        self._busy = set(boats)
+
+    def others_sail(self, boat: int) -> bool:
+        """Whether others still sail when this boat has done its part."""
+        with self.lock:
+            self._busy.discard(boat)
+            return bool(self._busy)
+
+    def run(self, missions: dict[int, Mission], *, shares_time: bool) -> dict[int, MissionReport]:
+        """Sail all of them; raises what one of them raised, once all are over."""
+        reports: dict[int, MissionReport] = {}
+        failures: list[BaseException] = []
+
+        def sail(boat: int, mission: Mission) -> None:
+            try:
+                if shares_time:
+                    self.rota.wait(boat)
+                reports[boat] = mission.run()
+            except BaseException as error:
+                failures.append(error)
+            finally:
+                self.rota.leave(boat)
+                self.traffic.leave(boat)
+                self.others_sail(boat)
+
+        threads = [
+            threading.Thread(target=sail, args=pair, daemon=True) for pair in missions.items()
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        if failures:
+            raise failures[0]
+        return reports
+
+
+@dataclass
+class FleetRun:
+    """One survey file, its boats, and how they are steered.
+
+    `boat_at` opens the link of a boat by its number; `shares_time` where the boats' time is not
+    the clock's: they then act in turn. `watches` hear of the events of each boat.
+    """
+
+    survey_file: SurveyFile
+    boat_at: FleetAt
+    helm_of: HelmOf
+    settings: MissionSettings = field(default_factory=MissionSettings)
+    shares_time: bool = True
+    watches: Callable[[int], Sequence[Listener]] = lambda _: ()
+    on_ready: Callable[[int, Mission], None] | None = None
+
+    def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
+        """Sail until every boat has done its part; what one that drops out has left is taken over
+        by the nearest of the others, and sailed after its own.
+
+        Raises `UsageError` for a survey that was not planned for a fleet, `PlanError` and
+        `SurveyFileError` as `prepare` does.
+        """
+        file = self.survey_file
+        if fleet_of(file.survey) is None:
+            raise UsageError("The survey is not planned for several boats.", settings=("boats",))
+        file.claim()
+        if force:
+            file.clear_mission()
+        elif file.track_ends() and not resume:
+            raise UsageError(
+                f"{file.path} holds a mission already; resume it, or begin anew by force.",
+                settings=("resume", "force"),
+            )
+        file.begin_session(now)
+        missions: list[tuple[int, int, MissionReport]] = []
+        lost: set[int] = set()
+        while rounds := self._next_round(lost):
+            done = self._sail(rounds, now)
+            missions += done
+            fallen = {boat for boat, _, report in done if report.ended in LOST}
+            lost |= fallen
+            stopped = any(one.ended in (EndReason.STOPPED, EndReason.FAILED) for *_, one in done)
+            if stopped or not self._hand_over(fallen, lost):
+                break
+        progress = file.progress()
+        return FleetReport(
+            missions=tuple(missions), reached=progress.reached, targets=len(progress.reached_at)
+        )
+
+    def _next_round(self, lost: set[int]) -> dict[int, Sortie]:
+        """The next sortie of each boat that sails, by the boat's number."""
+        reached_at = self.survey_file.progress().reached_at
+        found: dict[int, Sortie] = {}
+        for one in self.survey_file.revision.sorties:
+            is_open = any(when is None for when in reached_at[one.first - 1 : one.last])
+            if is_open and one.boat not in lost:
+                found.setdefault(one.boat, one)
+        return found
+
+    def _sail(
+        self, sorties: dict[int, Sortie], now: datetime
+    ) -> list[tuple[int, int, MissionReport]]:
+        """Sail one sortie of each boat, all at once."""
+        fleet = fleet_of(self.survey_file.survey)
+        assert fleet is not None
+        departures = {
+            boat: self._departure(sortie, now) for boat, sortie in sorted(sorties.items())
+        }
+        together = _Together(Traffic(apart_m=fleet.apart_m), list(departures))
+        # Where the boats lie is known before the first of them moves.
+        for boat, departure in departures.items():
+            together.traffic.claim(boat, np.array([departure.state[:2]]))
+        missions = {
+            boat: self._mission(boat, departure, together) for boat, departure in departures.items()
+        }
+        reports = together.run(missions, shares_time=self.shares_time)
+        return [(boat, sorties[boat].number, report) for boat, report in sorted(reports.items())]
+
+    def _mission(self, boat: int, departure: Departure, together: _Together) -> Mission:
+        link = self.boat_at(boat, departure)
+        mission = Mission(
+            departure.survey,
+            self.helm_of(departure),
+            InTurn(link, together.rota, boat) if self.shares_time else link,
+            SharedRecorder(SurveyRecorder(self.survey_file, boat), together.lock),
+            self.settings,
+            quantities=departure.quantities,
+            listeners=self.watches(boat),
+            started=departure.started,
+            reached=departure.reached,
+            lookout=Lookout(traffic=together.traffic, boat=boat),
+            stands_by=lambda: together.others_sail(boat),
+        )
+        if self.on_ready is not None:
+            self.on_ready(boat, mission)
+        return mission
+
+    def _departure(self, sortie: Sortie, now: datetime) -> Departure:
+        resume = self.survey_file.track_ends(sortie.boat) is not None
+        return prepare(self.survey_file, now, resume=resume, sortie=sortie.number)
+
+    def _hand_over(self, fallen: set[int], lost: set[int]) -> bool:
+        """Give what the fallen boats have left to the nearest that sails; False where there is
+        nobody.
+        """
+        file = self.survey_file
+        boats = {one.boat for one in file.revision.sorties} - lost
+        if not fallen:
+            return True
+        if not boats:
+            return False
+        for sortie in [one for one in file.revision.sorties if one.boat in lost]:
+            self._take_over(sortie, boats)
+        return True
+
+    def _take_over(self, sortie: Sortie, boats: set[int]) -> None:
+        file = self.survey_file
+        reached_at = file.progress().reached_at[sortie.first - 1 : sortie.last]
+        reached = sum(when is not None for when in reached_at)
+        if reached == len(sortie):
+            return
+        places = {boat: end[1].state[:2] for boat in boats if (end := file.track_ends(boat))}
+        if not places or file.survey.vessel is None:
+            return
+        first = file.revision.targets[sortie.first - 1 + reached].set.centre
+
+        def away(boat: int) -> float:
+            north, east = places[boat]
+            return (north - first[0]) ** 2 + (east - first[1]) ** 2
+
+        heir = min(places, key=away)
+        new = self._replanned(sortie, reached, places[heir])
+        north, east = places[heir]
+        taken = {"boat": heir, "start": Pose(north_m=north, east_m=east)}
+        sorties = [
+            replace(one, **taken) if one.number == sortie.number else one for one in new.sorties
+        ]
+        file.append_revision(replace(new, sorties=tuple(sorties)))
+
+    def _replanned(self, sortie: Sortie, reached: int, place: tuple[float, float]) -> PlanRevision:
+        survey, revision = self.survey_file.survey, self.survey_file.revision
+        assert survey.vessel is not None
+        weather = survey.settings.weather if survey.settings else None
+        if weather is None:
+            raise PlanError("The survey does not say for which weather it was planned.")
+        return replanned(
+            revision,
+            survey,
+            open_water(survey, survey.water),
+            Halfway(reached=reached, place=place, sortie=sortie),
+            vessel=survey.vessel,
+            weather=weather,
+            reason="boat_lost",
+            note=f"boat {sortie.boat} dropped out, and another takes what it has left",
+        )
