@@ -46,10 +46,15 @@ _MISSIONS: list[Stops] = []
 
 
 def heed_mission(mission: Stops) -> None:
-    """Let the signals that end the process stop this mission at once, and SIGUSR1 call it home."""
-    _MISSIONS[:] = [mission]
+    """Let the signals that end the process stop this mission too, and SIGUSR1 call it home."""
+    _MISSIONS.append(mission)
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGUSR1, lambda *_: mission.come_home("called home by SIGUSR1"))
+        signal.signal(signal.SIGUSR1, lambda *_: _call_home())
+
+
+def _call_home() -> None:
+    for mission in _MISSIONS:
+        mission.come_home("called home by SIGUSR1")
 
 
 def heed_signals() -> None:

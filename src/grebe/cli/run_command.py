@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
+from grebe.cli.fleet_run import explain, fleet_numbers, run_fleet
 from grebe.cli.interruption import heed_mission, ignore_hangup
 from grebe.cli.live_view import live_view
 from grebe.cli.safety_options import ONCE, safety_of, safety_options
@@ -30,6 +31,7 @@ from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.fleets import fleet_of
 from grebe.workflow.instruments import declare_quantities, instrument_named, instruments_at
 from grebe.workflow.preview import preview_of
 from grebe.workflow.quality import check_samples
@@ -61,12 +63,13 @@ def _weight_options(command: Any) -> Any:
 @click.argument("file", type=options.EXISTING)
 @click.option(
     "--link",
-    "url",
-    default="sim:",
-    show_default=True,
+    "urls",
+    multiple=True,
+    default=("sim:",),
     help="Which boat: sim: is the simulated one, mavlink:udp:HOST:PORT (or tcp:, serial:) one "
     "with an autopilot, nmea:udp:HOST:PORT?out=udp:HOST:PORT (or nmea:serial:DEVICE@BAUD) one that "
-    "speaks NMEA, replay:FILE[?speed=10|max] a recorded one, python:FILE.py one of your own.",
+    "speaks NMEA, replay:FILE[?speed=10|max] a recorded one, python:FILE.py one of your own; of a "
+    "fleet once for each boat.  [default: sim:]",
 )
 @click.option(
     "--rule",
@@ -178,7 +181,7 @@ def _weight_options(command: Any) -> Any:
 def command(
     ctx: click.Context,
     file: Path,
-    url: str,
+    urls: tuple[str, ...],
     instruments: tuple[str, ...],
     sortie: int | None,
     resume: bool,
@@ -197,7 +200,8 @@ def command(
         raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
     now = datetime.now(UTC)
     # What was typed is judged before the file is opened.
-    boat_named(url)
+    for url in urls:
+        boat_named(url)
     safety_of(run, now)
     _settings(run)
     for one in instruments:
@@ -220,6 +224,19 @@ def command(
         before = survey_file.progress().reached if goes_on else 0
         kept = {name: value for name, value in run.items() if name not in ONCE}
         survey_file.set_meta("run", json.dumps(kept, default=str))
+        if fleet_of(survey_file.survey) is not None and sortie is None:
+            _refuse_for_fleets(instruments, run, live=live)
+            fleet = run_fleet(
+                survey_file, urls, _settings(run), _mission_settings(run, now, survey_file), now,
+                bar, yes=run["yes"], resume=resume, force=force,
+            )  # fmt: skip
+            ahead = f"grebe map {survey_file.path} --out maps"
+            output.result(fleet_numbers(fleet), as_json=as_json, next_command=ahead)
+            explain(fleet, survey_file.path)
+            return
+        url, *others = urls
+        if others:
+            raise UsageError("One boat has one --link; several are of a fleet.")
         report = _run(
             survey_file, url, run, now, bar, live,
             resume=goes_on, force=force, sortie=sortie, instruments=bench,
@@ -268,10 +285,7 @@ def _run(
             boat_at if ears is None else ears.beside(boat_at),
             steered_by(rule, solver),
             now,
-            MissionSettings(
-                sampling=InSets() if run["in_sets_only"] else InWindow(),
-                safety=kept_by_plan(safety_of(run, now), survey_file.survey),
-            ),
+            _mission_settings(run, now, survey_file),
             replans=run["replans"],
             listeners=[
                 ProgressMeter(bar.update),
@@ -283,6 +297,23 @@ def _run(
         )
         check_samples(survey_file)
     return report
+
+
+def _mission_settings(
+    run: dict[str, Any], now: datetime, survey_file: SurveyFile
+) -> MissionSettings:
+    return MissionSettings(
+        sampling=InSets() if run["in_sets_only"] else InWindow(),
+        safety=kept_by_plan(safety_of(run, now), survey_file.survey),
+    )
+
+
+def _refuse_for_fleets(instruments: tuple[str, ...], run: dict[str, Any], *, live: bool) -> None:
+    """What one boat can, and a fleet cannot yet."""
+    asked = {"--instrument": bool(instruments), "--live": live, "--replan": run["replans"]}
+    for flag, given in asked.items():
+        if given:
+            raise UsageError(f"{flag} is of one boat's mission; run a boat's part by --sortie.")
 
 
 def _show_preview(

@@ -56,7 +56,8 @@ class Samples:
     `times` (n,) unix seconds, UTC; `positions` (n, 2) north, east [m] in the survey's frame;
     `target_seq` (n,) the target that each was taken in, 0 for none; `speed_mps` (n,) surge over
     ground, NaN where unknown; `values` (n,) by quantity, in its unit, NaN for missing; `flags`
-    (n,) by quantity, see `Flag`. Raises `InputError` where columns differ in length, or a
+    (n,) by quantity, see `Flag`; `boat` (n,) the number of the boat that took each, None where one
+    boat took them all. Raises `InputError` where columns differ in length, or a
     quantity has values and no flags.
     """
 
@@ -66,12 +67,15 @@ class Samples:
     speed_mps: NDArray[np.float64]
     values: Mapping[str, NDArray[np.float64]]
     flags: Mapping[str, NDArray[np.int64]]
+    boat: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.times)
         if self.positions.shape != (n, 2):
             raise InputError(f"{n} samples have positions of shape {self.positions.shape}.")
         columns = {"target_seq": self.target_seq, "speed_mps": self.speed_mps, **self.values}
+        if self.boat is not None:
+            columns["boat"] = self.boat
         for name, column in columns.items():
             if column.shape != (n,):
                 raise InputError(f"{n} samples have {name} of shape {column.shape}.")
@@ -130,7 +134,14 @@ class Samples:
             speed_mps=self.speed_mps[index],
             values={key: column[index] for key, column in self.values.items()},
             flags={key: column[index] for key, column in self.flags.items()},
+            boat=None if self.boat is None else self.boat[index],
         )
+
+    def each_boat(self) -> list[NDArray[np.int64]]:
+        """The places in the columns of each boat's samples."""
+        if self.boat is None:
+            return [np.arange(len(self))]
+        return [np.flatnonzero(self.boat == number) for number in np.unique(self.boat)]
 
     def moved(self, positions: NDArray[np.float64]) -> Samples:
         """The same samples in another frame's positions (n, 2)."""

@@ -315,6 +315,8 @@ def map_all(
     _refuse_moment(mapper.settings.moment, samples.times)
     maps: list[QuantityMap] = []
     left_out: list[str] = []
+    # What changed, and how late sensors were, is told by one boat's way over time.
+    times = samples.times if samples.boat is None else None
     wanted = [one for one in quantities.values() if one.mapped]
     for done, quantity in enumerate(wanted, start=1):
         key = quantity.key
@@ -326,7 +328,7 @@ def map_all(
                         samples.positions,
                         samples.values[key],
                         samples.flags[key],
-                        samples.times,
+                        times,
                     )
                 )
             else:

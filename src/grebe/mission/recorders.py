@@ -81,7 +81,7 @@ class SurveyRecorder:
             case Step():
                 self._file.append_track(event, self._boat or 1)
             case SampleTaken():
-                self._file.append_samples([event.sample])
+                self._file.append_samples([event.sample], self._boat or 1)
             case Revised():
                 self._file.append_revision(event.revision)
             case Reached():

@@ -124,7 +124,7 @@ class _Sharing:
                 break
             # A part that takes too long is given less of the order; half way, for its way out
             # changes with it.
-            weights *= (times.mean() / times) ** 0.7
+            weights *= (times.mean() / np.maximum(times, 0.1 * times.mean())) ** 0.7
         assert best is not None
         return best[1], best[2]
 

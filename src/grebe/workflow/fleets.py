@@ -29,6 +29,8 @@ from grebe.workflow.run import HelmOf
 
 # The link of a boat, by its number and whence it departs.
 FleetAt = Callable[[int, Departure], BoatLink]
+# How long missions have for their last words when all is stopped [s].
+LAST_WORDS_S = 0.5
 # Ends after which a boat sails no more; another takes what it has left.
 LOST = frozenset(EndReason) - {EndReason.COMPLETE, EndReason.STOPPED, EndReason.FAILED}
 
@@ -102,8 +104,14 @@ class _Together:
         ]
         for thread in threads:
             thread.start()
-        for thread in threads:
-            thread.join()
+        try:
+            for thread in threads:
+                thread.join()
+        except BaseException:
+            # Somebody stops it all: the missions end by themselves, and write until then.
+            for thread in threads:
+                thread.join(LAST_WORDS_S)
+            raise
         if failures:
             raise failures[0]
         return reports

@@ -9,8 +9,10 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import shapely
 
 from grebe.core.quantities import Quantities
+from grebe.core.samples import Samples
 from grebe.io.store import SurveyFile
 from grebe.mapping.quality import Quality, check_quality
 
@@ -27,10 +29,32 @@ def check_samples(survey_file: SurveyFile, quantities: Quantities | None = None)
     kept = np.sort(once)
     back = np.searchsorted(kept, once[back.ravel()])
     known = survey_file.quantities if quantities is None else quantities
-    quality = check_quality(samples.rows(kept), survey_file.survey.water, known)
+    quality = _checked(samples.rows(kept), survey_file.survey.water, known)
     quality = replace(quality, flags={key: one[back] for key, one in quality.flags.items()})
     survey_file.set_flags(quality.flags)
     survey_file.set_meta(
         "quality", json.dumps({"counts": quality.counts, "notes": list(quality.notes)})
     )
     return quality
+
+
+def _checked(samples: Samples, water: shapely.Polygon, known: Quantities) -> Quality:
+    """The quality of samples, each boat's judged by themselves: what two boats read one after the
+    other says nothing of either.
+    """
+    each = samples.each_boat()
+    if len(each) == 1:
+        return check_quality(samples, water, known)
+    flags = {key: np.empty(len(samples), dtype=np.int64) for key in samples.values}
+    counts: dict[str, dict[str, tuple[int, int]]] = {}
+    notes: list[str] = []
+    for number, places in enumerate(each, 1):
+        found = check_quality(samples.rows(places), water, known)
+        for key, column in found.flags.items():
+            flags[key][places] = column
+        for key, tests in found.counts.items():
+            for test, (suspect, failed) in tests.items():
+                before = counts.setdefault(key, {}).get(test, (0, 0))
+                counts[key][test] = (before[0] + suspect, before[1] + failed)
+        notes += [f"boat {number}: {note}" for note in found.notes]
+    return Quality(flags=flags, counts=counts, notes=tuple(notes))

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 # Samples further than this from the region say nothing of its water [m].
 NEAR_M = 1000.0
 FEWEST_NEAR = 10
+# Between the seeds of two boats' noise.
+SEEDS_APART = 10_007
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +38,8 @@ class SimulatedWorld:
 
     `weather`; `mismatch`, the share by which the boat may differ from its model; `errors` of the
     state estimates; `water_from` a survey file or a CSV track whose samples condition the water
-    (None: free fields); `seed`; `faults` of the boat.
+    (None: free fields); `seed`; `faults` of the boat; `boat`, its number in a fleet, whose boats
+    sail the same water with noise of their own.
     Called with a departure it is the boat in that world.
     """
 
@@ -46,6 +49,7 @@ class SimulatedWorld:
     water_from: Path | None = None
     seed: int = 1
     faults: Faults = NO_FAULTS
+    boat: int = 1
 
     def __post_init__(self) -> None:
         if not 0 <= self.mismatch < 1:
@@ -54,7 +58,8 @@ class SimulatedWorld:
     def __call__(self, departure: Departure) -> SimulatedLink:
         """Put the boat where it sets out, and return the link to it."""
         water = true_water(departure.survey, self.water_from, self.seed, departure.quantities)
-        boat = mismatched(departure.vessel, self.mismatch, self.seed)
+        own = self.seed + SEEDS_APART * (self.boat - 1)
+        boat = mismatched(departure.vessel, self.mismatch, own)
         plant = (
             Plant(boat, departure.state, self.weather)
             if self.faults == NO_FAULTS
@@ -62,8 +67,7 @@ class SimulatedWorld:
         )
         fields = self.water_from.name if self.water_from else "free fields"
         source = f"simulated, {fields}, seed {self.seed}"
-        sonde = Sonde(water, self.seed)
-        return SimulatedLink(plant, sonde, self.errors, self.seed, source, self.faults)
+        return SimulatedLink(plant, Sonde(water, own), self.errors, own, source, self.faults)
 
 
 def true_water(

@@ -47,10 +47,11 @@ def declare_quantities(connection: sqlite3.Connection) -> None:
 
 
 def tell_boats_apart(connection: sqlite3.Connection) -> None:
-    """Bring a file of schema 4 to schema 5: its track is that of one boat."""
-    columns = {row[1] for row in connection.execute("PRAGMA table_info(track)")}
-    if "boat" not in columns:
-        connection.execute("ALTER TABLE track ADD COLUMN boat INTEGER NOT NULL DEFAULT 1")
+    """Bring a file of schema 4 to schema 5: its track and its samples are those of one boat."""
+    for table in ("track", "samples"):
+        columns = {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
+        if "boat" not in columns:
+            connection.execute(f"ALTER TABLE {table} ADD COLUMN boat INTEGER NOT NULL DEFAULT 1")
 
 
 # The schema that each step leads to, and the step; several may lead to one.

@@ -63,7 +63,11 @@ _LAYERS: dict[str, tuple[str | None, str]] = {
         "current_east_mps DOUBLE, boat INTEGER NOT NULL DEFAULT 1",
     ),
     # Two columns a quantity follow: those that the file declares.
-    "samples": ("POINT", "time DATETIME NOT NULL, target_seq INTEGER, speed_mps DOUBLE"),
+    "samples": (
+        "POINT",
+        "time DATETIME NOT NULL, target_seq INTEGER, speed_mps DOUBLE, "
+        "boat INTEGER NOT NULL DEFAULT 1",
+    ),
     "quantities": (None, QUANTITY_COLUMNS),
     "events": (None, "time DATETIME NOT NULL, level TEXT, code TEXT, message TEXT"),
     "meta": (None, "key TEXT NOT NULL UNIQUE, value TEXT"),

@@ -234,8 +234,8 @@ class SurveyFile:
         """Append one point of a boat's track."""
         self._insert("track", track_row(point, self._point_blob(*point.state[:2]), boat))
 
-    def append_samples(self, samples: Sequence[Sample]) -> None:
-        """Append samples and count them in their targets, in one transaction.
+    def append_samples(self, samples: Sequence[Sample], boat: int = 1) -> None:
+        """Append samples of a boat and count them in their targets, in one transaction.
 
         Raises `SurveyFileError` for a quantity that the file does not declare; see `declare`.
         """
@@ -243,7 +243,7 @@ class SurveyFile:
             self._refuse_undeclared({*sample.values, *sample.flags})
         with self._together:
             for sample in samples:
-                row = row_of(sample, self.survey.frame, self._quantities)
+                row = row_of(sample, self.survey.frame, self._quantities, boat)
                 self._execute(self._insert_samples(), row)
                 if sample.target_seq is not None:
                     self._execute(

@@ -118,11 +118,11 @@ def track_of(rows: Sequence[tuple[Any, ...]]) -> TrackTable:
 def sample_columns(quantities: Quantities) -> list[str]:
     """The columns of the table of samples, as SQL names them."""
     pairs = [name for key in quantities for name in (f'"{key}"', f'"{key}_qc"')]
-    return ["geom", "time", "target_seq", "speed_mps", *pairs]
+    return ["geom", "time", "target_seq", "speed_mps", "boat", *pairs]
 
 
-def row_of(sample: Sample, frame: LocalFrame, quantities: Quantities) -> tuple[Any, ...]:
-    """One sample as a row of `sample_columns`."""
+def row_of(sample: Sample, frame: LocalFrame, quantities: Quantities, boat: int) -> tuple[Any, ...]:
+    """One sample of a boat as a row of `sample_columns`."""
     place = frame.to_wgs84((sample.north_m, sample.east_m)).tolist()
     pairs = [
         cell
@@ -130,7 +130,7 @@ def row_of(sample: Sample, frame: LocalFrame, quantities: Quantities) -> tuple[A
         for cell in (sample.values.get(key), sample.flags.get(key, Flag.MISSING))
     ]
     blob = geopackage.to_blob(shapely.Point(place))
-    return blob, time_text(sample.time), sample.target_seq, sample.speed_mps, *pairs
+    return blob, time_text(sample.time), sample.target_seq, sample.speed_mps, boat, *pairs
 
 
 def rows_of(
@@ -144,6 +144,7 @@ def rows_of(
         time_texts(samples.times),
         [seq or None for seq in samples.target_seq.tolist()],
         samples.speed_mps.tolist(),
+        [1] * n if samples.boat is None else samples.boat.tolist(),
     ]
     for key in quantities:
         known = key in samples.values
@@ -156,17 +157,20 @@ def samples_of(
     blocks: Iterator[list[tuple[Any, ...]]], frame: LocalFrame, quantities: Quantities
 ) -> Samples:
     """Rows of `sample_columns`, in blocks, as columns."""
-    parts = [_block(rows, 2 + 2 * len(quantities)) for rows in blocks]
-    parts = parts or [_block([], 2 + 2 * len(quantities))]
+    width = 3 + 2 * len(quantities)
+    parts = [_block(rows, width) for rows in blocks]
+    parts = parts or [_block([], width)]
     times, lonlat, numbers = (np.concatenate(one) for one in zip(*parts, strict=True))
-    flags = np.nan_to_num(numbers[:, 3::2], nan=Flag.MISSING).astype(np.int64)
+    flags = np.nan_to_num(numbers[:, 4::2], nan=Flag.MISSING).astype(np.int64)
+    boat = numbers[:, 2].astype(np.int64)
     return Samples(
         times=times,
         positions=frame.to_local(lonlat),
         target_seq=np.nan_to_num(numbers[:, 0]).astype(np.int64),
         speed_mps=numbers[:, 1],
-        values={key: numbers[:, 2 + 2 * i] for i, key in enumerate(quantities)},
+        values={key: numbers[:, 3 + 2 * i] for i, key in enumerate(quantities)},
         flags={key: flags[:, i] for i, key in enumerate(quantities)},
+        boat=boat if len(np.unique(boat)) > 1 else None,
     )
 
 

@@ -1,0 +1,123 @@
+"""grebe run of a survey that was planned for several boats: all of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from typing import Any
+
+from grebe.cli import output
+from grebe.cli.interruption import heed_mission
+from grebe.control.rules.base import Rule
+from grebe.control.solvers.base import SolverBuilder
+from grebe.core.errors import IncompleteError, StoppedError, UsageError
+from grebe.io.store import SurveyFile
+from grebe.links.base import BoatLink
+from grebe.mission.departure import Departure
+from grebe.mission.recorders import Listener
+from grebe.mission.settings import MissionSettings
+from grebe.mission.statistics import Alarm, Progress, ProgressMeter
+from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.fleets import FleetReport, FleetRun, fleet_of
+from grebe.workflow.quality import check_samples
+from grebe.workflow.run import steered_by
+from grebe.workflow.simulated import SimulatedWorld
+
+SIMULATED = "sim:"
+
+
+@dataclass
+class FleetMeter:
+    """Shows how far all boats together are."""
+
+    bar: output.MissionBar
+    _of: dict[int, Progress] = field(default_factory=dict[int, Progress])
+
+    def listeners(self, boat: int) -> Sequence[Listener]:
+        """What listens to one boat's mission."""
+        return [
+            ProgressMeter(lambda progress: self._update(boat, progress)),
+            Alarm(lambda text: output.note(f"boat {boat}: {text}")),
+        ]
+
+    def _update(self, boat: int, progress: Progress) -> None:
+        self._of[boat] = progress
+        each = list(self._of.values())
+        self.bar.update(
+            Progress(
+                reached=sum(one.reached for one in each),
+                targets=sum(one.targets for one in each),
+                boat_time_s=max(one.boat_time_s for one in each),
+                samples=sum(one.samples for one in each),
+            )
+        )
+
+
+def run_fleet(
+    survey_file: SurveyFile,
+    urls: Sequence[str],
+    how: tuple[Rule, SolverBuilder, SimulatedWorld],
+    settings: MissionSettings,
+    now: datetime,
+    bar: output.MissionBar,
+    *,
+    yes: bool,
+    resume: bool,
+    force: bool,
+) -> FleetReport:
+    """Sail a fleet's survey; `urls` are one link for all boats, or one for each."""
+    rule, solver, world = how
+    fleet = fleet_of(survey_file.survey)
+    assert fleet is not None
+    links = list(urls) * (fleet.boats if len(urls) == 1 else 1)
+    if len(links) != fleet.boats:
+        raise UsageError(f"{fleet.boats} boats need {fleet.boats} --link, in their order.")
+    simulated = all(link == SIMULATED for link in links)
+    if len(urls) == 1 and not simulated:
+        raise UsageError(f"Give a --link for each of the {fleet.boats} boats, in their order.")
+
+    def boat_at(boat: int, departure: Departure) -> BoatLink:
+        harbour = Harbour(world=replace(world, boat=boat), confirm=output.confirmation(yes=yes))
+        return boat_named(links[boat - 1], harbour)(departure)
+
+    survey_file.set_meta("water", f"{fleet.boats} boats: {', '.join(dict.fromkeys(links))}")
+    report = FleetRun(
+        survey_file,
+        boat_at,
+        steered_by(rule, solver),
+        settings,
+        shares_time=simulated,
+        watches=FleetMeter(bar).listeners,
+        on_ready=lambda _, mission: heed_mission(mission),
+    ).run(now, resume=resume, force=force)
+    check_samples(survey_file)
+    return report
+
+
+def fleet_numbers(report: FleetReport) -> dict[str, Any]:
+    """What a fleet's run reports of itself."""
+    return {
+        "reached": report.reached,
+        "targets": report.targets,
+        "duration_s": round(report.duration_s, 1),
+        "samples": sum(one.samples for *_, one in report.missions),
+        "energy_wh": round(sum(one.energy_wh for *_, one in report.missions), 2),
+        "unsolved_steps": sum(one.unsolved_steps for *_, one in report.missions),
+        "boats": [
+            f"{boat}: sortie {sortie}, {one.reached} of {one.targets} targets, "
+            f"{one.duration_s / 60:.1f} min, {one.ended.value if one.ended else 'not begun'}"
+            for boat, sortie, one in report.missions
+        ],
+    }
+
+
+def explain(report: FleetReport, file: object) -> None:
+    """Leave with the reason where targets are left."""
+    if report.complete:
+        return
+    advice = f"go on with: grebe run {file} --resume"
+    if report.stopped:
+        raise StoppedError(f"stopped by the operator; {advice}")
+    missed = report.targets - report.reached
+    raise IncompleteError(f"{missed} of {report.targets} target sets were not reached; {advice}")

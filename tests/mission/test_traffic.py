@@ -1,0 +1,157 @@
+"""Boats keep apart: claims that never touch, turns that never overlap, and whole fleets."""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from conftest import FRAME, NOON
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grebe.core.dynamics import Weather
+from grebe.core.events import EndReason, SafetyChanged
+from grebe.core.plan_settings import FleetSettings, PlanSettings
+from grebe.core.vessel import PRESETS
+from grebe.io.store import SurveyFile
+from grebe.links.simulated import EstimateErrors
+from grebe.mission.rota import Rota
+from grebe.mission.safety.traffic import Traffic
+from grebe.planning.fleets import plan_fleet
+from grebe.planning.region import Region
+from grebe.simulation.faults import NO_FAULTS, Faults
+from grebe.workflow.files import write_survey
+from grebe.workflow.fleets import FleetRun
+from grebe.workflow.run import steered_by
+from grebe.workflow.simulated import SimulatedWorld
+
+ways = st.lists(st.tuples(st.floats(0, 60), st.floats(0, 60)), min_size=1, max_size=5).map(np.array)
+
+
+@given(claims=st.lists(st.tuples(st.integers(1, 4), ways), max_size=20))
+def test_whatever_is_claimed_no_two_claims_come_nearer_than_stated(claims):
+    traffic = Traffic(apart_m=8.0)
+    held = {}
+    for boat, way in claims:
+        if traffic.claim(boat, way):
+            held[boat] = shapely.LineString(way) if len(way) > 1 else shapely.Point(way[0])
+        for a, one in held.items():
+            for b, other in held.items():
+                # Ways are rounded by centimetres, for which there is more room than that.
+                assert a == b or one.distance(other) >= 8.0
+
+
+def test_who_wishes_to_pass_has_the_right_of_way_by_its_number():
+    traffic = Traffic(apart_m=5.0)
+    traffic.wish(1, np.array([(0, 0), (10, 0)]))
+    assert not traffic.wished(2, but=2).is_empty
+    assert traffic.wished(1, but=1).is_empty
+    traffic.leave(1)
+    assert traffic.wished(2, but=2).is_empty
+
+
+def test_in_a_rota_one_acts_at_a_time_and_in_order():
+    rota, said, busy = Rota([1, 2, 3]), [], []
+
+    def act(boat, turns):
+        for _ in range(turns):
+            rota.wait(boat)
+            busy.append(boat)
+            assert len(busy) == 1
+            said.append(boat)
+            busy.clear()
+            rota.end(boat)
+        rota.leave(boat)
+
+    threads = [threading.Thread(target=act, args=pair) for pair in ((1, 3), (2, 1), (3, 2))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(10)
+    assert said == [1, 2, 3, 1, 3, 1]
+
+
+def fleet_file(path, boats=3, apart_m=6.0, side=60.0, starts=()):
+    region = Region(name="x", frame=FRAME, water=shapely.box(0, 0, side, side))
+    lonlat = tuple((lon, lat) for lon, lat in FRAME.to_wgs84(starts).tolist()) if starts else ()
+    fleet = FleetSettings(boats=boats, apart_m=apart_m, starts=lonlat)
+    wishes = PlanSettings(cell_m=10.0, fleet=fleet)
+    planned = plan_fleet(region, PRESETS["spyboat"], wishes)
+    write_survey(path, planned.survey, revision=planned.revision)
+    return path
+
+
+def sailed(path, world, faults=None):
+    """Sail a fleet; return its report, its changes, and the least distance between true boats."""
+    plants, least, changes = {}, [math.inf], []
+
+    def boat_at(boat, departure):
+        of_boat = replace(world, boat=boat, faults=(faults or {}).get(boat, NO_FAULTS))
+        link = of_boat(departure)
+        plants[boat] = link._plant
+        return link
+
+    def hear(event):
+        if isinstance(event, SafetyChanged):
+            changes.append(event)
+        places = [np.array(plant.state[:2]) for plant in plants.values()]
+        for i, one in enumerate(places):
+            for other in places[:i]:
+                least[0] = min(least[0], float(np.hypot(*(one - other))))
+
+    with SurveyFile.open(path) as file:
+        report = FleetRun(file, boat_at, steered_by(), watches=lambda _: [hear]).run(NOON)
+    return report, changes, least[0]
+
+
+MIDDLE = ((26.0, 26.0), (26.0, 36.0), (36.0, 26.0))
+
+
+@pytest.mark.slow
+def test_boats_that_set_out_side_by_side_do_it_all_and_keep_apart(tmp_path):
+    path = fleet_file(tmp_path / "f.gpkg", starts=MIDDLE)
+    world = SimulatedWorld(
+        weather=Weather(current_north_mps=0.2, current_east_mps=-0.1),
+        errors=EstimateErrors(position_m=0.2, velocity_mps=0.03),
+    )
+    report, changes, least = sailed(path, world)
+    assert report.complete
+    assert least >= 6.0
+    assert all(one.ended is EndReason.COMPLETE for *_, one in report.missions)
+    with SurveyFile.open(path) as file:
+        track, samples = file.track(), file.samples()
+        assert [int(one.boat[0]) for one in track.each_boat()] == [1, 2, 3]
+        for one in track.each_boat():
+            assert np.all(np.diff(one.seconds) >= 0)
+        assert sorted(len(one) for one in samples.each_boat()) > [0, 0, 0]
+        assert any(event.message.startswith("boat 2: ") for event in file.events())
+    assert all(one.code != "fence_near" for one in changes)
+
+
+@pytest.mark.slow
+def test_a_fleet_does_the_same_twice(tmp_path):
+    tracks = []
+    for name in ("a", "b"):
+        path = fleet_file(tmp_path / f"{name}.gpkg", boats=2, side=40.0)
+        sailed(path, SimulatedWorld(seed=4))
+        with SurveyFile.open(path) as file:
+            track = file.track()
+        tracks.append([one.states for one in track.each_boat()])
+    for one, other in zip(*tracks, strict=True):
+        assert np.array_equal(one, other)
+
+
+@pytest.mark.slow
+def test_what_a_lost_boat_has_left_is_taken_by_another(tmp_path):
+    path = fleet_file(tmp_path / "f.gpkg", boats=2, side=50.0)
+    report, _, _ = sailed(path, SimulatedWorld(), {2: Faults(blind=((10.0, 1e9),))})
+    assert report.missions[1][2].ended is EndReason.BLIND
+    with SurveyFile.open(path) as file:
+        assert file.revision.reason == "boat_lost"
+        assert {one.boat for one in file.revision.sorties} == {1}
+    # Where the lost boat lies nobody goes.
+    assert report.reached >= report.targets - 3
