@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.core.dynamics import Weather
-from grebe.core.plan_settings import PATTERNS, SHAPES, PlanOutcome, PlanSettings
+from grebe.core.plan_settings import PATTERNS, SHAPES, FleetSettings, PlanOutcome, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.io.store.plan_tables import (
@@ -24,6 +24,11 @@ from grebe.planning.planner import plan
 positive = st.floats(1e-3, 1e6)
 weathers = st.builds(Weather, *[st.floats(-3, 3)] * 0, current_north_mps=st.floats(-3, 3),
                      wind_force_east_n=st.floats(-9, 9))  # fmt: skip
+
+
+degrees = st.tuples(st.floats(-180, 180), st.floats(-90, 90))
+fleets = st.builds(FleetSettings, boats=st.just(2), apart_m=positive,
+                   starts=st.just(()) | st.tuples(degrees, degrees))  # fmt: skip
 
 
 @st.composite
@@ -40,6 +45,7 @@ def plan_settings(draw):
         shore_margin_m=draw(st.floats(0, 50)),
         returns=draw(st.booleans()),
         weather=draw(weathers),
+        fleet=draw(st.none() | fleets),
     )
 
 
@@ -50,10 +56,12 @@ def test_settings_come_back_exactly(settings):
 
 @given(plan_settings())
 def test_every_setting_is_in_the_text_that_the_hash_is_made_of(settings):
-    """A plan in one piece has the text, and so the hash, that it had before there were sorties."""
+    """A plan in one piece has the text, and so the hash, that it had before there were sorties and
+    fleets.
+    """
     named = {field.name for field in dataclasses.fields(PlanSettings)}
-    alone = set() if settings.sorties is not None else {"sorties"}
-    assert set(json.loads(settings_text(settings))) == named - alone
+    absent = {name for name in ("sorties", "fleet") if getattr(settings, name) is None}
+    assert set(json.loads(settings_text(settings))) == named - absent
 
 
 def test_an_outcome_comes_back_and_a_survey_that_was_not_planned_has_none():

@@ -9,6 +9,13 @@ from typing import Any
 import click
 
 from grebe.cli import options, output
+from grebe.cli.accuracy_options import (
+    accuracy_numbers,
+    accuracy_options,
+    cell_of,
+    plan_surest,
+    refuse_without_goal,
+)
 from grebe.cli.sortie_options import fleet_of, sortie_options, sorties_of
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
@@ -16,7 +23,13 @@ from grebe.core.revision import Sortie
 from grebe.core.vessel import PRESETS
 from grebe.planning.planner import Planned
 from grebe.planning.sorties import PlannedSorties
-from grebe.workflow.plans import plan_region, plan_warnings, read_region, write_plan
+from grebe.workflow.plans import (
+    plan_region,
+    plan_warnings,
+    read_region,
+    write_expected,
+    write_plan,
+)
 from grebe.workflow.vessels import vessel_of
 
 DEFAULT_CELL_M = 5.0
@@ -126,6 +139,7 @@ DEFAULT_MARGIN_M = 1.0
     help="Where the boat starts [deg]; of a fleet once for each boat.",
 )
 @click.option("--feature", metavar="NAME|N", help="Which of several lakes in REGION.")
+@accuracy_options
 @sortie_options
 @options.column_options
 @options.quantities_option
@@ -153,6 +167,7 @@ def command(
     """
     options.refuse_same(region, options.checked_output(path))
     boat = vessel_of(vessel)
+    refuse_without_goal(asked)
     settings = _settings(asked, starts, region)
     start = starts[0] if starts else None
     water, notes = read_region(
@@ -163,13 +178,21 @@ def command(
     )
     for text in notes:
         output.note(f"{region}: {text}")
-    planned = plan_region(water, boat, settings, start_lonlat=start, no_go=no_go)
+    surest = None
+    if asked["goal"] == "accuracy":
+        surest = plan_surest(asked, water, boat, settings, start, no_go, quiet=as_json)
+        planned = surest.best.planned
+    else:
+        planned = plan_region(water, boat, settings, start_lonlat=start, no_go=no_go)
     picture = write_plan(planned, path, quantities_file=quantities_file, force=force)
     for text in (*planned.notes, *plan_warnings(planned.survey)):
         output.note(f"note: {text}")
+    numbers = plan_numbers(planned)
+    if surest is not None:
+        numbers |= accuracy_numbers(surest, write_expected(surest.best, path))
     known = f" --water {region}" if region.suffix.lower() == ".csv" else ""
     output.result(
-        {**plan_numbers(planned), "file": str(path), "picture": str(picture)},
+        {**numbers, "file": str(path), "picture": str(picture)},
         as_json=as_json,
         next_command=f"grebe run {path}{known}",
     )
@@ -182,12 +205,7 @@ def _settings(
     minutes, energy_wh = asked["minutes"], asked["energy_wh"]
     low, high = asked["speed"]
     return PlanSettings(
-        cell_m=_cell_m(
-            asked["cell_m"],
-            asked["range_m"],
-            asked["accuracy"],
-            budgeted=energy_wh if minutes is None else minutes,
-        ),
+        cell_m=_cell_m(asked),
         shape=asked["shape"],
         core=asked["core"],
         pattern=asked["pattern"],
@@ -207,10 +225,12 @@ def _settings(
     )
 
 
-def _cell_m(
-    cell_m: float | None, range_m: float | None, accuracy: float, *, budgeted: float | None
-) -> float | None:
+def _cell_m(asked: dict[str, Any]) -> float | None:
     """The cells' size: given, or for a map of that accuracy; None where a budget chooses it."""
+    if asked["goal"] == "accuracy":
+        return cell_of(asked)
+    cell_m, range_m, accuracy = asked["cell_m"], asked["range_m"], asked["accuracy"]
+    budgeted = asked["energy_wh"] if asked["minutes"] is None else asked["minutes"]
     if range_m is None:
         return DEFAULT_CELL_M if cell_m is None and budgeted is None else cell_m
     if cell_m is not None:

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from grebe.mapping.covariance import PRACTICAL_RANGE, CovarianceModel
 from grebe.mapping.kriging import krige
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
 
 # A plan sees this many samples to either side of a place: farther ones are screened off.
 SIDE = 4
@@ -40,3 +47,14 @@ def _middle_sd(model: CovarianceModel, pitch: float) -> float:
     places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
     middle = np.zeros((1, 2))
     return float(krige(places, np.zeros(len(places)), middle, model).sd[0])
+
+
+def expected_variance(way: Array, nodes: Array, model: CovarianceModel, pace_m: float) -> Array:
+    """Variance (m,) of the map's signal at nodes (m, 2) once samples are taken along a way (n, 2),
+    one each `pace_m` [m]; it hangs on where samples are and not on what they say.
+    """
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
+    count = max(2, int(lengths[-1] / pace_m) + 1)
+    along = np.linspace(0.0, lengths[-1], count)
+    places = np.column_stack([np.interp(along, lengths, column) for column in way.T])
+    return krige(places, np.zeros(count), nodes, model).variance

@@ -21,6 +21,7 @@ from grebe.planning.fleets import plan_fleet
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.sorties import PlannedSorties, plan_sorties
+from grebe.workflow.accuracy import Expected
 from grebe.workflow.files import write_survey
 
 # A start further than this from the water is reported to whoever asked for it [m].
@@ -53,7 +54,7 @@ def plan_region(
     no_go: Sequence[Path] = (),
 ) -> Planned:
     """Plan a survey of a region, out of the zones that some files hold."""
-    zones = _zones(no_go, region)
+    zones = read_zones(no_go, region)
     if settings.sorties is not None:
         return plan_sorties(region, vessel, settings, start_lonlat, zones)
     if settings.fleet is not None:
@@ -106,7 +107,7 @@ def plan_warnings(survey: Survey) -> list[str]:
     return warnings
 
 
-def _zones(paths: Sequence[Path], region: Region) -> list[shapely.Polygon]:
+def read_zones(paths: Sequence[Path], region: Region) -> list[shapely.Polygon]:
     """The no-go zones of some files, in the region's frame."""
     zones: list[shapely.Polygon] = []
     for path in paths:
@@ -115,3 +116,15 @@ def _zones(paths: Sequence[Path], region: Region) -> list[shapely.Polygon]:
             raise InputError(f"{path}: holds a polygon that crosses itself; mend it first.")
         zones += [part for part in shapely.get_parts(local) if isinstance(part, shapely.Polygon)]
     return zones
+
+
+def write_expected(chosen: Expected, survey_file: Path) -> Path:
+    """Draw how sure the map of a plan will be, beside its survey file; return the picture."""
+    from grebe.report import canvas
+    from grebe.report.expected_figures import expected_figure
+
+    picture = survey_file.with_name(f"{survey_file.stem}-expected.png")
+    survey = chosen.planned.survey
+    figure = expected_figure(survey, chosen.grid, chosen.sd, chosen.way)
+    canvas.save(figure, picture)
+    return picture

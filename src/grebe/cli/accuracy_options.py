@@ -1,0 +1,119 @@
+"""The options of a plan whose goal is the map's accuracy, and the plan that they make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from grebe.cli import options, output
+from grebe.core.errors import UsageError
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.vessel import Vessel
+from grebe.planning.region import Region
+from grebe.workflow.accuracy import (
+    CHOICES,
+    AccuratePlan,
+    plan_for_accuracy,
+    prior_of_range,
+    prior_of_survey,
+)
+from grebe.workflow.plans import read_zones
+
+DEFAULT_CELL_M = 5.0
+
+
+def accuracy_options(command: Any) -> Any:
+    """Add the options of a plan for accuracy."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+_OPTIONS = (
+    click.option(
+        "--goal",
+        type=click.Choice(("time", "accuracy")),
+        default="time",
+        show_default=True,
+        help="The shortest time for the cells; or the surest map: pattern and cells are chosen for "
+        "it, with --minutes or --wh, or --sd.",
+    ),
+    click.option(
+        "--sd",
+        "sd_share",
+        type=click.FloatRange(0, 1, min_open=True, max_open=True),
+        help="With --goal accuracy: the map's standard deviation over the quantity's own, in the "
+        "shortest time.",
+    ),
+    click.option(
+        "--like",
+        type=options.EXISTING,
+        help="With --goal accuracy: an earlier survey whose water varies like this one's, instead "
+        "of --range.",
+    ),
+    click.option("--quantity", help="With --like: whose variation counts.  [default: the finest]"),
+)
+
+
+def refuse_without_goal(asked: dict[str, Any]) -> None:
+    """Refuse what is of another goal."""
+    for name, flag in (("sd_share", "--sd"), ("like", "--like"), ("quantity", "--quantity")):
+        if asked[name] is not None and asked["goal"] != "accuracy":
+            raise UsageError(f"{flag} is of --goal accuracy; give that too.")
+
+
+def cell_of(asked: dict[str, Any]) -> float | None:
+    """The cells' size of a plan for accuracy: None with a budget; any where --sd chooses it."""
+    if asked["cell_m"] is not None:
+        raise UsageError("--goal accuracy chooses the cells' size and --cell gives it; one alone.")
+    if (asked["range_m"] is None) == (asked["like"] is None):
+        raise UsageError("--goal accuracy needs to know the water: give --range or --like.")
+    budgeted = asked["minutes"] is not None or asked["energy_wh"] is not None
+    if budgeted == (asked["sd_share"] is not None):
+        raise UsageError("--goal accuracy needs --minutes or --wh, or else --sd.")
+    return None if budgeted else DEFAULT_CELL_M
+
+
+def plan_surest(
+    asked: dict[str, Any],
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    start: tuple[float, float] | None,
+    no_go: tuple[Path, ...],
+    *,
+    quiet: bool,
+) -> AccuratePlan:
+    """Plan for the surest map, with progress."""
+    like: Path | None = asked["like"]
+    prior = (
+        prior_of_range(asked["range_m"])
+        if like is None
+        else prior_of_survey(like, asked["quantity"])
+    )
+    with output.Countdown("plans", CHOICES, quiet=quiet) as bar:
+        return plan_for_accuracy(
+            region,
+            vessel,
+            settings,
+            prior,
+            sd_share=asked["sd_share"],
+            start_lonlat=start,
+            no_go=read_zones(no_go, region),
+            on_done=bar.update,
+        )
+
+
+def accuracy_numbers(chosen: AccuratePlan, picture: Path) -> dict[str, Any]:
+    """What a plan for accuracy reports beside its cells."""
+    return {
+        "expected_sd": round(chosen.best.share, 4),
+        "chosen": chosen.best.said,
+        "tried": [
+            f"{one.said}: {one.share:.1%} in {one.planned.outcome.time_s / 60:.1f} min"
+            for one in chosen.tried
+        ],
+        "expected_picture": str(picture),
+    }
