@@ -25,6 +25,7 @@ COMMANDS = {
     "physics": "be the water and the hull under ArduPilot's real firmware",
     "check": "flag suspect and failed samples by QARTOD's tests",
     "lag": "estimate the sensors' lag where one line was run twice",
+    "adapt": "let a survey that was sailed go on where it pays",
     "map": "draw the maps of what was measured",
     "diff": "map what changed between two surveys of the same water",
     "report": "write one self-contained HTML page about a survey",

@@ -182,6 +182,12 @@ class SequentialField:
             found.append(np.sqrt(np.maximum(own + np.diag(left), 0.0)))
         return np.concatenate(found)
 
+    def covariance(self, places: Array) -> Array:
+        """Covariance (n, n) of the signal at places, as far as the nodes tell of it."""
+        weights, _ = self._prior.seen(places)
+        small = weights.toarray()
+        return small @ self._covariance @ small.T
+
     def draws(self, places: Array, count: int, seed: int) -> Array:
         """See `Field`; what varies between nodes is drawn apart at each place."""
         rng = np.random.default_rng(seed)

@@ -18,7 +18,7 @@ from grebe.core.revision import PlanRevision, Reason, Sortie, survey_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.mission.helm import Helm
-from grebe.planning.region import Region, navigable_water
+from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, OpenWater, open_water, replanned
 
 # A current that differs by so much from the one that was planned with, for so long, is another.
@@ -146,10 +146,5 @@ class Replanner:
     def _water(self) -> OpenWater:
         """The cells and the ways between them, measured when they are first needed."""
         if self._open is None:
-            survey = self.survey
-            region = Region(name=survey.name, frame=survey.frame, water=survey.water)
-            margin_m = survey.settings.shore_margin_m if survey.settings else 0.0
-            start = survey.start and (survey.start.north_m, survey.start.east_m)
-            water, _ = navigable_water(region, survey.no_go, margin_m, start)
-            self._open = open_water(survey, water)
+            self._open = open_water(self.survey, water_of(self.survey))
         return self._open

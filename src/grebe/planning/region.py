@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from grebe.core.errors import PlanError, RegionError
 from grebe.core.frames import LocalFrame, frame_at
 from grebe.core.sets import hull_of
+from grebe.core.survey import Survey
 
 # Water that comes this near to its convex hull everywhere counts as convex: coordinates in
 # degrees are rounded to 1e-7, about a centimetre.
@@ -167,6 +168,14 @@ def navigable_water(
         else ()
     )
     return shapely.normalize(parts[0]), notes
+
+
+def water_of(survey: Survey) -> shapely.Polygon:
+    """Return the water that the boat of a survey may use: less its no-go zones and its margin."""
+    region = Region(name=survey.name, frame=survey.frame, water=survey.water)
+    margin_m = survey.settings.shore_margin_m if survey.settings else 0.0
+    start = survey.start and (survey.start.north_m, survey.start.east_m)
+    return navigable_water(region, survey.no_go, margin_m, start)[0]
 
 
 def _straightened(water: shapely.Polygon) -> shapely.Polygon:

@@ -126,7 +126,6 @@ def replanned(
     harbour, and the other sorties stay as they are.
     """
     part = survey_of(survey, old, halfway.sortie)
-    done = part.targets[: halfway.reached]
     rest = [
         open_.place_of[t.seq]
         for t in part.targets[halfway.reached :]
@@ -134,6 +133,28 @@ def replanned(
     ]
     if not rest:
         raise PlanError("No cell of the order is left to go to.")
+    return put_in_order(
+        old, survey, open_, halfway, rest, vessel=vessel, weather=weather, reason=reason, note=note
+    )
+
+
+def put_in_order(
+    old: PlanRevision,
+    survey: Survey,
+    open_: OpenWater,
+    halfway: Halfway,
+    rest: Sequence[int],
+    *,
+    vessel: Vessel,
+    weather: Weather,
+    reason: Reason,
+    note: str,
+) -> PlanRevision:
+    """Return the revision in which the boat goes on to some cells of the open water, by their
+    places in it, in the order that is fastest.
+    """
+    part = survey_of(survey, old, halfway.sortie)
+    done = part.targets[: halfway.reached]
     order = _ordered(survey, open_, halfway, vessel, weather, np.array(rest, dtype=np.int64))
     ends_at = part.targets[-1] if part.targets[-1].kind == "transit" else None
     stops = _stops(open_, halfway.place, order, ends_at)

@@ -117,7 +117,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "preflight",
         "The lines of the doctor.",
         list[answers.PreflightLine],
-        Query("link", "a boat's address, as of grebe run --link", required=False),
+        Query("link", "a boat's address, such as mavlink:udp:0.0.0.0:14550", required=False),
     ),
     _post(f"{ONE}/run", "run", "Begin or go on.", answers.RunRequest, answers.Status, 201),
     *(

@@ -24,6 +24,7 @@ from grebe.mission.rota import InTurn, Rota
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
+from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
 from grebe.workflow.run import HelmOf
 
@@ -266,7 +267,7 @@ class FleetRun:
         return replanned(
             revision,
             survey,
-            open_water(survey, survey.water),
+            open_water(survey, water_of(survey)),
             Halfway(reached=reached, place=place, sortie=sortie),
             vessel=survey.vessel,
             weather=weather,

@@ -1,0 +1,194 @@
+"""A survey goes on where it pays: from what was measured to the revision that is sailed next."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from scipy.stats import norm
+
+from grebe.core.dynamics import CALM
+from grebe.core.errors import InputError, PlanError, UsageError
+from grebe.core.revision import PlanRevision
+from grebe.core.samples import Samples
+from grebe.core.sets import TargetSet, drawn_in, polygons_of, rings_of
+from grebe.core.survey import Survey, Target
+from grebe.mapping.grid import make_grid
+from grebe.mapping.maps import Mapper
+from grebe.mapping.sequential import sequential
+from grebe.mapping.threads import one_blas_thread
+from grebe.planning.adapt import Worth, chosen_places
+from grebe.planning.mesh import mesh_water, target_footprint
+from grebe.planning.region import water_of
+from grebe.planning.revise import Halfway, OpenWater, put_in_order
+from grebe.planning.travel import travel_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from grebe.core.quantities import Quantities
+
+    Array = NDArray[np.floating]
+
+Goal = Literal["accuracy", "threshold", "hot-spot"]
+GOALS: tuple[Goal, ...] = ("accuracy", "threshold", "hot-spot")
+# Places that can be gone to, about so many; a target is drawn in to this share of its cell.
+PLACES, CORE = 900, 0.6
+# What is looked for beside the way takes a little longer than straight legs.
+WAY_SHARE = 0.85
+# A hot spot is what may lie above so high a share of the map's values.
+HOT_SHARE = 0.95
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What a survey goes on for: `minutes` more, for the accuracy of a quantity's map everywhere,
+    for where it crosses a `threshold`, or for where it is highest.
+    """
+
+    quantity: str
+    minutes: float
+    goal: Goal = "accuracy"
+    threshold: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.goal not in GOALS:
+            raise UsageError(f"There is no goal {self.goal!r}; choose {', '.join(GOALS)}.")
+        if (self.goal == "threshold") != (self.threshold is not None):
+            raise UsageError(
+                "A threshold is of the goal threshold, and that needs one.",
+                settings=("threshold", "goal"),
+            )
+        if not 0 < self.minutes < math.inf:
+            raise UsageError(f"{self.minutes:g} minutes are no time.", settings=("minutes",))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adapted:
+    """The revision that goes on where it pays, with the root mean square of the map's standard
+    deviation before and as it is expected after, weighted by what matters.
+    """
+
+    revision: PlanRevision
+    before_sd: float
+    expected_sd: float
+    places: int
+
+
+def adapted(
+    survey: Survey,
+    revision: PlanRevision,
+    samples: Samples,
+    quantities: Quantities,
+    reached: int,
+    place: tuple[float, float],
+    wish: Wish,
+) -> Adapted:
+    """Return where a survey of which `reached` targets are reached goes on from a place.
+
+    Raises `InputError` where what was measured makes no map, and `PlanError` where the time is too
+    short for any place.
+    """
+    settings, vessel = survey.settings, survey.vessel
+    if settings is None or vessel is None or survey.outcome is None:
+        raise PlanError("Only a planned survey can go on; plan it first.")
+    if wish.quantity not in samples.values:
+        raise InputError(f"The survey has no quantity {wish.quantity!r}.")
+    open_ = _open_water(survey, revision.highest_seq)
+    places = np.array([target.set.centre for target in open_.targets])
+    worth = _worth(survey, samples, quantities, places, wish)
+    window = (settings.speed_min_mps, settings.speed_max_mps)
+    travel = travel_of(vessel, window, settings.weather)
+    pace = WAY_SHARE / float(np.mean(travel.slowness))
+    route, left = chosen_places(
+        worth, place, 60 * wish.minutes, pace, 0.5 * math.pi * travel.turn_s_per_rad
+    )
+    if not route:
+        raise PlanError(
+            f"No place that is worth a reading lies within {wish.minutes:g} minutes; give more.",
+            settings=("minutes",),
+        )
+    before, after = (_weighted_sd(one, worth.weights) for one in (np.diag(worth.covariance), left))
+    # New ways around land are numbered after all the places that could be gone to.
+    known = max(target.seq for target in open_.targets)
+    new = put_in_order(
+        _numbered(revision, known),
+        survey,
+        open_,
+        Halfway(reached=reached, place=place),
+        route,
+        vessel=vessel,
+        weather=settings.weather or CALM,
+        reason="adaptive",
+        note=f"{len(route)} places more for {_said(wish)}, in {wish.minutes:g} minutes",
+    )
+    return Adapted(revision=new, before_sd=before, expected_sd=after, places=len(route))
+
+
+def _said(wish: Wish) -> str:
+    if wish.goal == "threshold":
+        return f"where {wish.quantity} crosses {wish.threshold:g}"
+    if wish.goal == "hot-spot":
+        return f"where {wish.quantity} is highest"
+    return f"the accuracy of {wish.quantity}"
+
+
+def _numbered(revision: PlanRevision, known: int) -> PlanRevision:
+    return replace(revision, highest_seq=max(known, revision.highest_seq))
+
+
+def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
+    """Places all over the water, each a small target with a number of its own."""
+    assert survey.settings is not None
+    water = water_of(survey)
+    cell_m = math.sqrt(water.area / PLACES)
+    cells = mesh_water(water, cell_m)
+    rings = [target_footprint(ring) for ring in rings_of([cell.footprint for cell in cells])]
+    sets = [
+        TargetSet(
+            vertices=drawn_in(ring, CORE),
+            speed_min_mps=survey.settings.speed_min_mps,
+            speed_max_mps=survey.settings.speed_max_mps,
+        )
+        for ring in rings
+    ]
+    whole = polygons_of(rings).tolist()
+    targets = tuple(
+        Target(seq=highest_seq + i, kind="cell", set=one, cell=cell)
+        for i, (one, cell) in enumerate(zip(sets, whole, strict=True), 1)
+    )
+    return OpenWater(water=water, targets=targets, cell_m=cell_m)
+
+
+def _worth(
+    survey: Survey, samples: Samples, quantities: Quantities, places: Array, wish: Wish
+) -> Worth:
+    """What places are worth by the map of what was measured so far."""
+    key = wish.quantity
+    grid = make_grid(survey.water, math.sqrt(survey.water.area / PLACES))
+    mapped = Mapper(survey.water, grid).map_quantity(
+        quantities.known(key), samples.positions, samples.values[key], samples.flags[key]
+    )
+    with one_blas_thread():
+        field = sequential(mapped.field, places)
+    if field is None:
+        raise InputError(
+            f"{key} does not vary from place to place, or is mapped by a method that cannot tell "
+            "what more readings are worth."
+        )
+    mean, covariance = field.mean(places), field.covariance(places)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    weights = np.ones(len(places))
+    if wish.goal == "threshold":
+        assert wish.threshold is not None
+        weights = norm.pdf((wish.threshold - mean) / sd)
+    elif wish.goal == "hot-spot":
+        weights = norm.sf((np.quantile(mean, HOT_SHARE) - mean) / sd)
+    weights = np.maximum(weights / max(float(weights.sum()), 1e-300), 1e-9)
+    return Worth(places=places, covariance=covariance, noise=mapped.model.nugget, weights=weights)
+
+
+def _weighted_sd(variance: Array, weights: Array) -> float:
+    return math.sqrt(float(weights @ variance / weights.sum()))
