@@ -196,17 +196,10 @@ def command(
     With --resume, options that are not given again are taken from the run that is resumed. A
     terminal that closes does not end the mission; Ctrl-C and SIGTERM do.
     """
-    if (resume or run["returns"]) and force:
+    now, goes_on = datetime.now(UTC), resume or run["returns"]
+    if goes_on and force:
         raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
-    now = datetime.now(UTC)
-    # What was typed is judged before the file is opened.
-    for url in urls:
-        boat_named(url)
-    safety_of(run, now)
-    _settings(run)
-    for one in instruments:
-        instrument_named(one)
-    goes_on = resume or run["returns"]
+    _judge(urls, instruments, run, now)
     if preview:
         _show_preview(file, sortie, resume=goes_on, force=force, as_json=as_json)
         return
@@ -226,19 +219,12 @@ def command(
         survey_file.set_meta("run", json.dumps(kept, default=str))
         if fleet_of(survey_file.survey) is not None and sortie is None:
             _refuse_for_fleets(instruments, run, live=live)
-            fleet = run_fleet(
-                survey_file, urls, _settings(run), _mission_settings(run, now, survey_file), now,
-                bar, yes=run["yes"], resume=resume, force=force,
-            )  # fmt: skip
-            ahead = f"grebe map {survey_file.path} --out maps"
-            output.result(fleet_numbers(fleet), as_json=as_json, next_command=ahead)
-            explain(fleet, survey_file.path)
+            _sail_fleet(
+                survey_file, urls, run, now, bar, resume=resume, force=force, as_json=as_json
+            )
             return
-        url, *others = urls
-        if others:
-            raise UsageError("One boat has one --link; several are of a fleet.")
         report = _run(
-            survey_file, url, run, now, bar, live,
+            survey_file, _only(urls), run, now, bar, live,
             resume=goes_on, force=force, sortie=sortie, instruments=bench,
         )  # fmt: skip
         file = survey_file.path
@@ -249,6 +235,18 @@ def command(
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
     if not report.complete and not came_home:
         _explain(report, file, moved=moved)
+
+
+def _judge(
+    urls: tuple[str, ...], instruments: tuple[str, ...], run: dict[str, Any], now: datetime
+) -> None:
+    """Judge what was typed, before the file is opened."""
+    for url in urls:
+        boat_named(url)
+    safety_of(run, now)
+    _settings(run)
+    for one in instruments:
+        instrument_named(one)
 
 
 def _declare(survey_file: SurveyFile, own: Quantities, bench: Bench | None) -> None:
@@ -297,6 +295,35 @@ def _run(
         )
         check_samples(survey_file)
     return report
+
+
+def _only(urls: tuple[str, ...]) -> str:
+    url, *others = urls
+    if others:
+        raise UsageError("One boat has one --link; several are of a fleet.")
+    return url
+
+
+def _sail_fleet(
+    survey_file: SurveyFile,
+    urls: tuple[str, ...],
+    run: dict[str, Any],
+    now: datetime,
+    bar: output.MissionBar,
+    *,
+    resume: bool,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Sail all boats of a fleet as `run` has it, and say what came of it."""
+    settings = _mission_settings(run, now, survey_file)
+    report = run_fleet(
+        survey_file, urls, _settings(run), settings, now, bar,
+        yes=run["yes"], resume=resume, force=force,
+    )  # fmt: skip
+    ahead = f"grebe map {survey_file.path} --out maps"
+    output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
+    explain(report, survey_file.path)
 
 
 def _mission_settings(
