@@ -7,7 +7,7 @@ from matplotlib import patheffects
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from grebe.core.revision import PlanRevision, survey_of
+from grebe.core.revision import PlanRevision, Sortie, survey_of
 from grebe.core.survey import Survey
 from grebe.report.canvas import (
     BLACK,
@@ -37,6 +37,12 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
     axes = figure.subplots()
     draw_water(axes, survey)
     many = len(revision.targets) > MANY_CELLS
+    fleet = survey.settings.fleet if survey.settings else None
+    comes_back = fleet is None or (survey.settings and survey.settings.sorties)
+
+    def whose(one: Sortie) -> str:
+        return f"{one.number}, boat {one.boat}" if fleet else str(one.number)
+
     outline: list[patheffects.AbstractPathEffect] = [
         patheffects.withStroke(linewidth=3, foreground="white")
     ]
@@ -51,7 +57,7 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
                 hatch=HATCHES[i // len(COLOURS) % len(HATCHES)],
                 linewidths=0.4,
                 alpha=0.75,
-                label=f"{sortie.number}: {sortie.time_s / 60:.0f} min, {sortie.energy_wh:.0f} Wh",
+                label=f"{whose(sortie)}: {sortie.time_s / 60:.0f} min, {sortie.energy_wh:.0f} Wh",
             )
         )
         start = (sortie.start.north_m, sortie.start.east_m)
@@ -68,9 +74,10 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
     places = {(s.start.east_m, s.start.north_m) for s in revision.sorties}
     axes.plot(
         *np.array(sorted(places)).T, marker="^", ls="none", ms=10, color=BLACK, mec="white",
-        label="harbour", zorder=5,
+        label="harbour" if comes_back else "start", zorder=5,
     )  # fmt: skip
-    axes.set_title(f"{survey.name}: {len(revision.sorties)} sorties")
+    parts = f"{len(revision.sorties)} sorties" + (f" of {fleet.boats} boats" if fleet else "")
+    axes.set_title(f"{survey.name}: {parts}")
     finish_map(axes, survey)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2, frameon=False)
     return figure
