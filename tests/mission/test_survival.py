@@ -121,7 +121,7 @@ def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
 
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
         append = file.append_track
-        file.append_track = lambda point: happened.append("write") or append(point)
+        file.append_track = lambda point, boat: happened.append("write") or append(point, boat)
         simulate(file, world=boat_at)
     text = " ".join(happened)
     assert "in out write in" in text

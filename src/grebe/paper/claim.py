@@ -74,8 +74,10 @@ class Sampled:
     duration_s: float
 
 
-def ways(hand: HandDriven) -> list[Sampled]:
-    """The hand-driven track, and the planned surveys of equal duration and of equal length."""
+def ways(hand: HandDriven, *, same_length: bool = True) -> list[Sampled]:
+    """The hand-driven track, and the planned surveys of equal duration and of equal length; the
+    latter takes several flights to find.
+    """
     driven = Sampled(
         way="by hand",
         positions=hand.positions,
@@ -88,11 +90,8 @@ def ways(hand: HandDriven) -> list[Sampled]:
         PlanSettings(cell_m=None, minutes=minutes, core=CORE, speed_min_mps=WINDOW[0],
                      speed_max_mps=WINDOW[1]),
     ).survey  # fmt: skip
-    return [
-        driven,
-        flown(timed, "planned, same duration"),
-        _as_long(hand, "planned, same length"),
-    ]
+    found = [driven, flown(timed, "planned, same duration")]
+    return [*found, _as_long(hand, "planned, same length")] if same_length else found
 
 
 def _as_long(hand: HandDriven, way: str) -> Sampled:
