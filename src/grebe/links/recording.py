@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Protocol
 
 from grebe.core.events import State
-from grebe.links.base import BoatLink, BoatStatus, Observation, Order
+from grebe.links.base import BoatLink, Observation, Order
+from grebe.links.passing import PassingLink
 
 
 class DriveSink(Protocol):
@@ -21,7 +21,7 @@ class DriveSink(Protocol):
         ...
 
 
-class RecordingLink:
+class RecordingLink(PassingLink):
     """Passes everything on, and tells a sink of estimates as they came and of orders.
 
     Orders are dated by the estimate before them: what an order takes to be thought of is no part
@@ -29,14 +29,9 @@ class RecordingLink:
     """
 
     def __init__(self, link: BoatLink, sink: DriveSink) -> None:
-        self._link = link
+        super().__init__(link)
         self._sink = sink
         self._now_s = 0.0
-
-    @property
-    def source(self) -> str:
-        """See `BoatLink`."""
-        return self._link.source
 
     def observe(self) -> Observation:
         """See `BoatLink`."""
@@ -49,19 +44,3 @@ class RecordingLink:
         """See `BoatLink`."""
         self._link.command(order)
         self._sink.order(self._now_s, order)
-
-    def measure(self) -> Mapping[str, float]:
-        """See `BoatLink`."""
-        return self._link.measure()
-
-    def status(self) -> BoatStatus:
-        """See `BoatLink`."""
-        return self._link.status()
-
-    def stop(self) -> None:
-        """See `BoatLink`."""
-        self._link.stop()
-
-    def close(self) -> None:
-        """See `BoatLink`."""
-        self._link.close()

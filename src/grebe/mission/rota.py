@@ -7,9 +7,9 @@ estimate to the next, then the next boat. A boat that is over leaves the rota.
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
 
-from grebe.links.base import BoatLink, BoatStatus, Observation, Order
+from grebe.links.base import BoatLink, Observation
+from grebe.links.passing import PassingLink
 
 
 class Rota:
@@ -44,48 +44,22 @@ class Rota:
                     self._turn %= len(self._boats)
                 self._changed.notify_all()
 
-    @property
-    def sails(self) -> list[int]:
-        """The boats that are under way."""
-        with self._changed:
-            return list(self._boats)
-
     def _has_turn(self, boat: int) -> bool:
         return self._boats[self._turn] == boat
 
 
-class InTurn:
+class InTurn(PassingLink):
     """A boat's link that advances in the boat's turn."""
 
     def __init__(self, link: BoatLink, rota: Rota, boat: int) -> None:
-        self._link, self._rota, self._boat = link, rota, boat
-
-    @property
-    def source(self) -> str:
-        """See `BoatLink`."""
-        return self._link.source
+        super().__init__(link)
+        self._rota, self._boat = rota, boat
 
     def observe(self) -> Observation:
         """Let the others act, and return the next estimate when it is this boat's turn again."""
         self._rota.end(self._boat)
         self._rota.wait(self._boat)
         return self._link.observe()
-
-    def command(self, order: Order) -> None:
-        """See `BoatLink`."""
-        self._link.command(order)
-
-    def measure(self) -> Mapping[str, float]:
-        """See `BoatLink`."""
-        return self._link.measure()
-
-    def status(self) -> BoatStatus:
-        """See `BoatLink`."""
-        return self._link.status()
-
-    def stop(self) -> None:
-        """See `BoatLink`."""
-        self._link.stop()
 
     def close(self) -> None:
         """See `BoatLink`; the boat leaves the rota."""

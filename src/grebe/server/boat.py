@@ -8,16 +8,15 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from grebe.core.dynamics import Weather
 from grebe.core.errors import GrebeError
 from grebe.io.store import SurveyFile
-from grebe.links.base import BoatLink, Observation, Order
+from grebe.links.base import BoatLink, Observation
+from grebe.links.passing import PassingLink
 from grebe.mission.departure import Departure
 from grebe.server.ears import listened_to
 from grebe.workflow.boats import Harbour, boat_named
@@ -42,19 +41,14 @@ class Voyage:
     force: bool = False
 
 
-class Paced:
+class Paced(PassingLink):
     """A simulated boat that waits for the clock, `rate` of its seconds to each of ours."""
 
     def __init__(self, link: BoatLink, rate: float) -> None:
-        self._link = link
+        super().__init__(link)
         self._rate = rate
         self._due: float | None = None
         self._before_s = 0.0
-
-    @property
-    def source(self) -> str:
-        """See `BoatLink`."""
-        return self._link.source
 
     def observe(self) -> Observation:
         """Return the next estimate, when it is due by the clock."""
@@ -67,26 +61,6 @@ class Paced:
         if self._due > now:
             time.sleep(self._due - now)
         return seen
-
-    def command(self, order: Order) -> None:
-        """See `BoatLink`."""
-        self._link.command(order)
-
-    def measure(self) -> Mapping[str, float]:
-        """See `BoatLink`."""
-        return self._link.measure()
-
-    def status(self) -> Any:
-        """See `BoatLink`."""
-        return self._link.status()
-
-    def stop(self) -> None:
-        """See `BoatLink`."""
-        self._link.stop()
-
-    def close(self) -> None:
-        """See `BoatLink`."""
-        self._link.close()
 
 
 def sail(path: Path, voyage: Voyage) -> None:

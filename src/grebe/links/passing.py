@@ -1,0 +1,43 @@
+"""A link in front of another: it passes everything on, for those that change one thing of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from grebe.links.base import BoatLink, BoatStatus, Observation, Order
+
+
+class PassingLink:
+    """Passes everything on to a link."""
+
+    def __init__(self, link: BoatLink) -> None:
+        self._link = link
+
+    @property
+    def source(self) -> str:
+        """See `BoatLink`."""
+        return self._link.source
+
+    def observe(self) -> Observation:
+        """See `BoatLink`."""
+        return self._link.observe()
+
+    def command(self, order: Order) -> None:
+        """See `BoatLink`."""
+        self._link.command(order)
+
+    def measure(self) -> Mapping[str, float]:
+        """See `BoatLink`."""
+        return self._link.measure()
+
+    def status(self) -> BoatStatus:
+        """See `BoatLink`."""
+        return self._link.status()
+
+    def stop(self) -> None:
+        """See `BoatLink`."""
+        self._link.stop()
+
+    def close(self) -> None:
+        """See `BoatLink`."""
+        self._link.close()
