@@ -24,6 +24,7 @@ from grebe.links.replay import Recording, ReplayLink
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
+from grebe.mission.rota import InTurn, Rota
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde, UniformSonde
 from grebe.simulation.water import free_water
@@ -140,6 +141,7 @@ LINKS = {
     "mavlink, by sticks": lambda: linked(standin(SURVEY, **EXACT), survey=SURVEY, drive="sticks"),
     "nmea": nmea,
     "recorded": lambda: RecordingLink(simulated(), Deaf()),
+    "in turn": lambda: InTurn(simulated(), Rota([1]), 1),
 }
 # Boats that follow thrusts without a lag of their own: on them a mission is the same.
 BARE = ("simulated", "wrapping", "socket")

@@ -48,10 +48,14 @@ def test_whatever_is_claimed_no_two_claims_come_nearer_than_stated(claims):
 def test_who_wishes_to_pass_has_the_right_of_way_by_its_number():
     traffic = Traffic(apart_m=5.0)
     traffic.wish(1, np.array([(0, 0), (10, 0)]))
-    assert not traffic.wished(2, but=2).is_empty
-    assert traffic.wished(1, but=1).is_empty
+    assert not traffic.wished(2).is_empty
+    assert traffic.wished(1).is_empty
+    assert traffic.wished(1, by_all=True).is_empty
+    traffic.wish(2, np.array([(0, 0), (10, 0)]))
+    assert traffic.wished(1).is_empty
+    assert not traffic.wished(1, by_all=True).is_empty
     traffic.leave(1)
-    assert traffic.wished(2, but=2).is_empty
+    assert traffic.wished(2).is_empty
 
 
 def test_in_a_rota_one_acts_at_a_time_and_in_order():

@@ -43,8 +43,7 @@ class Lookout:
         """What the others leave of a fence about a place: neither claimed, nor wished by who goes
         first.
         """
-        taken = self.traffic.taken(self.boat).union(self._wished())
-        return fence.less(taken, place, NEAR_M)
+        return fence.less(self._blocked(), place, NEAR_M)
 
     def claim(self, way: NDArray[np.float64]) -> bool:
         """Claim a way (n, 2); False where another holds it."""
@@ -57,26 +56,25 @@ class Lookout:
     def is_clear(self, place: Place, towards: Place) -> bool:
         """Whether the next piece of the way is neither claimed nor wished by others."""
         way = shapely.LineString(_way_to(place, towards))
-        blocked = self.traffic.taken(self.boat).union(self._wished())
-        return not blocked.intersects(way)
+        return not self._blocked().intersects(way)
 
     def place_to_wait(self, fence: Fence, place: Place) -> Place:
         """Where to wait in nobody's way, if a straight way leads there; else where the boat is."""
-        wished = self._wished()
-        here = shapely.Point(place)
-        if wished.is_empty or not wished.intersects(here):
+        if not self._wished().intersects(shapely.Point(place)):
             return place
         refuge = self.fence(fence, place).refuge(place)
         way = shapely.LineString([place, refuge])
         if not fence.holds_way(np.array([place, refuge])):
             return place
-        claims = self.traffic.taken(self.boat)
         # One that lies within another's distance already may leave it, and not cross it.
-        inner = claims.buffer(-WANDER_M)
+        inner = self.traffic.taken(self.boat).buffer(-WANDER_M)
         return place if inner.intersects(way) else refuge
 
     def _wished(self) -> BaseGeometry:
-        return self.traffic.wished(10**9 if self.is_done else self.boat, but=self.boat)
+        return self.traffic.wished(self.boat, by_all=self.is_done)
+
+    def _blocked(self) -> BaseGeometry:
+        return self.traffic.taken(self.boat).union(self._wished())
 
 
 def _way_to(place: Place, towards: Place) -> NDArray[np.float64]:

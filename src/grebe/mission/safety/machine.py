@@ -117,8 +117,7 @@ def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge:
     """
     if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
         return memory
-    going = memory.resumes if memory.state is SafetyState.FREEING else memory.state
-    tried = memory.fenced + 1
+    going, tried = _going(memory), memory.fenced + 1
     if tried > settings.fence_tries:
         text = f"braked at the fence {memory.fenced} times on the way to one place"
         finding = Finding(cause=Cause.FENCE, message=text)
@@ -127,8 +126,8 @@ def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge:
         memory, going = replace(memory, homeward=text), SafetyState.RETURNING
         tried = 0
     text = "it could not stop inside the fence any more if it went on"
-    held = _changed(memory, facts, SafetyState.HOLDING, Finding(cause=Cause.FENCE, message=text))
-    return replace(held, resumes=going, place=refuge, fenced=tried)
+    finding = Finding(cause=Cause.FENCE, message=text)
+    return replace(_put_on_hold(memory, facts, finding, refuge, going), fenced=tried)
 
 
 def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
@@ -137,10 +136,9 @@ def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
     """
     if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
         return memory
-    going = memory.resumes if memory.state is SafetyState.FREEING else memory.state
     text = "it would have come too near to another boat"
-    held = _changed(memory, facts, SafetyState.HOLDING, Finding(cause=Cause.TRAFFIC, message=text))
-    return replace(held, resumes=going, place=refuge)
+    finding = Finding(cause=Cause.TRAFFIC, message=text)
+    return _put_on_hold(memory, facts, finding, refuge, _going(memory))
 
 
 def gone_on(memory: Memory, facts: Facts) -> Memory:
@@ -281,9 +279,7 @@ def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
         if memory.state is SafetyState.HOLDING:
             return replace(memory, cause=Cause.HOLD, message=asked.why)
         finding = Finding(cause=Cause.HOLD, message=asked.why)
-        held = _changed(memory, facts, SafetyState.HOLDING, finding)
-        going = memory.resumes if memory.state is SafetyState.FREEING else memory.state
-        return replace(held, resumes=going, place=facts.place)
+        return _put_on_hold(memory, facts, finding, facts.place, _going(memory))
     if memory.cause is not Cause.HOLD:
         return memory
     finding = Finding(cause=Cause.GO_ON, message=asked.why)
@@ -309,6 +305,19 @@ def _held(memory: Memory, facts: Facts) -> Memory:
 def _sent_home(memory: Memory, facts: Facts, finding: Finding) -> Memory:
     sent = _changed(memory, facts, SafetyState.RETURNING, finding)
     return replace(sent, homeward=finding.message, resumes=SafetyState.RETURNING)
+
+
+def _going(memory: Memory) -> SafetyState:
+    """What a boat was about before it got out of something astern, or is about now."""
+    return memory.resumes if memory.state is SafetyState.FREEING else memory.state
+
+
+def _put_on_hold(
+    memory: Memory, facts: Facts, finding: Finding, place: Place, going: SafetyState
+) -> Memory:
+    """The boat holds a place, and goes back to what it was about."""
+    held = _changed(memory, facts, SafetyState.HOLDING, finding)
+    return replace(held, resumes=going, place=place)
 
 
 def _stopped(memory: Memory, facts: Facts, finding: Finding) -> Memory:

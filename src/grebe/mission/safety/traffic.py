@@ -47,34 +47,27 @@ class Traffic:
 
     def nearest_m(self, boat: int, place: tuple[float, float]) -> float:
         """How far the nearest claim of another is; infinite where there is none."""
-        with self._lock:
-            claims = [claim for other, claim in self._claims.items() if other != boat]
-        if not claims:
-            return math.inf
-        return float(shapely.distance(shapely.Point(place), np.array(claims, dtype=object)).min())
+        return _away_m(shapely.Point(place), self._of_others(boat))
 
     def taken(self, boat: int) -> BaseGeometry:
         """The water that others' claims keep this boat's centre out of."""
-        with self._lock:
-            claims = [claim for other, claim in self._claims.items() if other != boat]
-        return _around(claims, self.apart_m + 2 * WANDER_M)
+        return _around(self._of_others(boat), self.apart_m + 2 * WANDER_M)
 
-    def wished(self, boat: int, but: int) -> BaseGeometry:
-        """The water that boats of lower numbers wish to cross, `but` for one."""
+    def wished(self, boat: int, *, by_all: bool = False) -> BaseGeometry:
+        """The water that boats of lower numbers wish to cross, or all others."""
         with self._lock:
-            wishes = [w for other, w in self._wishes.items() if other < boat and other != but]
+            wishes = [
+                wish
+                for other, wish in self._wishes.items()
+                if other < boat or (by_all and other != boat)
+            ]
         return _around(wishes, self.apart_m + 3 * WANDER_M)
 
     def claim(self, boat: int, way: NDArray[np.float64]) -> bool:
         """Take the way (n, 2) as this boat's claim; False where it is too near to another's."""
         line = _line(way)
         with self._lock:
-            others = [claim for other, claim in self._claims.items() if other != boat]
-            if (
-                others
-                and shapely.distance(line, np.array(others, dtype=object)).min()
-                < self.apart_m + WANDER_M
-            ):
+            if _away_m(line, self._of_others(boat)) < self.apart_m + WANDER_M:
                 return False
             self._claims[boat] = line
             return True
@@ -91,12 +84,20 @@ class Traffic:
         """A boat that is over wishes nothing any more; it keeps its claim, for it lies there."""
         self.wish(boat, None)
 
+    def _of_others(self, boat: int) -> list[BaseGeometry]:
+        with self._lock:
+            return [claim for other, claim in self._claims.items() if other != boat]
+
 
 def _line(way: NDArray[np.float64]) -> BaseGeometry:
-    places = np.unique(np.round(way, 3), axis=0) if len(way) < 2 else way
-    if len(places) < 2 or np.ptp(places, axis=0).max() < ROUNDING_M:
-        return shapely.Point(places[0])
-    return shapely.LineString(places).simplify(ROUNDING_M)
+    if np.ptp(way, axis=0).max() < ROUNDING_M:
+        return shapely.Point(way[0])
+    return shapely.LineString(way).simplify(ROUNDING_M)
+
+
+def _away_m(shape: BaseGeometry, others: list[BaseGeometry]) -> float:
+    """The distance to the nearest of some shapes; infinite without any."""
+    return min((shape.distance(other) for other in others), default=math.inf)
 
 
 def _around(shapes: list[BaseGeometry], distance_m: float) -> BaseGeometry:
