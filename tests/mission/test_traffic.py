@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.core.dynamics import Weather
+from grebe.core.errors import LinkError
 from grebe.core.events import EndReason, SafetyChanged
 from grebe.core.plan_settings import FleetSettings, PlanSettings
 from grebe.core.vessel import PRESETS
@@ -159,3 +160,17 @@ def test_what_a_lost_boat_has_left_is_taken_by_another(tmp_path):
         assert {one.boat for one in file.revision.sorties} == {1}
     # Where the lost boat lies nobody goes.
     assert report.reached >= report.targets - 3
+
+
+def test_where_one_boat_does_not_answer_the_others_are_left_in_good_order(tmp_path):
+    path, opened = fleet_file(tmp_path / "f.gpkg", boats=2, side=40.0), []
+
+    def boat_at(boat, departure):
+        if boat == 2:
+            raise LinkError("Boat 2 does not answer.")
+        opened.append(SimulatedWorld()(departure))
+        return opened[0]
+
+    with SurveyFile.open(path) as file, pytest.raises(LinkError, match="Boat 2"):
+        FleetRun(file, boat_at, steered_by()).run(NOON)
+    assert not opened[0].status().armed

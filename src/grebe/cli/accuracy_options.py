@@ -21,8 +21,6 @@ from grebe.workflow.accuracy import (
 )
 from grebe.workflow.plans import read_zones
 
-DEFAULT_CELL_M = 5.0
-
 
 def accuracy_options(command: Any) -> Any:
     """Add the options of a plan for accuracy."""
@@ -73,7 +71,7 @@ def cell_of(asked: dict[str, Any]) -> float | None:
     budgeted = asked["minutes"] is not None or asked["energy_wh"] is not None
     if budgeted == (asked["sd_share"] is not None):
         raise UsageError("--goal accuracy needs --minutes or --wh, or else --sd.")
-    return None if budgeted else DEFAULT_CELL_M
+    return None if budgeted else PlanSettings.cell_m
 
 
 def plan_surest(

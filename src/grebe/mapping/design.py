@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.core.polyline import passed_m, places_at
 from grebe.mapping.covariance import PRACTICAL_RANGE, CovarianceModel
 from grebe.mapping.kriging import krige
 
@@ -53,8 +54,7 @@ def expected_variance(way: Array, nodes: Array, model: CovarianceModel, pace_m: 
     """Variance (m,) of the map's signal at nodes (m, 2) once samples are taken along a way (n, 2),
     one each `pace_m` [m]; it hangs on where samples are and not on what they say.
     """
-    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
-    count = max(2, int(lengths[-1] / pace_m) + 1)
-    along = np.linspace(0.0, lengths[-1], count)
-    places = np.column_stack([np.interp(along, lengths, column) for column in way.T])
+    length_m = float(passed_m(way)[-1])
+    count = max(2, int(length_m / pace_m) + 1)
+    places = places_at(way, np.linspace(0.0, length_m, count))
     return krige(places, np.zeros(count), nodes, model).variance

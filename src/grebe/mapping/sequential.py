@@ -10,7 +10,8 @@ is shared by two batches. The covariance is fixed: a new fit begins a new filter
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -64,7 +65,6 @@ class StraightPrior:
 
     model: CovarianceModel
     nodes: Array
-    _tree: list[KDTree] = field(default_factory=list[KDTree], init=False, repr=False)
 
     @property
     def nugget(self) -> float:
@@ -73,15 +73,13 @@ class StraightPrior:
 
     def covariance(self) -> Array:
         """See `Prior`."""
-        at = self.model.isotropic(self.nodes)
+        at = self._at
         return self._between(at, at) + JITTER * self.model.sill * np.eye(len(at))
 
     def seen(self, places: Array) -> tuple[csr_array, Array]:
         """See `Prior`: ordinary kriging from the nodes around."""
-        nodes, at = self.model.isotropic(self.nodes), self.model.isotropic(places)
-        if not self._tree:
-            self._tree.append(KDTree(nodes))
-        _, near = self._tree[0].query(at, k=min(AROUND, len(nodes)))
+        nodes, at = self._at, self.model.isotropic(places)
+        _, near = self._tree.query(at, k=min(AROUND, len(nodes)))
         used = np.unique(near)
         inner = self._between(nodes[used], nodes[used])
         inner[np.diag_indices(len(used))] += JITTER * self.model.sill
@@ -98,6 +96,15 @@ class StraightPrior:
         columns = np.tile(used, len(at))
         shape = (len(at), len(nodes))
         return csr_array((weights.T.ravel(), (rows, columns)), shape=shape), left
+
+    @cached_property
+    def _at(self) -> Array:
+        """The nodes where the model has no direction."""
+        return self.model.isotropic(self.nodes)
+
+    @cached_property
+    def _tree(self) -> KDTree:
+        return KDTree(self._at)
 
     def _between(self, a: Array, b: Array) -> Array:
         return self.model.covariance(cdist(a, b))
@@ -144,8 +151,7 @@ class SequentialField:
     def _take_in(self, positions: Array, values: Array) -> None:
         weights, noise = self._prior.seen(positions)
         noise[np.diag_indices(len(values))] += max(self._prior.nugget, 1e-300)
-        used = np.unique(weights.indices)
-        small = weights[:, used].toarray()
+        used, small = _used(weights)
         gained = self._covariance[:, used] @ small.T
         size = small @ gained[used] + noise
         factor = cholesky(size, lower=True)
@@ -176,17 +182,15 @@ class SequentialField:
         found = [np.empty(0)]
         for part in _parts(places):
             weights, left = self._prior.seen(part)
-            used = np.unique(weights.indices)
-            small = weights[:, used].toarray()
+            used, small = _used(weights)
             own = np.einsum("ij,jk,ik->i", small, self._covariance[np.ix_(used, used)], small)
             found.append(np.sqrt(np.maximum(own + np.diag(left), 0.0)))
         return np.concatenate(found)
 
     def covariance(self, places: Array) -> Array:
         """Covariance (n, n) of the signal at places, as far as the nodes tell of it."""
-        weights, _ = self._prior.seen(places)
-        small = weights.toarray()
-        return small @ self._covariance @ small.T
+        used, small = _used(self._prior.seen(places)[0])
+        return small @ self._covariance[np.ix_(used, used)] @ small.T
 
     def draws(self, places: Array, count: int, seed: int) -> Array:
         """See `Field`; what varies between nodes is drawn apart at each place."""
@@ -225,6 +229,12 @@ def sequential(fitted: Field, nodes: Array) -> SequentialField | None:
     begun = SequentialField(prior, fitted.model, float(values.mean()), float(values.var()))
     begun.add(fitted.readings.positions, values)
     return begun
+
+
+def _used(weights: csr_array) -> tuple[NDArray[np.int64], Array]:
+    """The nodes (k,) that have any weight, and the weights (n, k) of these."""
+    used = np.unique(weights.indices).astype(np.int64)
+    return used, np.asarray(weights[:, used].toarray())
 
 
 def _parts(places: Array) -> list[Array]:

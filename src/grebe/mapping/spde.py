@@ -60,6 +60,16 @@ class ShoreModel:
         return self.nugget + self.sill * (1 - x * k1(x))
 
     @property
+    def kappa(self) -> float:
+        """The equation's kappa [1/m]."""
+        return PRACTICAL / self.range_m
+
+    @property
+    def scale(self) -> float:
+        """The white noise's variance, which makes the sill what it is."""
+        return max(self.sill, 1e-300) * 4 * math.pi * self.kappa**2
+
+    @property
     def practical_range_m(self) -> float:
         """Distance at which 95 % of the correlation is gone, in open water."""
         return self.range_m
@@ -167,7 +177,7 @@ class _System:
         area = mesh.step_m**2
         operator = _operator(mesh, kappa)
         self.noise, self._weights = noise, weights
-        precision = csc_matrix(operator @ operator) / area
+        precision = _precision(mesh, operator)
         self.posterior = _factor(csc_matrix(precision + (weights.T @ weights) / noise))
         self._log_prior = 2 * _log_det(_factor(operator)) - len(mesh.nodes) * math.log(area)
         self.basis = basis
@@ -238,8 +248,7 @@ class ShoreField:
     def __init__(self, mesh: Mesh, positions: Array, values: Array, model: ShoreModel) -> None:
         self._mesh = mesh
         self._weights = mesh.interpolation(positions)
-        self._kappa = PRACTICAL / model.range_m
-        self._scale = max(model.sill, 1e-300) * 4 * math.pi * self._kappa**2
+        self._kappa, self._scale = model.kappa, model.scale
         noise = max(model.nugget / self._scale, LEAST_NOISE / (4 * math.pi * self._kappa**2))
         self._shift = float(values.mean())
         basis = np.ones((len(values), 1))
@@ -279,10 +288,12 @@ class ShoreField:
 
 def prior_precision(mesh: Mesh, model: ShoreModel) -> csc_matrix:
     """The inverse covariance (nodes, nodes) of the signal before any sample."""
-    kappa = PRACTICAL / model.range_m
-    scale = max(model.sill, 1e-300) * 4 * math.pi * kappa**2
-    operator = _operator(mesh, kappa)
-    return csc_matrix(operator @ operator) / (mesh.step_m**2 * scale)
+    return _precision(mesh, _operator(mesh, model.kappa)) / model.scale
+
+
+def _precision(mesh: Mesh, operator: csc_matrix) -> csc_matrix:
+    """The inverse covariance (nodes, nodes) over the white noise's variance."""
+    return csc_matrix(operator @ operator) / mesh.step_m**2
 
 
 def _operator(mesh: Mesh, kappa: float) -> csc_matrix:

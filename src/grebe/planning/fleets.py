@@ -134,11 +134,9 @@ class _Sharing:
         passed = np.cumsum(self.legs_s)
         ends = np.searchsorted(passed, passed[-1] * np.cumsum(weights)[:-1] / weights.sum())
         # Each boat has a cell at least.
-        count = len(weights)
-        lowest = np.arange(1, count)
-        ends = np.maximum.accumulate(np.clip(ends, lowest, len(order) - count + lowest))
-        ends = np.maximum(ends, np.maximum.accumulate(ends - lowest) + lowest)
-        return np.split(order, np.minimum(ends, len(order) - count + lowest))
+        lowest = np.arange(1, len(weights))
+        more = np.clip(np.maximum.accumulate(ends - lowest), 0, len(order) - len(weights))
+        return np.split(order, lowest + more)
 
     def _assigned(self, stretches: Sequence[Order]) -> list[tuple[int, bool]]:
         """Which boat takes each stretch, and whether from its far end."""

@@ -11,12 +11,11 @@ import shapely
 
 from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.errors import PlanError
-from grebe.core.revision import PlanRevision, Sortie, survey_of
-from grebe.core.sets import footprints_of
+from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.survey import Survey
 from grebe.planning.check import check_plan
 from grebe.planning.homeward import Homeward, homeward, way_length_m
-from grebe.planning.taut import taut_way
+from grebe.planning.taut import way_through
 from grebe.planning.travel import WANDER, ground_speed, travel_of
 
 # The guard's own reserves for a way home.
@@ -67,13 +66,13 @@ def check_sorties(
                 number=sortie.number,
                 outside_m2=check_plan(part, water).outside_m2,
                 from_harbour_m=last.footprint_distance(*home),
-                least_left_s=_least_left_s(part, sortie, ways[home]),
+                least_left_s=_least_left_s(part, ways[home]),
             )
         )
     return found
 
 
-def _least_left_s(part: Survey, sortie: Sortie, ways: Homeward) -> float:
+def _least_left_s(part: Survey, ways: Homeward) -> float:
     settings, vessel = part.settings, part.vessel
     if settings is None or settings.sorties is None or vessel is None:
         raise PlanError("The survey does not say what its sorties may last.")
@@ -86,7 +85,7 @@ def _least_left_s(part: Survey, sortie: Sortie, ways: Homeward) -> float:
     through = min(fastest + current, vessel.speed_max_mps)
     thrust = 0.5 * vessel.surge_drag_n(through)
     power_home_w = drive_power_w(vessel, (thrust, thrust), through)
-    way = taut_way((sortie.start.north_m, sortie.start.east_m), footprints_of(part.sets))
+    way = way_through(part)
     bounds, left = settings.sorties, math.inf
     for k in range(1, len(way)):
         spent_s = travel.path_s(way[: k + 1])

@@ -16,6 +16,8 @@ import numpy as np
 import shapely
 
 from grebe.core.kernels import machine_code
+from grebe.core.sets import footprints_of
+from grebe.core.survey import Survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,6 +27,12 @@ DRAWN_IN = 0.05
 MOST_SWEEPS = 200
 # Sweeps end when none of them moves a place by more than this share of the mean leg.
 STEADY = 1e-3
+
+
+def way_through(survey: Survey) -> NDArray[np.float64]:
+    """Return the taut way (n + 1, 2) [m] of a planned survey, from its start on."""
+    assert survey.start is not None
+    return taut_way((survey.start.north_m, survey.start.east_m), footprints_of(survey.sets))
 
 
 def taut_way(

@@ -19,6 +19,7 @@ import shapely
 
 from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
+from grebe.core.polyline import passed_m, places_at
 from grebe.core.quantity import Quantity
 from grebe.core.samples import Flag
 from grebe.io.store import SurveyFile
@@ -291,11 +292,11 @@ def profile(
     """Values along a line, with their 95 % interval; None off the water."""
     made = _made(path, quantity, forming=forming)
     corners = made.frame.to_local(line)
-    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    if not np.isfinite(lengths).all() or not 0 < lengths[-1] < 1e6:
+    length_m = float(passed_m(corners)[-1])
+    if not 0 < length_m < 1e6:
         raise InputError("The line has no length, or is longer than any lake.", settings=("line",))
-    distance = np.linspace(0.0, lengths[-1], PROFILE_POINTS)
-    places = np.column_stack([np.interp(distance, lengths, corners[:, i]) for i in (0, 1)])
+    distance = np.linspace(0.0, length_m, PROFILE_POINTS)
+    places = places_at(corners, distance)
     inside = _inside(made, places)
     mean, sd = np.full(len(places), np.nan), np.full(len(places), np.nan)
     if inside.any():

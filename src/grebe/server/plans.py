@@ -10,7 +10,6 @@ import math
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -18,13 +17,12 @@ from grebe.core.dynamics import Weather
 from grebe.core.errors import GrebeError, InputError, UsageError
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
-from grebe.core.sets import footprints_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS, Vessel, vessel_named
 from grebe.io.store import SurveyFile
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
-from grebe.planning.taut import taut_way
+from grebe.planning.taut import way_through
 from grebe.server.asked import NUMBER_MOST
 from grebe.server.library import geojson, rings
 from grebe.workflow.demo import NOTE, demo_survey
@@ -190,8 +188,7 @@ def _vector(given: Any, what: str, size: str, direction: str) -> tuple[float, fl
 def _shown(planned: Planned) -> dict[str, Any]:
     survey, outcome = planned.survey, planned.outcome
     missing = _uncovered(survey)
-    way = _way(survey)
-    line = shapely.LineString(way) if len(way) > 1 else shapely.LineString()
+    line = shapely.LineString(way_through(survey))
     outside = line.difference(survey.water.buffer(0.05)).length
     return {
         "targets": {
@@ -219,14 +216,6 @@ def _shown(planned: Planned) -> dict[str, Any]:
         "problems": [],
         "notes": list(planned.notes),
     }
-
-
-def _way(survey: Survey) -> list[tuple[float, float]]:
-    if survey.start is None:
-        return []
-    here = (survey.start.north_m, survey.start.east_m)
-    way = np.asarray(taut_way(here, footprints_of(survey.sets)), dtype=float)
-    return [(float(north), float(east)) for north, east in way.reshape(-1, 2)]
 
 
 def _uncovered(survey: Survey) -> shapely.MultiPolygon:

@@ -18,9 +18,7 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import GrebeError, InputError, PlanError, UsageError
-from grebe.core.plan_settings import Pattern, PlanSettings
-from grebe.core.sets import footprints_of
-from grebe.core.survey import Survey
+from grebe.core.plan_settings import PATTERNS, PlanSettings
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.mapping.covariance import PRACTICAL_RANGE, CovarianceModel
@@ -30,14 +28,13 @@ from grebe.mapping.methods.base import Readings
 from grebe.mapping.posterior import fit_rough
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region
-from grebe.planning.taut import taut_way
+from grebe.planning.taut import way_through
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.floating]
 
-PATTERNS: tuple[Pattern, ...] = ("free", "rows", "columns")
 CORES = (1.0, 0.6, 0.3)
 CHOICES = len(PATTERNS) * len(CORES)
 # Nodes at which plans are compared, and of the picture of the one that is taken.
@@ -63,7 +60,7 @@ class Expected:
     @property
     def way(self) -> Array:
         """The taut way (n, 2) along which samples are taken."""
-        return way_of(self.planned.survey)
+        return way_through(self.planned.survey)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +118,7 @@ def expected(planned: Planned, prior: CovarianceModel, said: str = "") -> Expect
     survey = planned.survey
     grid = make_grid(survey.water, math.sqrt(survey.water.area / NODES))
     pace_m = max(planned.outcome.length_m / max(planned.outcome.time_s, 1.0), 0.1)
-    variance = expected_variance(way_of(survey), grid.nodes, prior, pace_m)
+    variance = expected_variance(way_through(survey), grid.nodes, prior, pace_m)
     share = math.sqrt(float(np.mean(variance)) / prior.sill)
     return Expected(
         planned=planned, grid=grid, sd=grid.spread(np.sqrt(variance / prior.sill)), share=share,
@@ -216,10 +213,3 @@ def _sure_enough(
             settings=("sd_share", "range_m"),
         )
     return best
-
-
-def way_of(survey: Survey) -> Array:
-    """The taut way (n, 2) from a survey's start through its targets."""
-    assert survey.start is not None
-    here = (survey.start.north_m, survey.start.east_m)
-    return np.asarray(taut_way(here, footprints_of(survey.sets)), dtype=float).reshape(-1, 2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
@@ -24,9 +25,10 @@ from grebe.mission.rota import InTurn, Rota
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
+from grebe.mission.watchdog import guarded, journal_beside
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
-from grebe.workflow.run import HelmOf
+from grebe.workflow.run import HelmOf, as_known_to, no_long_pauses, pilot_of, say_first
 
 # The link of a boat, by its number and whence it departs.
 FleetAt = Callable[[int, Departure], BoatLink]
@@ -191,24 +193,35 @@ class FleetRun:
         # Where the boats lie is known before the first of them moves.
         for boat, departure in departures.items():
             together.traffic.claim(boat, np.array([departure.state[:2]]))
-        missions = {
-            boat: self._mission(boat, departure, together) for boat, departure in departures.items()
-        }
-        reports = together.run(missions, shares_time=self.shares_time)
+        say_first(next(iter(departures.values())), self.survey_file, self.watches(min(departures)))
+        with ExitStack() as watch, no_long_pauses():
+            missions = {
+                boat: self._mission(boat, departure, together, watch)
+                for boat, departure in departures.items()
+            }
+            reports = together.run(missions, shares_time=self.shares_time)
         return [(boat, sorties[boat].number, report) for boat, report in sorted(reports.items())]
 
-    def _mission(self, boat: int, departure: Departure, together: _Together) -> Mission:
+    def _mission(
+        self, boat: int, departure: Departure, together: _Together, watch: ExitStack
+    ) -> Mission:
+        """The mission of a boat; its link is left, and its watchdog dismissed, with `watch`."""
         link = self.boat_at(boat, departure)
+        watch.callback(link.close)
+        known = as_known_to(link, departure)
+        helm = self.helm_of(known)
+        guards = watch.enter_context(guarded(link, journal_beside(self.survey_file.path)))
         mission = Mission(
             departure.survey,
-            self.helm_of(departure),
+            helm,
             InTurn(link, together.rota, boat) if self.shares_time else link,
             SharedRecorder(SurveyRecorder(self.survey_file, boat), together.lock),
             self.settings,
             quantities=departure.quantities,
-            listeners=self.watches(boat),
+            listeners=[*guards, *self.watches(boat)],
             started=departure.started,
             reached=departure.reached,
+            pilot=pilot_of(known, self.helm_of),
             lookout=Lookout(traffic=together.traffic, boat=boat),
             stands_by=lambda: together.others_sail(boat),
         )

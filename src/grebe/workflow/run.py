@@ -7,7 +7,6 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
-from pathlib import Path
 
 from grebe.control.controller import Controller
 from grebe.control.rules.base import Rule
@@ -19,6 +18,7 @@ from grebe.links.base import BoatLink, Instruments, ModelledLink
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
+from grebe.mission.guard import Pilot
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
@@ -72,7 +72,7 @@ def run_survey(
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     survey_file.claim()
     link = boat_at(departure)
-    known = _as_known_to(link, departure)
+    known = as_known_to(link, departure)
     try:
         helm = helm_of(known)
         _begin(survey_file, departure, link.source, now, listeners)
@@ -80,10 +80,8 @@ def run_survey(
         link.close()
         raise
 
-    def pilot(way: Survey) -> Helm:
-        return helm_of(replace(known, survey=way, reached=0))
-
-    with guarded(link, journal_beside(survey_file.path)) as guards, _no_long_pauses():
+    pilot = pilot_of(known, helm_of)
+    with guarded(link, journal_beside(survey_file.path)) as guards, no_long_pauses():
         mission = Mission(
             departure.survey,
             helm,
@@ -115,13 +113,21 @@ def _begin(
         survey_file.clear_mission()
     survey_file.set_meta("water", source)
     survey_file.begin_session(now)
-    ears = Broadcast(SurveyRecorder(survey_file), listeners)
-    _say_first(departure, journal_beside(survey_file.path), ears)
+    say_first(departure, survey_file, listeners)
 
 
-def _as_known_to(link: BoatLink, departure: Departure) -> Departure:
+def as_known_to(link: BoatLink, departure: Departure) -> Departure:
     """The departure with the boat as its link knows it."""
     return replace(departure, vessel=link.model) if isinstance(link, ModelledLink) else departure
+
+
+def pilot_of(departure: Departure, helm_of: HelmOf) -> Pilot:
+    """Return what makes who steers another way than the survey's: home, or a new order."""
+
+    def pilot(way: Survey) -> Helm:
+        return helm_of(replace(departure, survey=way, reached=0))
+
+    return pilot
 
 
 def _replanner(
@@ -142,7 +148,7 @@ def _replanner(
 
 
 @contextmanager
-def _no_long_pauses() -> Generator[None]:
+def no_long_pauses() -> Generator[None]:
     """Spare the loop the collector's walks over all that was imported and compiled: each takes
     some 100 ms, in which the boat hears nothing. What a mission makes itself is collected still.
     """
@@ -153,10 +159,11 @@ def _no_long_pauses() -> Generator[None]:
         gc.unfreeze()
 
 
-def _say_first(departure: Departure, journal: Path, ears: Broadcast) -> None:
-    """What is to be known before a mission: doubts, and what a watchdog had to do before."""
+def say_first(departure: Departure, survey_file: SurveyFile, listeners: Sequence[Listener]) -> None:
+    """Say what is to be known before a mission: doubts, and what a watchdog had to do before."""
+    ears = Broadcast(SurveyRecorder(survey_file), listeners)
     said = [(doubt.code, doubt.message) for doubt in departure.doubts]
-    said += [("watchdog_acted", note) for note in taken_notes(journal)]
+    said += [("watchdog_acted", note) for note in taken_notes(journal_beside(survey_file.path))]
     for code, message in said:
         ears.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
     ears.release(finally_=True)

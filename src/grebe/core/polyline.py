@@ -1,0 +1,23 @@
+"""A way through places, by how far along it one is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+
+def passed_m(way: Array) -> Array:
+    """How far along a way (n, 2) each of its places is, (n,) [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
+
+
+def places_at(way: Array, distances_m: Array) -> NDArray[np.float64]:
+    """The places (m, 2) at distances (m,) along a way (n, 2)."""
+    passed = passed_m(way)
+    return np.column_stack([np.interp(distances_m, passed, column) for column in way.T])
