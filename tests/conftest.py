@@ -19,6 +19,7 @@ from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS
+from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.store import SurveyFile
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
@@ -41,6 +42,19 @@ CHINA = TRACKS / "China-catabot-20200915.csv"
 TEMPERATURE, OXYGEN = LIMNOLOGICAL["temperature_degc"], LIMNOLOGICAL["dissolved_oxygen_mgl"]
 FRAME = LocalFrame(origin_lon_deg=3.171153, origin_lat_deg=50.636268)
 NOON = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
+ENTRY = CatalogueEntry(
+    title="Surface water of a test",
+    identifier="4f1b",
+    outline=shapely.box(3.17, 50.63, 3.18, 50.64),
+    quantities=("Dissolved oxygen",),
+    resolution_m=2.5,
+    created_s=NOON.timestamp() + 86_400,
+    first_s=NOON.timestamp(),
+    last_s=NOON.timestamp() + 3_600,
+    every_s=1.0,
+    source="a test",
+    history="made up",
+)
 
 
 def simulate(file, rule=None, world=None, **how):

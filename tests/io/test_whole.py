@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import shapely
-from conftest import FRAME, OXYGEN, square_survey
+from conftest import ENTRY, FRAME, OXYGEN, square_survey
 
 from grebe.core.errors import InputError, SurveyFileError
 from grebe.core.samples import Flag
@@ -59,7 +59,7 @@ def figure(path: Path) -> None:
 WRITERS = {
     "plan.geojson": lambda path, one: write_export(square_survey(), path),
     "plan.waypoints": lambda path, one: write_export(square_survey(side_m=60), path),
-    "map.nc": lambda path, one: write_netcdf(path, [one], FRAME, {}),
+    "map.nc": lambda path, one: write_netcdf(path, [one], FRAME, ENTRY),
     "map.tif": lambda path, one: write_geotiff(path, one, FRAME, {}),
     "contours.gpkg": lambda path, one: write_contours(path, [one], FRAME),
     "map.png": lambda path, one: figure(path),

@@ -5,7 +5,7 @@ import netCDF4
 import numpy as np
 import pytest
 import shapely
-from conftest import FRAME, TEMPERATURE
+from conftest import ENTRY, FRAME, TEMPERATURE
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -234,9 +234,9 @@ def test_netcdf_holds_what_was_mapped(tmp_path):
     maps, left_out = map_all(Mapper(WATER, make_grid(WATER, 5.0)), samples, LIMNOLOGICAL)
     assert left_out == ["Turbidity: not measured"]
     path = tmp_path / "map.nc"
-    write_netcdf(path, maps, FRAME, {"title": "test"})
+    write_netcdf(path, maps, FRAME, ENTRY)
     with netCDF4.Dataset(path) as file:
-        assert file.Conventions == "CF-1.8"
+        assert file.Conventions == "CF-1.8, ACDD-1.3"
         assert "turbidity_ntu" not in file.variables
         stored = file["ph"][:].filled(np.nan)
         assert np.allclose(stored, maps[2].mean, equal_nan=True, atol=1e-5)

@@ -38,6 +38,7 @@ class MapTask:
     resolution_m: float | None = None
     draws: int = 0
     profile: Path | None = None
+    credits_file: Path | None = None
 
     def folder_of(self, file: Path) -> Path:
         """Where the maps of a survey file go."""
@@ -50,7 +51,7 @@ class MapTask:
             with SurveyFile.open(file) as survey_file:
                 profile = read_profile(self.profile, BUILTIN.extended(survey_file.quantities))
             data = map_survey(file, self.settings, self.resolution_m)
-            write_maps(data, folder, profile, self.draws)
+            write_maps(data, folder, profile, self.draws, self.credits_file)
         except GrebeError as error:
             return Mapped(file=file, folder=folder, error=str(error))
         labels = tuple(f"{one.quantity.label} ({one.method.key})" for one in data.maps)

@@ -78,6 +78,12 @@ from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_surv
 )
 @click.option("--draws", type=click.IntRange(0, 1000), default=0, help="Conditional simulations.")
 @click.option("--profile", type=options.EXISTING, help="TOML: thresholds.  [default: fresh water]")
+@click.option(
+    "--credits",
+    "credits_file",
+    type=options.EXISTING,
+    help="TOML: who made the survey, and on what terms, for the files' metadata.",
+)
 @options.force_option
 @options.json_option
 def command(
@@ -105,6 +111,7 @@ def command(
             resolution_m=asked["resolution_m"],
             draws=asked["draws"],
             profile=asked["profile"],
+            credits_file=asked["credits_file"],
         )
         _map_many(files, task, engine_of(workers, scheduler), force=force, as_json=as_json)
         return
@@ -124,7 +131,7 @@ def _map_one(file: Path, out: Path, asked: dict[str, Any], *, as_json: bool) -> 
     settings = _settings(asked, functions)
     with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
         data = map_survey(file, settings, asked["resolution_m"], countdown.update)
-    written = write_maps(data, out, thresholds, asked["draws"])
+    written = write_maps(data, out, thresholds, asked["draws"], asked["credits_file"])
     for text in data.left_out:
         output.note(f"left out: {text}")
     for text in change_notes(data.maps):

@@ -173,9 +173,9 @@ def line_folds(positions: Array, seed: int = 0) -> tuple[Indices, int]:
 
 def off_the_way(way: Array, places: Array) -> Array:
     """Distance [m] of places (m, 2) from the line through the samples (n, 2) in their order."""
-    line = shapely.linestrings(way)
-    shapely.prepare(line)
-    return np.asarray(shapely.distance(line, shapely.points(places)))
+    legs = shapely.STRtree(shapely.linestrings(np.stack([way[:-1], way[1:]], axis=1)))
+    _, away = legs.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
+    return np.asarray(away)
 
 
 def track_folds(positions: Array) -> tuple[Indices, Literal["lines", "blocks"], int]:

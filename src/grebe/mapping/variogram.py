@@ -16,6 +16,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from scipy.spatial.distance import pdist
 
 from grebe.mapping.covariance import KINDS, CovarianceModel, correlations, stretched
+from grebe.mapping.remembered import remembered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -239,6 +240,7 @@ def _standard_errors(jacobian: Array, squares: float) -> Array:
     return np.where(variance >= 0, np.sqrt(np.abs(variance)), np.nan)
 
 
+@remembered(4)
 def fit_variogram(
     positions: Array, values: Array, estimator: Estimator = "matheron"
 ) -> VariogramFit:

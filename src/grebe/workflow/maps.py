@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
+from pyproj import CRS
 
 from grebe.core.errors import InputError
+from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.export.contours import write_contours
 from grebe.io.export.geotiff import write_geotiff
 from grebe.io.export.netcdf import write_netcdf
+from grebe.io.export.stac import ITEM_NAME, Asset, write_stac_item
+from grebe.io.readers.credits import read_credits
 from grebe.io.store import SurveyFile
 from grebe.mapping.maps import MapSettings, QuantityMap
 from grebe.report import canvas, map_figures
@@ -41,10 +46,20 @@ def map_survey(
         return gather(survey_file, resolution_m, settings, on_mapped)
 
 
-def write_maps(data: ReportData, out: Path, profile: Profile, draws: int = 0) -> list[Path]:
-    """Write everything that maps are given in; `InputError` when there is nothing to map."""
+def write_maps(
+    data: ReportData,
+    out: Path,
+    profile: Profile,
+    draws: int = 0,
+    credits_file: Path | None = None,
+) -> list[Path]:
+    """Write everything that maps are given in; `InputError` when there is nothing to map.
+
+    `credits_file` says who made the survey, and on what terms.
+    """
     if not data.maps:
         raise InputError(f"No quantity can be mapped: {'; '.join(data.left_out)}.")
+    entry = catalogue_entry(data, credits_file)
     make_folder(out)
     frame = data.survey.frame
     concerns = {
@@ -55,28 +70,81 @@ def write_maps(data: ReportData, out: Path, profile: Profile, draws: int = 0) ->
         one.quantity.key: one.draws(draws) for one in data.maps if draws
     }
     written = [out / NETCDF_NAME, out / "contours.gpkg"]
-    write_netcdf(written[0], data.maps, frame, _attributes(data), concerns, drawn)
+    write_netcdf(written[0], data.maps, frame, entry, concerns, drawn)
     write_contours(written[1], data.maps, frame)
     for one in data.maps:
         key = one.quantity.key
         write_geotiff(out / f"{key}.tif", one, frame, concerns[key])
         canvas.save(map_figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
         written += [out / f"{key}.tif", out / f"{key}.png"]
-        lake = bathymetry_of(one, data.survey)
-        if lake is not None:
-            write_hypsography(out / "hypsography.csv", lake)
-            canvas.save(hypsographic_figure(lake), out / "hypsography.png")
-            written += [out / "hypsography.csv", out / "hypsography.png"]
+        written += _write_bathymetry(data, one, out)
+    write_stac_item(out / ITEM_NAME, entry, _assets(data, written, concerns), _projection(data))
+    return [*written, out / ITEM_NAME]
+
+
+def _write_bathymetry(data: ReportData, one: QuantityMap, out: Path) -> list[Path]:
+    lake = bathymetry_of(one, data.survey)
+    if lake is None:
+        return []
+    written = [out / "hypsography.csv", out / "hypsography.png"]
+    write_hypsography(written[0], lake)
+    canvas.save(hypsographic_figure(lake), written[1])
     return written
 
 
-def _attributes(data: ReportData) -> dict[str, str]:
+def _assets(
+    data: ReportData, written: Sequence[Path], concerns: Mapping[str, Mapping[str, object]]
+) -> list[Asset]:
+    """The files of a set of maps, with what is in the bands of its rasters."""
+    titles = {"map": "all quantities", "contours": "contours", "hypsography": "hypsography"}
+    by_key = {one.quantity.key: one.quantity for one in data.maps}
+    made: list[Asset] = []
+    for path in written:
+        quantity = by_key.get(path.stem)
+        bands: list[tuple[str, str]] = []
+        if quantity is not None and path.suffix == ".tif":
+            unit = quantity.unit
+            bands = [("mean", unit), ("sd", unit), *((name, "1") for name in concerns[path.stem])]
+        title = titles.get(path.stem, path.stem) if quantity is None else quantity.label
+        made.append(Asset(path=path, title=title, bands=bands))
+    return made
+
+
+def _projection(data: ReportData) -> dict[str, Any]:
+    """What the rasters share, by STAC's projection extension."""
+    grid = data.maps[0].grid
+    half = grid.step_m / 2
     return {
-        "title": f"Surface water of {data.survey.name}",
-        "source": f"Grebe {data.meta['software_version']}, {data.meta.get('water', 'measured')}",
-        "history": f"mapped from survey {data.meta.get('survey_id', '')}",
-        "comment": data.meta.get("note", ""),
-    }
+        "proj:epsg": None,
+        "proj:wkt2": CRS.from_user_input(data.survey.frame.definition).to_wkt(),
+        "proj:shape": [len(grid.north), len(grid.east)],
+        "proj:transform": [
+            grid.step_m, 0.0, float(grid.east[0]) - half,
+            0.0, -grid.step_m, float(grid.north[-1]) + half,
+        ],
+    }  # fmt: skip
+
+
+def catalogue_entry(data: ReportData, credits_file: Path | None = None) -> CatalogueEntry:
+    """What a catalogue finds the maps by; `InputError` where the credits cannot be read."""
+    said = read_credits(credits_file).said()
+    water = shapely.transform(data.survey.water, data.survey.frame.to_wgs84)
+    times = data.samples.times
+    return CatalogueEntry(
+        title=said.get("title", f"Surface water of {data.survey.name}"),
+        identifier=data.meta.get("survey_id", ""),
+        outline=water,
+        quantities=[one.quantity.label for one in data.maps],
+        resolution_m=data.maps[0].grid.step_m,
+        created_s=datetime.now(UTC).timestamp(),
+        first_s=float(times.min()),
+        last_s=float(times.max()),
+        every_s=float(np.median(np.diff(np.sort(times)))),
+        source=f"Grebe {data.meta['software_version']}, {data.meta.get('water', 'measured')}",
+        history=f"mapped from survey {data.meta.get('survey_id', '')}",
+        comment=data.meta.get("note", ""),
+        credits=said,
+    )
 
 
 def change_notes(maps: Sequence[QuantityMap]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Write maps as CF NetCDF: all quantities with their standard deviations in one file.
+"""Write maps as CF and ACDD NetCDF: all quantities with their standard deviations in one file.
 
 Standard names of lake water do not exist in the CF table; the `sea_water_*` names are used, with
 a comment that says so, where they name the same quantity. A unit that UDUNITS does not know (NTU,
@@ -15,6 +15,7 @@ import netCDF4
 import numpy as np
 
 from grebe.core.frames import LocalFrame
+from grebe.io.export.catalogue import ACDD, CatalogueEntry, acdd
 from grebe.io.whole import written_whole
 from grebe.mapping.grid import Grid
 from grebe.mapping.maps import QuantityMap
@@ -26,7 +27,7 @@ def write_netcdf(
     path: Path,
     maps: Sequence[QuantityMap],
     frame: LocalFrame,
-    attributes: dict[str, str],
+    entry: CatalogueEntry,
     probabilities: Fields | None = None,
     draws: Mapping[str, np.ndarray] | None = None,
 ) -> None:
@@ -40,8 +41,9 @@ def write_netcdf(
         written_whole(path, RuntimeError) as part,
         netCDF4.Dataset(part, "w", format="NETCDF4") as dataset,
     ):
-        dataset.setncatts({"Conventions": "CF-1.8", **attributes})
-        _write_grid(dataset, maps[0].grid, frame)
+        bounds = _write_grid(dataset, maps[0].grid, frame)
+        dataset.setncatts({"Conventions": f"CF-1.8, {ACDD}", **acdd(entry, bounds)})
+        _write_time(dataset, entry)
         for one in maps:
             key = one.quantity.key
             _write_map(dataset, one)
@@ -52,7 +54,10 @@ def write_netcdf(
                 _write_draws(dataset, one, draws[key])
 
 
-def _write_grid(dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame) -> None:
+def _write_grid(
+    dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame
+) -> tuple[float, float, float, float]:
+    """Write the nodes' coordinates; return their bounds, west, south, east, north [deg]."""
     for name, long_name, standard_name, values in (
         ("y", "northing in the survey's frame", "projection_y_coordinate", grid.north),
         ("x", "easting in the survey's frame", "projection_x_coordinate", grid.east),
@@ -83,6 +88,24 @@ def _write_grid(dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame) -> None
         variable = dataset.createVariable(name, "f8", ("y", "x"), zlib=True)
         variable.setncatts({"standard_name": long_name, "long_name": long_name, "units": units})
         variable[:] = lonlat[..., i]
+    west, south = lonlat.min(axis=(0, 1)).tolist()
+    east, north = lonlat.max(axis=(0, 1)).tolist()
+    return west, south, east, north
+
+
+def _write_time(dataset: netCDF4.Dataset, entry: CatalogueEntry) -> None:
+    """The middle of the survey, one time for all fields; its ends are global attributes."""
+    time = dataset.createVariable("time", "f8")
+    time.setncatts(
+        {
+            "standard_name": "time",
+            "long_name": "middle of the survey",
+            "units": "seconds since 1970-01-01T00:00:00Z",
+            "calendar": "standard",
+            "axis": "T",
+        }
+    )
+    time[...] = (entry.first_s + entry.last_s) / 2
 
 
 def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
@@ -109,13 +132,14 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
             "interpolation": f"{one.method.key}: {one.reason}",
             "sample_count": np.int32(one.samples),
             "moment": _moment(one),
+            **_worth(one),
         }
     )
     if quantity.standard_name:
         mean.comment = "Lake water; the sea_water_* names are the nearest in the CF table."
     if quantity.unit and quantity.cf_unit == "1":
         mean.reported_unit = quantity.unit
-    sd = _field(dataset, f"{quantity.key}_sd", one.sd)
+    sd = _field(dataset, f"{quantity.key}_sd", one.sd, content="qualityInformation")
     sd.setncatts(
         {
             **_named(quantity.standard_name, " standard_error"),
@@ -123,6 +147,28 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
             "units": quantity.cf_unit,
         }
     )
+
+
+def _worth(one: QuantityMap) -> dict[str, float]:
+    """What is known of the noise, of the direction, and of how far the map can be trusted."""
+    found = {
+        "sensor_noise_sd": one.noise_sd,
+        "sd_factor_on_the_way": one.calibration.on_way,
+        "sd_factor_off_the_way": one.calibration.off_way,
+        "anisotropy_ratio": one.model.ratio,
+        "anisotropy_angle_deg": one.model.angle_deg,
+    }
+    if one.validation is not None:
+        proof = one.validation
+        found |= {
+            "validation_samples": float(proof.samples),
+            "validation_rmse": proof.rmse,
+            "validation_bias": proof.bias,
+            "validation_mean_squared_standardised_error": proof.msdr,
+            "validation_share_within_50_percent": proof.coverage50,
+            "validation_share_within_95_percent": proof.coverage95,
+        }
+    return found
 
 
 def _moment(one: QuantityMap) -> str:
@@ -154,6 +200,7 @@ def _write_draws(dataset: netCDF4.Dataset, one: QuantityMap, draws: np.ndarray) 
     variable = _field(dataset, f"{one.quantity.key}_draw", draws, ("realization", "y", "x"))
     variable.setncatts(
         {
+            **_named(one.quantity.standard_name),
             "long_name": f"conditional simulations of {label}: equally likely given the samples",
             "units": one.quantity.cf_unit,
         }
@@ -165,10 +212,11 @@ def _field(
     name: str,
     values: np.ndarray,
     dimensions: tuple[str, ...] = ("y", "x"),
+    content: str = "modelResult",
 ) -> netCDF4.Variable:
     variable = dataset.createVariable(
         name, "f4", dimensions, zlib=True, fill_value=np.float32(-9999)
     )
-    variable.setncatts({"grid_mapping": "crs", "coordinates": "lat lon"})
+    variable.setncatts({"grid_mapping": "crs", "coordinates": "time lat lon", "coverage_content_type": content})
     variable[:] = np.ma.masked_invalid(values)
     return variable

@@ -1,0 +1,91 @@
+"""Write the STAC item of a set of maps: what a spatial catalogue takes in.
+
+STAC 1.0.0, with the projection and raster extensions; the assets lie beside the item.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import shapely
+
+from grebe.io.export.catalogue import CatalogueEntry, time_text
+from grebe.io.whole import write_text_whole
+
+ITEM_NAME = "item.json"
+EXTENSIONS = (
+    "https://stac-extensions.github.io/projection/v1.1.0/schema.json",
+    "https://stac-extensions.github.io/raster/v1.1.0/schema.json",
+)
+# A licence that has no name of its own is "proprietary" to STAC 1.0.
+NO_LICENCE = "proprietary"
+MEDIA = {
+    ".tif": ("image/tiff; application=geotiff; profile=cloud-optimized", "data"),
+    ".nc": ("application/netcdf", "data"),
+    ".gpkg": ("application/geopackage+sqlite3", "data"),
+    ".csv": ("text/csv", "data"),
+    ".png": ("image/png", "overview"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asset:
+    """A file of the set: `title`, and for a raster its `bands`, (name, unit) each."""
+
+    path: Path
+    title: str
+    bands: Sequence[tuple[str, str]] = ()
+
+
+def write_stac_item(
+    path: Path,
+    entry: CatalogueEntry,
+    assets: Sequence[Asset],
+    projection: Mapping[str, Any],
+) -> None:
+    """Write the item; `projection` holds what all rasters share, by the projection extension."""
+    properties: dict[str, Any] = {
+        "title": entry.title,
+        "description": entry.summary,
+        "created": time_text(entry.created_s),
+        "keywords": list(entry.keywords),
+        "license": entry.credits.get("license", NO_LICENCE),
+        "gsd": entry.resolution_m,
+        **projection,
+        "datetime": time_text((entry.first_s + entry.last_s) / 2),
+        "start_datetime": time_text(entry.first_s),
+        "end_datetime": time_text(entry.last_s),
+    }
+    west, south, east, north = entry.outline.bounds
+    item = {
+        "type": "Feature",
+        "stac_version": "1.0.0",
+        "stac_extensions": list(EXTENSIONS),
+        "id": entry.identifier,
+        "geometry": shapely.geometry.mapping(shapely.geometry.polygon.orient(entry.outline)),
+        "bbox": [west, south, east, north],
+        "properties": properties,
+        "links": [{"rel": "self", "href": f"./{path.name}", "type": "application/geo+json"}],
+        "assets": {one.path.name: _asset(one) for one in assets if one.path.suffix in MEDIA},
+    }
+    write_text_whole(path, json.dumps(item, indent=1, ensure_ascii=False) + "\n")
+
+
+def _asset(one: Asset) -> dict[str, Any]:
+    media, role = MEDIA[one.path.suffix]
+    made: dict[str, Any] = {
+        "href": f"./{one.path.name}",
+        "type": media,
+        "title": one.title,
+        "roles": [role],
+    }
+    if one.bands:
+        made["raster:bands"] = [
+            {"name": name, "description": name, **({"unit": unit} if unit else {})}
+            for name, unit in one.bands
+        ]
+    return made
