@@ -18,7 +18,14 @@ from grebe.io.readers.depth import read_depth
 from grebe.io.store import SurveyFile
 from grebe.mapping.drift import DriftFunction, combined, inflow, linear
 from grebe.mapping.maps import MapSettings
-from grebe.mapping.methods.choice import COVARIANCE_FITS, KRIGING, METHODS, ByShore, with_settings
+from grebe.mapping.methods.choice import (
+    AVERAGED,
+    COVARIANCE_FITS,
+    KRIGING,
+    METHODS,
+    ByShore,
+    with_settings,
+)
 from grebe.mapping.variogram import ESTIMATORS
 from grebe.report.thresholds import read_profile
 from grebe.workflow.files import make_folder
@@ -42,8 +49,9 @@ from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_surv
 @click.option(
     "--variogram",
     type=click.Choice(tuple(COVARIANCE_FITS)),
-    help="The covariance: rough or smooth by its posterior under priors, by restricted likelihood "
-    "alone (reml), or as the variogram has it (wls).  [default: what predicts best]",
+    help="The covariance of place alone: rough or smooth by its posterior under priors, by "
+    "restricted likelihood alone (reml), or as the variogram has it (wls).  [default: the mean of "
+    "a rough one and of a smooth one that knows of passes]",
 )
 @click.option(
     "--moment",
@@ -176,15 +184,16 @@ def _settings(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings
     """The methods by their names in the table, with the settings that are given."""
     method, variogram = asked["method"], asked["variogram"]
     more = {"shore_depth_sd_m": asked["shore_depth_sd_m"], "moment": asked["moment"]}
-    given = {
-        "fit_covariance": None if variogram is None else COVARIANCE_FITS[variogram],
-        "estimator": asked["estimator"],
-        "drift": drift,
-    }
+    given = {"estimator": asked["estimator"], "drift": drift}
+    if variogram is not None:
+        given["fit_covariance"] = COVARIANCE_FITS[variogram]
     if method is None:
-        straight = with_settings(KRIGING, **given)
-        return MapSettings(choice=ByShore(straight=straight), **more)
-    return MapSettings(method=with_settings(METHODS[method], **given), **more)
+        default = KRIGING[:1] if variogram is not None else (AVERAGED,)
+        return MapSettings(choice=ByShore(straight=with_settings(default, **given)), **more)
+    chosen = METHODS[method]
+    if variogram is not None and chosen == (AVERAGED,):
+        chosen = KRIGING[:1]
+    return MapSettings(method=with_settings(chosen, **given), **more)
 
 
 def _drift(

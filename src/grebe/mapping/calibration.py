@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.mapping.validation import Z50, Z95, Errors, off_the_way
+from grebe.mapping.validation import Z50, Z95, Errors
+from grebe.mapping.way import REACH_M, off_the_way
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.floating]
 
-# A place this far from the way is no longer on it [m]: the error of a receiver, about.
-REACH_M = 3.0
 # Factors beyond these are the data's fault and not the model's.
 LEAST, MOST = 0.3, 6.0
 # So many left-out pieces weigh as much as the belief that the model is right.

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import bisect, minimize
+from scipy.optimize import bisect
 from scipy.spatial import KDTree
 
 from grebe.mapping.methods.base import Readings
@@ -309,14 +309,4 @@ def _with_share(posterior: Posterior, at: Array) -> Array:
 
 def _refined(posterior: Posterior, start: Array) -> Array:
     """The posterior's mode from a start that is near."""
-    found = minimize(
-        lambda at: -posterior.log_density(at),
-        start,
-        method="Nelder-Mead",
-        bounds=[(one - 4.0, one + 4.0) for one in start.tolist()],
-        options={
-            "xatol": 2e-2, "fatol": 2e-2, "maxfev": 120,
-            "initial_simplex": np.vstack([start, start + 0.4 * np.eye(len(start))]),
-        },
-    )  # fmt: skip
-    return np.asarray(found.x)
+    return posterior.highest(start)[1]

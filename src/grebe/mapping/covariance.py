@@ -57,9 +57,33 @@ def _correlations(code: int, x: Array) -> Array:
     return out.reshape(x.shape)
 
 
+@machine_code
+def _carried(code: int, at: Array, places: Array, reach: float, weights: Array) -> Array:
+    out = np.zeros((at.shape[0], weights.shape[1]))
+    for i in range(at.shape[0]):
+        for j in range(places.shape[0]):
+            north, east = at[i, 0] - places[j, 0], at[i, 1] - places[j, 1]
+            share = correlation(code, math.sqrt(north * north + east * east) / reach)
+            for k in range(weights.shape[1]):
+                out[i, k] += share * weights[j, k]
+    return out
+
+
 def correlations(kind: str, x: Array) -> Array:
     """Correlation at distances of `x` ranges, any shape."""
     return _correlations(KINDS.index(kind), np.ascontiguousarray(x, dtype=float))
+
+
+def slopes(kind: str, x: Array) -> Array:
+    """By how much the correlation at distances of `x` ranges grows with the range's logarithm."""
+    if kind == "spherical":
+        return np.where(x < 1, 1.5 * (x - x**3), 0.0)
+    if kind == "exponential":
+        return x * np.exp(-x)
+    if kind == "gaussian":
+        return 2 * x**2 * np.exp(-(x**2))
+    t = x * np.sqrt(3.0 if kind == "matern32" else 5.0)
+    return t**2 * np.exp(-t) * (1.0 if kind == "matern32" else (1 + t) / 3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +110,15 @@ class CovarianceModel:
         """Covariance of the signal at a distance along the major axis; without the nugget."""
         return self.sill * correlations(self.kind, distance_m / self.range_m)
 
+    def carried(self, places: Array, weights: Array, at: Array) -> Array:
+        """Sums (m, c) of the signal's covariances with `at` (m, 2) weighted by (n, c) at `places`
+        (n, 2), both in coordinates without a direction: what a matrix product would give.
+        """
+        code = KINDS.index(self.kind)
+        return self.sill * _carried(
+            code, np.ascontiguousarray(at), places, self.range_m, np.ascontiguousarray(weights)
+        )
+
     def variogram(self, distance_m: Array) -> Array:
         """Semivariance gamma(h) for h > 0, nugget included."""
         return self.nugget + self.sill - self.covariance(distance_m)
@@ -108,6 +141,57 @@ class CovarianceModel:
         if self.ratio < 1:
             words += f" along {self.angle_deg:.0f} deg and {self.ratio:.2f} of it across"
         return words
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fleeting:
+    """What all the water shares for minutes, and what two passes over one place differ by: an
+    exponential process of the time alone, `variance` and `memory_s` [s].
+    """
+
+    variance: float
+    memory_s: float
+
+    def __post_init__(self) -> None:
+        if not (self.variance >= 0 and self.memory_s > 0):
+            raise ValueError(f"impossible covariance in time: {self}")
+
+    def covariance(self, a: Array, b: Array) -> Array:
+        """Covariance (n, m) between times (n,) and (m,) [s]."""
+        return self.variance * np.exp(-np.abs(a[:, None] - b[None, :]) / self.memory_s)
+
+    def carried(self, times: Array, weights: Array, at: Array) -> Array:
+        """Sums (m, c) of covariances with `at` (m,) weighted by (n, c) at `times` (n,): what a
+        matrix product would give, by one sweep forth and one back.
+        """
+        order = np.argsort(times, kind="stable")
+        when, before, after = times[order], weights[order].copy(), weights[order].copy()
+        kept = np.exp(-np.diff(when) / self.memory_s)
+        for i, share in enumerate(kept.tolist()):
+            before[i + 1] += share * before[i]
+        for i, share in reversed(list(enumerate(kept.tolist()))):
+            after[i] += share * after[i + 1]
+        place = np.searchsorted(when, at, side="right")
+        last, following = np.maximum(place - 1, 0), np.minimum(place, len(when) - 1)
+        ago = np.where(place > 0, np.exp(-np.abs(at - when[last]) / self.memory_s), 0.0)
+        until = np.where(
+            place < len(when), np.exp(-np.abs(when[following] - at) / self.memory_s), 0
+        )
+        sums = ago[:, None] * before[last] + until[:, None] * after[following]
+        return self.variance * sums
+
+    def draws(self, times: Array, count: int, rng: np.random.Generator) -> Array:
+        """Equally likely courses at times (n,), in any order, (count, n)."""
+        order = np.argsort(times, kind="stable")
+        kept = np.exp(-np.diff(times[order]) / self.memory_s)
+        fresh = np.sqrt(self.variance) * rng.normal(size=(count, len(times)))
+        drawn = np.empty_like(fresh)
+        drawn[:, 0] = fresh[:, 0]
+        for i, share in enumerate(kept.tolist(), start=1):
+            drawn[:, i] = share * drawn[:, i - 1] + np.sqrt(1 - share**2) * fresh[:, i]
+        out = np.empty_like(drawn)
+        out[:, order] = drawn
+        return out
 
 
 def stretched(positions: Array, ratio: float, angle_deg: float) -> Array:

@@ -3,20 +3,21 @@
 The nugget is read as noise of the samples: the estimate is of the signal, its variance is the
 signal's, and where the nugget is zero the samples are met exactly. An observation's variance
 is the nugget more (gstat without its `Err` term gives that one). Up to `EXACT_LIMIT` samples
-each estimate uses all of them, beyond that those around it (`grebe.mapping.tiles`).
+each estimate uses all of them, and each mean up to `MEAN_LIMIT`; beyond that those around it
+(`grebe.mapping.tiles`).
 Chiles and Delfiner (2012), sections 3.4 and 3.6.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.spatial.distance import cdist
 
-from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.covariance import CovarianceModel, Fleeting
 from grebe.mapping.tiles import tiles
 
 if TYPE_CHECKING:
@@ -24,14 +25,16 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-EXACT_LIMIT = 400
+# Up to so many samples a system is solved whole; beyond, means alone up to so many more, and all
+# of it where the product of the samples' square and the targets is small.
+EXACT_LIMIT, MEAN_LIMIT, LITTLE_WORK = 400, 3_000, 5e8
 NEIGHBOURS = 150
 TARGETS_AT_ONCE = 2000
 # The trend is estimated once for the whole water, from at most so many samples.
 MOST_FOR_TREND = 500
-# Two samples nearer than this are one place: without a nugget they would make the system
-# singular.
-SAME_PLACE_M = 0.01
+# Two samples nearer than this in place and time are one: without a nugget they would make the
+# system singular.
+SAME_PLACE_M, SAME_TIME_S = 0.01, 0.01
 # Beyond the exact limit, samples within which the signal varies by less than this share of the
 # sill, and than this share of the noise, are joined to one; but by the third share of the sill at
 # least, and more of them where there would still be too many.
@@ -65,6 +68,18 @@ class Drift:
     at_targets: Array
 
 
+@dataclass(frozen=True, kw_only=True)
+class Passing:
+    """A fleeting part of the signal: the times of the samples (n,) and of the targets (m,) [s], and
+    the `share` (m,) of what is known of it at a target's time that holds at its place.
+    """
+
+    fleeting: Fleeting
+    at_samples: Array
+    at_targets: Array
+    share: Array
+
+
 def krige(
     positions: Array,
     values: Array,
@@ -73,17 +88,18 @@ def krige(
     neighbours: int | None = None,
     drift: Drift | None = None,
     extra_variance: Array | None = None,
+    passing: Passing | None = None,
 ) -> Estimate:
     """Estimate the signal at `targets` (m, 2) from `values` (n,) at `positions` (n, 2) [m];
     several columns of values (n, c) share one variance.
 
     `neighbours` limits each estimate to that many samples around it; by default all are used
-    up to `EXACT_LIMIT` samples and `NEIGHBOURS` beyond. `extra_variance` (n,) of each value is
-    besides the nugget.
+    up to `EXACT_LIMIT` samples, for the mean up to `MEAN_LIMIT`, and `NEIGHBOURS` beyond.
+    `extra_variance` (n,) of each value is besides the nugget. With `passing` the signal is of place and of time.
     """
     if len(values) == 0 or not (np.isfinite(positions).all() and np.isfinite(values).all()):
         raise ValueError("kriging needs at least one sample, and finite ones")
-    if model.sill == 0 and drift is None:
+    if model.sill == 0 and drift is None and passing is None:
         spread = np.full(len(targets), model.nugget / len(values))
         return Estimate(mean=np.repeat(values.mean(axis=0)[None], len(targets), 0), variance=spread)
     functions = np.ones((len(values), 1))
@@ -93,44 +109,55 @@ def krige(
         there = np.column_stack([there, drift.at_targets])
     count = 1 if values.ndim == 1 else values.shape[1]
     extra = np.zeros(len(values)) if extra_variance is None else extra_variance
-    table = np.column_stack([values, functions, extra])
+    times = np.zeros(len(values)) if passing is None else passing.at_samples
+    table = np.column_stack([values, functions, extra, times])
     once = distinct(positions, table)
     positions, table = positions[once], table[once]
-    positions, table, counts = _joined(positions, table, model)
-    columns, extra = table[:, :-1], table[:, -1]
+    positions, table, counts = _joined(positions, table, model, passing)
+    columns, extra, times = table[:, :-2], table[:, -2], table[:, -1]
     functions, there = _scaled(columns[:, count:], there)
     samples = _Samples(
         positions=model.isotropic(positions),
         values=columns[:, :count],
         noise=(model.nugget + extra) / counts + JITTER * model.sill,
         functions=functions,
+        times=times,
+        fleeting=None if passing is None else passing.fleeting,
     )
-    targets = model.isotropic(targets)
+    asked = _Targets(positions=model.isotropic(targets), functions=there, passing=passing)
     trend = _trend(samples, model)
     if neighbours is None:
-        neighbours = len(counts) if len(counts) <= EXACT_LIMIT else NEIGHBOURS
+        whole = _whole_is_little(len(counts), len(targets))
+        neighbours = len(counts) if whole else NEIGHBOURS
+        exact = not whole and len(counts) <= MEAN_LIMIT
+    else:
+        exact = False
     if neighbours >= len(counts):
-        mean, variance = _solve(samples, trend, targets, there, model)
+        mean, variance = _solve(samples, trend, asked, model)
     else:
         mean, variance = np.empty((len(targets), count)), np.empty(len(targets))
-        for members, near in tiles(samples.positions, targets, neighbours):
+        for members, near in tiles(samples.positions, asked.positions, neighbours):
             mean[members], variance[members] = _solve(
-                samples.part(near), trend, targets[members], there[members], model
+                samples.part(near), trend, asked.part(members), model
             )
+        if exact:
+            mean = _mean(samples, trend, asked, model)
     mean = mean[:, 0] if values.ndim == 1 else mean
     return Estimate(mean=mean, variance=np.maximum(variance, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Samples:
-    """Places without a direction (n, 2), values (n, c), their noise variance (n,), and the
-    drift's functions there (n, p), a constant first.
+    """Places without a direction (n, 2), values (n, c), their noise variance (n,), the drift's
+    functions there (n, p), a constant first, and the samples' times (n,).
     """
 
     positions: Array
     values: Array
     noise: Array
     functions: Array
+    times: Array
+    fleeting: Fleeting | None
 
     def part(self, chosen: NDArray[np.int64]) -> _Samples:
         return _Samples(
@@ -138,13 +165,46 @@ class _Samples:
             values=self.values[chosen],
             noise=self.noise[chosen],
             functions=self.functions[chosen],
+            times=self.times[chosen],
+            fleeting=self.fleeting,
         )
 
     def factor(self, model: CovarianceModel) -> Array:
         """Cholesky's factor of the samples' covariance."""
         system = model.covariance(cdist(self.positions, self.positions))
+        if self.fleeting is not None:
+            system += self.fleeting.covariance(self.times, self.times)
         system[np.diag_indices(len(self.noise))] += self.noise
         return cholesky(system, lower=True, overwrite_a=True, check_finite=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Targets:
+    """Places without a direction (m, 2), the drift's functions there (m, p), and what of the
+    fleeting part is asked for.
+    """
+
+    positions: Array
+    functions: Array
+    passing: Passing | None
+
+    def part(self, chosen: NDArray[np.int64] | slice) -> _Targets:
+        passing = self.passing
+        if passing is not None:
+            passing = replace(
+                passing, at_targets=passing.at_targets[chosen], share=passing.share[chosen]
+            )
+        return _Targets(
+            positions=self.positions[chosen], functions=self.functions[chosen], passing=passing
+        )
+
+    def covariance(self, samples: _Samples, model: CovarianceModel) -> Array:
+        """Covariance (n, m) of the samples' signal with that of the targets."""
+        found = model.covariance(cdist(samples.positions, self.positions))
+        if self.passing is not None:
+            passing = self.passing
+            found += passing.share * passing.fleeting.covariance(samples.times, passing.at_targets)
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,20 +233,36 @@ def _trend(samples: _Samples, model: CovarianceModel) -> _Trend:
     )
 
 
-def _joined(positions: Array, columns: Array, model: CovarianceModel) -> tuple[Array, Array, Array]:
-    """Samples merged to few enough places, as `merge_places` gives them."""
-    merged = merge_places(positions, columns)
+def _joined(
+    positions: Array, columns: Array, model: CovarianceModel, passing: Passing | None
+) -> tuple[Array, Array, Array]:
+    """Samples merged to few enough places, as `merge_places` gives them; the last of the `columns`
+    is the time, and what is of other times is not merged where that tells.
+    """
+    merged = merge_places(positions, columns, SAME_PLACE_M, _turns(columns, passing, 0.0))
     if len(merged[0]) <= EXACT_LIMIT or model.sill == 0:
         return merged
     sizes = np.geomspace(SAME_PLACE_M, model.range_m, 200)
     lost = 1 - model.covariance(sizes) / model.sill
     share = min(JOINED_SHARE, max(JOINED_NOISE * model.nugget / model.sill, JOINED_LEAST))
     size = float(sizes[max(int(np.searchsorted(lost, share)) - 1, 0)]) * model.ratio
-    merged = merge_places(positions, columns, size)
+    turns = _turns(columns, passing, share * model.sill)
+    merged = merge_places(positions, columns, size, turns)
     while len(merged[0]) > MOST_PLACES:
         size *= np.sqrt(2)
-        merged = merge_places(positions, columns, size)
+        merged = merge_places(positions, columns, size, turns)
     return merged
+
+
+def _turns(columns: Array, passing: Passing | None, lost: float) -> NDArray[np.int64] | None:
+    """Samples of one turn (n,) differ in time by so little that the fleeting part varies by no
+    more than a variance of `lost`.
+    """
+    if passing is None or passing.fleeting.variance <= lost:
+        return None
+    fleeting, times = passing.fleeting, columns[:, -1]
+    length_s = -fleeting.memory_s * np.log1p(-lost / fleeting.variance)
+    return np.floor((times - times.min()) / max(float(length_s), SAME_TIME_S)).astype(np.int64)
 
 
 def distinct(positions: Array, columns: Array) -> NDArray[np.int64]:
@@ -199,14 +275,20 @@ def distinct(positions: Array, columns: Array) -> NDArray[np.int64]:
 
 
 def merge_places(
-    positions: Array, columns: Array, size_m: float = SAME_PLACE_M
+    positions: Array,
+    columns: Array,
+    size_m: float = SAME_PLACE_M,
+    turns: NDArray[np.int64] | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Average samples of one place; return their mean positions and `columns` (n,) or (n, p),
-    and how many each stands for.
+    """Average samples of one place, and of one of the `turns` (n,) where these are given; return
+    their mean positions and `columns` (n,) or (n, p), and how many each stands for.
     """
     table = np.column_stack([positions, columns])
     cells = np.round((table[:, :2] - table[:, :2].min(axis=0)) / size_m).astype(np.int64)
     key = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
+    if turns is not None:
+        _, key = np.unique(np.column_stack([key, turns]), axis=0, return_inverse=True)
+        key = np.asarray(key).ravel()
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     counts = np.bincount(inverse).astype(float)
     if len(first) == len(table):
@@ -227,21 +309,44 @@ def _scaled(functions: Array, there: Array) -> tuple[Array, Array]:
 
 
 def _solve(
-    samples: _Samples, trend: _Trend, targets: Array, there: Array, model: CovarianceModel
+    samples: _Samples, trend: _Trend, targets: _Targets, model: CovarianceModel
 ) -> tuple[Array, Array]:
-    """Mean (m, c) and variance (m,) at targets where the drift's functions are `there` (m, p)."""
+    """Mean (m, c) and variance (m,) at the targets."""
     factor = samples.factor(model)
     residual = samples.values - samples.functions @ trend.coefficients
     both = np.column_stack([residual, samples.functions])
     white = solve_triangular(factor, both, lower=True, check_finite=False)
     data, basis = np.split(white, [residual.shape[1]], axis=1)
-    mean, variance = np.empty((len(targets), data.shape[1])), np.empty(len(targets))
-    for start in range(0, len(targets), TARGETS_AT_ONCE):
+    count = len(targets.positions)
+    mean, variance = np.empty((count, data.shape[1])), np.empty(count)
+    whole = model.sill + (0.0 if samples.fleeting is None else samples.fleeting.variance)
+    for start in range(0, count, TARGETS_AT_ONCE):
         part = slice(start, start + TARGETS_AT_ONCE)
-        near = model.covariance(cdist(samples.positions, targets[part]))
-        near = solve_triangular(factor, near, lower=True, check_finite=False, overwrite_b=True)
-        missing = there[part].T - basis.T @ near
+        asked = targets.part(part)
+        near = solve_triangular(
+            factor, asked.covariance(samples, model), lower=True, check_finite=False,
+            overwrite_b=True,
+        )  # fmt: skip
+        missing = asked.functions.T - basis.T @ near
         missing = solve_triangular(trend.information, missing, lower=True)
-        mean[part] = near.T @ data + there[part] @ trend.coefficients
-        variance[part] = model.sill - np.sum(near**2, axis=0) + np.sum(missing**2, axis=0)
+        mean[part] = near.T @ data + asked.functions @ trend.coefficients
+        variance[part] = whole - np.sum(near**2, axis=0) + np.sum(missing**2, axis=0)
     return mean, variance
+
+
+def _mean(samples: _Samples, trend: _Trend, targets: _Targets, model: CovarianceModel) -> Array:
+    """Mean (m, c) at the targets from all samples, which takes one factorisation."""
+    residual = samples.values - samples.functions @ trend.coefficients
+    weights = cho_solve((samples.factor(model), True), residual, check_finite=False)
+    mean = targets.functions @ trend.coefficients
+    mean += model.carried(samples.positions, weights, targets.positions)
+    passing = targets.passing
+    if passing is not None:
+        course = passing.fleeting.carried(samples.times, weights, passing.at_targets)
+        mean += passing.share[:, None] * course
+    return mean
+
+
+def _whole_is_little(samples: int, targets: int) -> bool:
+    """Whether so many samples and targets are soon solved as one system."""
+    return samples <= EXACT_LIMIT or (samples <= MEAN_LIMIT and samples**2 * targets <= LITTLE_WORK)

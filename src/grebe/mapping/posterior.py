@@ -15,11 +15,17 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, solve_triangular
+from scipy.linalg import cho_factor, cho_solve, cholesky, get_lapack_funcs, solve_triangular
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
-from grebe.mapping.covariance import PRACTICAL_RANGE, CovarianceModel, correlations
+from grebe.mapping.covariance import (
+    PRACTICAL_RANGE,
+    CovarianceModel,
+    Fleeting,
+    correlations,
+    slopes,
+)
 from grebe.mapping.likelihood import CLEAR_GAIN
 from grebe.mapping.noise import median_noise_variance
 from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
@@ -39,8 +45,12 @@ NOISE_LOG_SD = 0.5
 # Where the search may go, as shares of the extent and of the values' variance. Within the samples'
 # extent a longer range with a larger sill is the same field: `LONGEST` is the practical range.
 LEAST_RANGE, LONGEST = 1e-3, 0.8
-SILL_BOUNDS, NOISE_BOUNDS = (1e-4, 1e2), (1e-8, 2.0)
-STEP = 5e-2
+SILL_BOUNDS, NOISE_BOUNDS, SHARE_BOUNDS = (1e-4, 1e2), (1e-8, 2.0), (1e-8, 1e2)
+# How long two passes remember what they differ by: a share of the time of all values, the standard
+# deviation of its logarithm, and the ends of the search as multiples of that time.
+MEMORY_SHARE, MEMORY_LOG_SD, MEMORY_BOUNDS = 0.05, 1.0, (0.02, 50.0)
+# Of the step for a derivative of the slope.
+STEP = 1e-2
 
 
 def fit_posterior(
@@ -93,7 +103,9 @@ class Posterior:
     integrated out; `values` (n,) of mean 0 and variance 1, `noise` their noise's variance.
 
     `common`, (n, n) each, are correlations that all places share, of what changed in time; the
-    variance of each over that of the values is one more number, a logarithm too.
+    variance of each over that of the values is one more number, a logarithm too. With `apart_s`
+    (n, n), the time between any two values, there is a fleeting process besides, of two numbers:
+    the logarithms of its variance over that of the values and of its memory over `memory_s`.
     """
 
     distance: Array
@@ -103,6 +115,8 @@ class Posterior:
     kind: str
     noise: float
     common: tuple[Array, ...] = ()
+    apart_s: Array | None = None
+    memory_s: float = 1.0
 
     @classmethod
     def of(
@@ -112,8 +126,11 @@ class Posterior:
         kind: str,
         noise: float,
         common: tuple[Array, ...] = (),
+        times: Array | None = None,
     ) -> Posterior:
-        """The problem of values (n,) at positions (n, 2) whose noise has a variance of `noise`."""
+        """The problem of values (n,) at positions (n, 2) whose noise has a variance of `noise`;
+        with `times` (n,) there is a fleeting process.
+        """
         distance = cdist(positions, positions)
         variance = float(np.var(values))
         return cls(
@@ -124,49 +141,105 @@ class Posterior:
             kind=kind,
             noise=min(max(noise / variance, NOISE_BOUNDS[0]), NOISE_BOUNDS[1]),
             common=common,
+            apart_s=None if times is None else np.abs(times[:, None] - times[None, :]),
+            memory_s=1.0 if times is None else MEMORY_SHARE * float(np.ptp(times)),
         )
 
     def best(self, start: CovarianceModel) -> tuple[float, CovarianceModel, dict[str, float]]:
         """The highest log posterior, its model, and the standard errors by its curvature."""
-        ranges = (LEAST_RANGE, LONGEST / PRACTICAL_RANGE[self.kind])
-        bounds = np.log([ranges, SILL_BOUNDS, NOISE_BOUNDS])
         sill = max(start.sill / self.variance, 0.3)
         guess = np.log([min(start.range_m / self.extent_m, 0.5), sill, self.noise])
-        guess = np.clip(guess, *(bounds.T + np.array([[0.1], [-0.1]])))
-        found = minimize(
-            lambda at: -self.log_density(at),
-            guess,
-            method="Nelder-Mead",
-            bounds=[tuple(pair) for pair in bounds.tolist()],
-            options={
-                "xatol": 1e-2, "fatol": 1e-2, "maxfev": 150,
-                "initial_simplex": np.vstack([guess, guess + 0.5 * np.eye(3)]),
-            },
-        )  # fmt: skip
-        share, sill, noise = np.exp(found.x).tolist()
-        model = CovarianceModel(
+        density, at = self.highest(guess)
+        model = self.model(at)
+        return density, model, self.standard_errors(model, at)
+
+    def model(self, at: Array) -> CovarianceModel:
+        """The covariance of place that the first three numbers stand for."""
+        share, sill, noise = np.exp(at[:3]).tolist()
+        return CovarianceModel(
             kind=self.kind,
             sill=sill * self.variance,
             range_m=share * self.extent_m,
             nugget=noise * self.variance,
         )
-        return -float(found.fun), model, self._standard_errors(model, found.x)
+
+    def fleeting(self, at: Array) -> Fleeting:
+        """The fleeting process that the last two numbers stand for."""
+        return Fleeting(
+            variance=float(np.exp(at[-2])) * self.variance,
+            memory_s=float(np.exp(at[-1])) * self.memory_s,
+        )
+
+    def highest(self, start: Array) -> tuple[float, Array]:
+        """The highest log posterior from a start on, and where."""
+        ranges = (LEAST_RANGE, LONGEST / PRACTICAL_RANGE[self.kind])
+        shares = [SHARE_BOUNDS] * len(self.common)
+        fleeting = [] if self.apart_s is None else [SHARE_BOUNDS, MEMORY_BOUNDS]
+        bounds = np.log([ranges, SILL_BOUNDS, NOISE_BOUNDS, *shares, *fleeting])
+        inside = np.clip(start, *(bounds.T + np.array([[0.1], [-0.1]])))
+
+        def lost(at: Array) -> tuple[float, Array]:
+            density, slope = self.density_and_slope(at)
+            return -density, -slope
+
+        found = minimize(
+            lost, inside, jac=True, method="L-BFGS-B", bounds=bounds,
+            options={"maxiter": 60, "ftol": 1e-7, "gtol": 1e-3},
+        )  # fmt: skip
+        return -float(found.fun), np.asarray(found.x)
+
+    def density_and_slope(self, at: Array) -> tuple[float, Array]:
+        """Log posterior, but for a constant, and its derivatives by `at`."""
+        matrix, slopes_ = self._matrix(at, with_slopes=True)
+        n = len(self.values)
+        try:
+            factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            return -1e300, np.zeros(len(at))
+        both = np.column_stack([np.ones(n), self.values])
+        by_one, by_value = cho_solve((factor, True), both, check_finite=False).T
+        information = float(by_one.sum())
+        mean = float(by_value.sum()) / information
+        rest = by_value - mean * by_one
+        log_det = 2 * float(np.sum(np.log(np.diag(factor))))
+        squares = float((self.values - mean) @ rest)
+        likelihood = -0.5 * (squares + log_det + np.log(information))
+        weight = np.outer(rest, rest) + np.outer(by_one, by_one) / information - _inverse(factor)
+        slope = np.array([0.5 * np.vdot(weight, one) for one in slopes_])
+        prior, prior_slope = self._prior(at)
+        return float(likelihood + prior), slope + prior_slope
 
     def log_density(self, at: Array) -> float:
         """Log posterior, but for a constant."""
-        share, sill, noise = np.exp(at[:3]).tolist()
-        of_change = np.log(UNLIKELY) * np.sum(np.exp(0.5 * at[3:]))
-        prior = self._log_prior(share, float(np.sqrt(sill)), noise) + of_change
-        return self.log_likelihood(at) + float(prior)
+        return self.log_likelihood(at) + self._prior(at)[0]
 
     def covariance(self, at: Array) -> Array:
         """Covariance of the values, (n, n)."""
+        return self._matrix(at)[0]
+
+    def _matrix(self, at: Array, *, with_slopes: bool = False) -> tuple[Array, list[Array]]:
+        """The values' covariance, and on request its derivatives by `at`."""
         share, sill, noise = np.exp(at[:3]).tolist()
-        matrix = sill * correlations(self.kind, self.distance / (share * self.extent_m))
-        matrix[np.diag_indices(len(self.values))] += noise + 1e-9 * sill
-        for log_share, common in zip(at[3:].tolist(), self.common, strict=False):
-            matrix += np.exp(log_share) * common
-        return matrix
+        x = self.distance / (share * self.extent_m)
+        of_place = sill * correlations(self.kind, x)
+        every = np.eye(len(self.values))
+        parts = [of_place, (noise + 1e-9 * sill) * every]
+        changes = [
+            np.exp(log_share) * common
+            for log_share, common in zip(at[3:].tolist(), self.common, strict=False)
+        ]
+        fading: list[Array] = []
+        if self.apart_s is not None:
+            ago = self.apart_s / (np.exp(at[-1]) * self.memory_s)
+            passes = np.exp(at[-2] - ago)
+            fading = [passes, passes * ago]
+        matrix = sum([*parts, *changes, *fading[:1]], np.zeros_like(self.distance))
+        if not with_slopes:
+            return matrix, []
+        return matrix, [
+            sill * slopes(self.kind, x), of_place + 1e-9 * sill * every, noise * every, *changes,
+            *fading,
+        ]  # fmt: skip
 
     def log_likelihood(self, at: Array) -> float:
         """Restricted log likelihood, but for a constant."""
@@ -182,30 +255,47 @@ class Posterior:
         log_det = 2 * float(np.sum(np.log(np.diag(factor))))
         return -0.5 * (float(rest @ rest) + log_det + np.log(information))
 
-    def _log_prior(self, share: float, sd: float, noise: float) -> float:
-        """Of log range and log standard deviation (penalised complexity), and of log noise."""
-        short = min(SHORT_SHARE, SHORT_M / self.extent_m)
-        range_rate, sd_rate = -np.log(UNLIKELY) * short, -np.log(UNLIKELY) / LARGE_SDS
-        of_range = -np.log(share) - range_rate / share
-        of_sd = np.log(sd) - sd_rate * sd
-        of_noise = -0.5 * (0.5 * np.log(noise / self.noise) / NOISE_LOG_SD) ** 2
-        return float(of_range + of_sd + of_noise)
+    def _prior(self, at: Array) -> tuple[float, Array]:
+        """Log prior and its derivatives: of log range and log standard deviation (penalised
+        complexity), of log noise, of the changes' standard deviations, and of the memory.
+        """
+        share, sd = float(np.exp(at[0])), float(np.exp(0.5 * at[1]))
+        rate = -np.log(UNLIKELY)
+        short = rate * min(SHORT_SHARE, SHORT_M / self.extent_m) / share
+        off = 0.5 * (at[2] - np.log(self.noise)) / NOISE_LOG_SD
+        large = rate / LARGE_SDS * sd
+        density = -at[0] - short + 0.5 * at[1] - large - 0.5 * off**2
+        slope = [short - 1.0, 0.5 * (1.0 - large), -0.5 * off / NOISE_LOG_SD]
+        sds = rate * np.exp(0.5 * at[3 : 3 + len(self.common)])
+        density -= sds.sum()
+        slope += (-0.5 * sds).tolist()
+        if self.apart_s is not None:
+            of_passes, memory = rate * float(np.exp(0.5 * at[-2])), float(at[-1]) / MEMORY_LOG_SD
+            density += 0.5 * at[-2] - of_passes - 0.5 * memory**2
+            slope += [0.5 * (1.0 - of_passes), -memory / MEMORY_LOG_SD]
+        return float(density), np.array(slope)
 
-    def _standard_errors(self, model: CovarianceModel, at: Array) -> dict[str, float]:
-        steps = STEP * np.eye(3)
-        hessian = np.empty((3, 3))
-        for i in range(3):
-            for j in range(i, 3):
-                corners = [
-                    self.log_density(at + a * steps[i] + b * steps[j])
-                    for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))
-                ]
-                bend = -(corners[0] - corners[1] - corners[2] + corners[3]) / (4 * STEP**2)
-                hessian[i, j] = hessian[j, i] = bend
+    def standard_errors(self, model: CovarianceModel, at: Array) -> dict[str, float]:
+        """Of nugget, sill and range_m, by the curvature of the log posterior."""
+        steps = STEP * np.eye(len(at))
+        hessian = np.array(
+            [
+                (self.density_and_slope(at - one)[1] - self.density_and_slope(at + one)[1])
+                / (2 * STEP)
+                for one in steps
+            ]
+        )
         with np.errstate(invalid="ignore"):
-            spread = np.sqrt(np.diag(np.linalg.pinv(hessian)))
+            spread = np.sqrt(np.diag(np.linalg.pinv(0.5 * (hessian + hessian.T))))
         return {
             "nugget": float(model.nugget * spread[2]),
             "sill": float(model.sill * spread[1]),
             "range_m": float(model.range_m * spread[0]),
         }
+
+
+def _inverse(factor: Array) -> Array:
+    """The inverse of a matrix of which Cholesky's lower factor is given."""
+    (potri,) = get_lapack_funcs(("potri",), (factor,))
+    lower = np.tril(potri(factor, lower=1)[0])
+    return lower + np.tril(lower, -1).T

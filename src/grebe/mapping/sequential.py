@@ -22,6 +22,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.methods.averaged import AveragedField
 from grebe.mapping.methods.base import Field, Model, Readings
 from grebe.mapping.methods.kriging import KrigingField
 from grebe.mapping.methods.spde import SpdeField
@@ -219,6 +220,9 @@ def sequential(fitted: Field, nodes: Array) -> SequentialField | None:
     its own readings taken in; None for a method of one's own, or one with a drift.
     """
     prior: Prior
+    if isinstance(fitted, AveragedField):
+        # Of a mean of two that of place alone: it grows with each reading and its error is honest.
+        fitted = fitted.fields[0]
     if isinstance(fitted, KrigingField) and fitted.drift is None and fitted.covariance.sill > 0:
         prior = StraightPrior(model=fitted.covariance, nodes=nodes)
     elif isinstance(fitted, SpdeField):

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import shapely
 from scipy.spatial import KDTree
 
 from grebe.mapping.methods.base import Field, Readings
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
     Indices = NDArray[np.int64]
 
-FOLDS = 10
 FEWEST_SAMPLES = 20
 # A line ends where the track has turned so far from the line's direction, seen over such a
 # distance; shorter lines belong to the one before.
@@ -41,13 +39,11 @@ Z50, Z95 = 0.6745, 1.9600
 @dataclass(frozen=True, kw_only=True)
 class Errors:
     """What was predicted of left-out samples: `error` (m,) and its standard deviation `sd` (m,),
-    the reading's noise in it; `beside_m` (m,) the distance from the way of the samples that were
-    not left out.
+    the reading's noise in it.
     """
 
     error: Array
     sd: Array
-    beside_m: Array
 
     @property
     def z(self) -> Array:
@@ -90,63 +86,66 @@ def validate(readings: Readings, field: Field, folds: Indices | None = None) -> 
     """Leave out each fold in turn, the field's model kept; None for too few samples, or all in
     one fold.
     """
-    positions, values = readings.positions, readings.values
-    n = len(values)
+    proof = prove(readings, field, folds)
+    return None if proof is None else proof[0]
+
+
+def prove(
+    readings: Readings, field: Field, folds: Indices | None = None
+) -> tuple[Validation, Errors] | None:
+    """As `validate`, with the errors themselves."""
     left_out: Literal["lines", "blocks", "given"] = "given"
     pieces = 0
     if folds is None:
-        folds, left_out, pieces = track_folds(positions)
-    if n < FEWEST_SAMPLES or len(np.unique(folds)) < 2:
+        folds, left_out, pieces = line_folds(readings.positions)
+    count = len(np.unique(folds))
+    if len(readings) < FEWEST_SAMPLES or count < 2:
         return None
-    error, variance = np.empty(n), np.empty(n)
-    nearest, weighted = np.empty(n), np.empty(n)
-    for k in np.unique(folds):
-        out = folds == k
-        rest = field.given(readings.part(~out))
-        error[out] = rest.mean(positions[out]) - values[out]
-        variance[out] = rest.sd(positions[out]) ** 2 + field.model.nugget
-        simple = _simple(positions[~out], values[~out], positions[out])
-        nearest[out], weighted[out] = simple - values[out]
-    safe = np.maximum(variance, np.finfo(float).tiny)
-    standardised = np.where(error == 0, 0.0, error / np.sqrt(safe))
+    errors = predicted(readings, field, folds, most=len(readings))
+    if not len(errors.error):
+        return None
+    simple = _simple_errors(readings, folds)
+    msdr = float(np.mean(errors.z**2))
     return Validation(
         left_out=left_out,
-        pieces=pieces or len(np.unique(folds)),
-        folds=len(np.unique(folds)),
-        samples=n,
-        rmse=_rms(error),
-        bias=float(np.mean(error)),
-        msdr=float(np.mean(standardised**2)),
-        coverage50=float(np.mean(np.abs(standardised) <= Z50)),
-        coverage95=float(np.mean(np.abs(standardised) <= Z95)),
-        nearest_rmse=_rms(nearest),
-        idw_rmse=_rms(weighted),
-        score=0.5 * float(np.mean(np.log(safe)) + np.log(max(np.mean(standardised**2), 1e-300))),
-    )
+        pieces=pieces or count,
+        folds=count,
+        samples=len(errors.error),
+        rmse=errors.rmse,
+        bias=float(np.mean(errors.error)),
+        msdr=msdr,
+        coverage50=float(np.mean(np.abs(errors.z) <= Z50)),
+        coverage95=float(np.mean(np.abs(errors.z) <= Z95)),
+        nearest_rmse=_rms(simple[0]),
+        idw_rmse=_rms(simple[1]),
+        score=float(np.mean(np.log(errors.sd))) + 0.5 * float(np.log(max(msdr, 1e-300))),
+    ), errors
 
 
-def predicted(readings: Readings, field: Field, folds: Indices) -> Errors:
-    """Leave out each fold in turn, the field's model kept; a fold that leaves next to nothing is
-    passed over.
+def predicted(readings: Readings, field: Field, folds: Indices, most: int = MOST_JUDGED) -> Errors:
+    """Leave out each fold in turn, the field's model kept, and predict at most so many samples of
+    it; a fold that leaves next to nothing is passed over.
     """
-    turns = [folds == k for k in np.unique(folds) if (folds != k).sum() >= FEWEST_SAMPLES]
     nothing: Array = np.empty(0)
     errors: list[Array] = [nothing]
     sds: list[Array] = [nothing]
-    beside: list[Array] = [nothing]
-    for out in turns:
+    for out in _turns(folds):
         rest = field.given(readings.part(~out))
         judged = np.flatnonzero(out)
-        judged = judged[:: -(-len(judged) // MOST_JUDGED)]
+        judged = judged[:: -(-len(judged) // most)]
         places = readings.positions[judged]
         errors.append(rest.mean(places) - readings.values[judged])
         sds.append(np.sqrt(rest.sd(places) ** 2 + field.model.nugget))
-        beside.append(off_the_way(readings.positions[~out], places))
     return Errors(
         error=np.concatenate(errors),
         sd=np.maximum(np.concatenate(sds), np.finfo(float).tiny),
-        beside_m=np.concatenate(beside),
     )
+
+
+def _turns(folds: Indices) -> list[NDArray[np.bool_]]:
+    """The samples of each fold that leaves enough others."""
+    turns = [folds == k for k in np.unique(folds)]
+    return [out for out in turns if (~out).sum() >= FEWEST_SAMPLES]
 
 
 def stretch_folds(positions: Array, side_m: float, seed: int = 0) -> Indices:
@@ -159,33 +158,16 @@ def stretch_folds(positions: Array, side_m: float, seed: int = 0) -> Indices:
     return turn[blocks]
 
 
-def line_folds(positions: Array, seed: int = 0) -> tuple[Indices, int]:
-    """The turn (n,) in which each sample's line is left out, a quarter of them at a time, and how
-    many lines there are; blocks of water where the track has too few.
-    """
-    folds, left_out, pieces = track_folds(positions)
-    if left_out == "lines":
-        lines = track_lines(positions)
-        turn = np.random.default_rng(seed).permutation(pieces) % STRETCH_TURNS
-        return turn[lines], pieces
-    return folds, pieces
-
-
-def off_the_way(way: Array, places: Array) -> Array:
-    """Distance [m] of places (m, 2) from the line through the samples (n, 2) in their order."""
-    legs = shapely.STRtree(shapely.linestrings(np.stack([way[:-1], way[1:]], axis=1)))
-    _, away = legs.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
-    return np.asarray(away)
-
-
-def track_folds(positions: Array) -> tuple[Indices, Literal["lines", "blocks"], int]:
-    """The fold of each sample, (n,), what is left out, and how many of them there are: lines of
-    the track, every tenth at a time, or blocks of water where it has fewer than `FEWEST_LINES`.
+def line_folds(positions: Array, seed: int = 0) -> tuple[Indices, Literal["lines", "blocks"], int]:
+    """The turn (n,) in which each sample's line is left out, a quarter of the lines at a time; what
+    is left out, and how many there are: blocks of water where the track has fewer than
+    `FEWEST_LINES` lines.
     """
     lines = track_lines(positions)
     count = int(lines.max()) + 1 if len(lines) else 0
     if count >= FEWEST_LINES:
-        return lines % FOLDS, "lines", count
+        turn = np.random.default_rng(seed).permutation(count) % STRETCH_TURNS
+        return turn[lines], "lines", count
     low, extent = positions.min(axis=0), np.ptp(positions, axis=0)
     side = max(float(extent.max()) / BLOCKS_PER_SIDE, 1e-9)
     blocks = np.floor((positions - low) / side).astype(np.int64)
@@ -214,6 +196,16 @@ def track_lines(positions: Array) -> Indices:
                 start, heading, behind = i, None, i
         lines[i] = line
     return lines
+
+
+def _simple_errors(readings: Readings, folds: Indices) -> Array:
+    """Errors (2, m) of the nearest sample and of the inverse squared distance."""
+    positions, values = readings.positions, readings.values
+    found = [
+        _simple(positions[~out], values[~out], positions[out]) - values[out]
+        for out in _turns(folds)
+    ]
+    return np.concatenate(found, axis=1)
 
 
 def _simple(positions: Array, values: Array, targets: Array) -> Array:

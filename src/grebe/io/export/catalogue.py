@@ -44,7 +44,9 @@ class CatalogueEntry:
     def __post_init__(self) -> None:
         west, south, east, north = self.outline.bounds
         if not (-180 <= west <= east <= 180 and -90 <= south <= north <= 90):
-            raise InputError(f"{self.title}: the outline's bounds are not longitudes and latitudes.")
+            raise InputError(
+                f"{self.title}: the outline's bounds are not longitudes and latitudes."
+            )
         if not self.first_s <= self.last_s:
             raise InputError(f"{self.title}: the last sample is older than the first.")
 

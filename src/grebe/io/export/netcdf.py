@@ -217,6 +217,8 @@ def _field(
     variable = dataset.createVariable(
         name, "f4", dimensions, zlib=True, fill_value=np.float32(-9999)
     )
-    variable.setncatts({"grid_mapping": "crs", "coordinates": "time lat lon", "coverage_content_type": content})
+    variable.setncatts(
+        {"grid_mapping": "crs", "coordinates": "time lat lon", "coverage_content_type": content}
+    )
     variable[:] = np.ma.masked_invalid(values)
     return variable

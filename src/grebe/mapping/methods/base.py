@@ -31,13 +31,15 @@ class Readings:
     """What was read of one quantity: `values` (n,) in its unit at `positions` (n, 2) [m], north
     and east, at `times` (n,) [unix s] where they are known.
 
-    `extra_sd` (n,): standard deviation of a value's error besides the sensor's noise.
+    `extra_sd` (n,): standard deviation of a value's error besides the sensor's noise. `moment_s`
+    [unix s]: when the field of them is asked for; None: at each place when the boat was near.
     """
 
     positions: Array
     values: Array
     times: Array | None = None
     extra_sd: Array | None = None
+    moment_s: float | None = None
 
     def __post_init__(self) -> None:
         n = len(self.values)
@@ -56,6 +58,7 @@ class Readings:
             values=self.values[chosen],
             times=None if self.times is None else self.times[chosen],
             extra_sd=None if self.extra_sd is None else self.extra_sd[chosen],
+            moment_s=self.moment_s,
         )
 
 

@@ -12,8 +12,10 @@ import shapely
 
 from grebe.core.errors import InputError
 from grebe.mapping.likelihood import fit_reml
+from grebe.mapping.methods.averaged import Averaged
 from grebe.mapping.methods.base import Domain, Method, Readings
 from grebe.mapping.methods.kriging import CovarianceFit, Kriging
+from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.spde import Spde
 from grebe.mapping.posterior import fit_rough, fit_smooth
 from grebe.mapping.variogram import fit_variogram
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 M = TypeVar("M", bound=Method)
+# Methods that know straight distances alone.
+Straight = Kriging | Passes | Averaged
 
 # Land matters where more of the sight lines within the range cross it than this.
 BLOCKED_SHARE = 0.02
@@ -32,14 +36,17 @@ SIGHT_LINES = 2_000
 COVARIANCE_FITS: Mapping[str, CovarianceFit] = MappingProxyType(
     {"rough": fit_rough, "smooth": fit_smooth, "reml": fit_reml, "wls": fit_variogram}
 )
-# What is tried where nothing is asked for: a rough covariance under priors, and the variogram's.
+# What is tried where kriging with a covariance of place alone is asked for: a rough one under
+# priors, and the variogram's.
 KRIGING: tuple[Kriging, ...] = tuple(
     Kriging(fit_covariance=COVARIANCE_FITS[name]) for name in ("rough", "wls")
 )
+# What is taken where nothing is asked for.
+AVERAGED = Averaged()
 # For front ends. Of several methods under one name the one that predicts best what is left out
 # is taken.
 METHODS: Mapping[str, tuple[Method, ...]] = MappingProxyType(
-    {"kriging": KRIGING, "spde": (Spde(),)}
+    {"kriging": (AVERAGED,), "passes": (Passes(),), "spde": (Spde(),)}
 )
 
 # The methods to try on some readings, and the reason in a sentence.
@@ -52,7 +59,7 @@ class ByShore:
     does not, `around` where it does.
     """
 
-    straight: tuple[Kriging, ...] = KRIGING
+    straight: tuple[Straight, ...] = (AVERAGED,)
     around: tuple[Method, ...] = (Spde(),)
 
     def __call__(self, readings: Readings, domain: Domain) -> tuple[tuple[Method, ...], str]:

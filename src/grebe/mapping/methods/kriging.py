@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.covariance import CovarianceModel, Fleeting
 from grebe.mapping.drift import DriftFunction
-from grebe.mapping.kriging import Drift, Estimate, krige
+from grebe.mapping.kriging import Drift, Estimate, Passing, krige
 from grebe.mapping.likelihood import fit_reml
 from grebe.mapping.methods.base import Domain, Model, Readings
 from grebe.mapping.simulation import circulant_fields
 from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
+from grebe.mapping.way import REACH_M, passed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -71,11 +72,16 @@ def _fitted(
     readings: Readings, fit: CovarianceFit, estimator: Estimator, drift: DriftFunction | None
 ) -> VariogramFit:
     """A fit to what the drift leaves; kept, for several methods ask for the same one."""
+    return fit(readings.positions, without_drift(readings, drift), estimator)
+
+
+def without_drift(readings: Readings, drift: DriftFunction | None) -> Array:
+    """The readings' values (n,) less the drift that fits them best."""
     at, data = readings.positions, readings.values
-    if drift is not None:
-        basis = np.column_stack([np.ones(len(at)), drift(at)])
-        data = data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]
-    return fit(at, data, estimator)
+    if drift is None:
+        return data
+    basis = np.column_stack([np.ones(len(at)), drift(at)])
+    return data - basis @ np.linalg.lstsq(basis, data, rcond=None)[0]
 
 
 def described(fit: VariogramFit) -> Model:
@@ -99,13 +105,19 @@ def described(fit: VariogramFit) -> Model:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KrigingField:
-    """The signal by kriging with a given covariance."""
+    """The signal by kriging with a given covariance, of place alone or of place and time.
+
+    With a `fleeting` part a place is as it was when the boat came nearest, as far as that part is
+    known there: on the way it is, and within some metres beside it no longer. Where the readings
+    are asked for at one moment, it is what the whole water had of it then.
+    """
 
     covariance: CovarianceModel
     model: Model
     readings: Readings
     domain: Domain
     drift: DriftFunction | None = None
+    fleeting: Fleeting | None = None
     # The last places and their estimate: mean and sd come from one solution.
     _last: list[tuple[Array, Estimate]] = field(
         default_factory=list[tuple["Array", Estimate]], init=False, repr=False
@@ -127,6 +139,7 @@ class KrigingField:
             readings=readings,
             domain=self.domain,
             drift=self.drift,
+            fleeting=self.fleeting,
         )
 
     def draws(self, places: Array, count: int, seed: int) -> Array:
@@ -142,6 +155,10 @@ class KrigingField:
                 self.covariance, grid, np.vstack([at, places]), part.stop - start, rng, refine
             )
             seen, there = free[:, : len(at)], free[:, len(at) :]
+            if self.fleeting is not None:
+                passing = self._passing(self.fleeting, places)
+                then, later = _free_courses(passing, part.stop - start, rng)
+                seen, there = seen + then, there + later
             noise = rng.normal(0.0, noise_sd, seen.shape)
             lack = self.readings.values[:, None] - (seen + noise).T
             drawn[part] = there + self._krige(lack, places).mean.T
@@ -157,8 +174,39 @@ class KrigingField:
         drift = None
         if self.drift is not None:
             drift = Drift(at_samples=self.drift(at), at_targets=self.drift(places))
-        variance = None if extra is None else extra**2
-        return krige(at, values, places, self.covariance, drift=drift, extra_variance=variance)
+        return krige(
+            at,
+            values,
+            places,
+            self.covariance,
+            drift=drift,
+            extra_variance=None if extra is None else extra**2,
+            passing=None if self.fleeting is None else self._passing(self.fleeting, places),
+        )
+
+    def _passing(self, fleeting: Fleeting, places: Array) -> Passing:
+        """What of the fleeting part holds at some places."""
+        readings = self.readings
+        assert readings.times is not None
+        if readings.moment_s is not None:
+            when = np.full(len(places), readings.moment_s)
+            share = np.ones(len(places))
+        else:
+            when, away = passed(readings.positions, readings.times, places)
+            share = np.exp(-away / REACH_M)
+        return Passing(fleeting=fleeting, at_samples=readings.times, at_targets=when, share=share)
+
+
+def _free_courses(passing: Passing, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """The fleeting part before any reading, at the samples (count, n) and at the targets
+    (count, m): what is not shared with the way is another course.
+    """
+    n = len(passing.at_samples)
+    both = np.concatenate([passing.at_samples, passing.at_targets])
+    course = passing.fleeting.draws(both, count, rng)
+    other = passing.fleeting.draws(passing.at_targets, count, rng)
+    share = passing.share
+    return course[:, :n], share * course[:, n:] + np.sqrt(1 - share**2) * other
 
 
 def _extra_variance(readings: Readings) -> Array | float:

@@ -1,0 +1,115 @@
+"""The mean of several methods: which of two covariances is right is part of what is not known.
+
+Where models fit alike, their mean predicts better than most of them, and what they differ by is
+added to its uncertainty (Hoeting et al. 1999, "Bayesian model averaging"). Their weights are equal:
+weights by left-out readings follow whichever model swings least there, not elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.mapping.drift import DriftFunction
+from grebe.mapping.methods.base import Domain, Model, Readings
+from grebe.mapping.methods.kriging import Kriging, KrigingField
+from grebe.mapping.methods.passes import Passes
+from grebe.mapping.posterior import fit_rough
+from grebe.mapping.variogram import Estimator, VariogramFit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Averaged:
+    """The mean of a rough covariance of place and of a smooth one that knows of passes.
+
+    Readings without times are left to the first. `estimator` and `drift` are those of both.
+    """
+
+    estimator: Estimator = "matheron"
+    drift: DriftFunction | None = None
+
+    key = "kriging"
+    label = "Kriging"
+
+    @property
+    def rough(self) -> Kriging:
+        """The method of place alone."""
+        return Kriging(fit_covariance=fit_rough, estimator=self.estimator, drift=self.drift)
+
+    def first_fit(self, readings: Readings) -> VariogramFit:
+        """The covariance that fits the variogram best; `ValueError` where there are too few
+        pairs.
+        """
+        return self.rough.first_fit(readings)
+
+    def fit(self, readings: Readings, domain: Domain) -> KrigingField | AveragedField:
+        """See `Method`."""
+        rough = self.rough.fit(readings, domain)
+        if readings.times is None or rough.covariance.sill == 0:
+            return rough
+        smooth = Passes(estimator=self.estimator, drift=self.drift)
+        return averaged((rough, smooth.fit(readings, domain)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AveragedField:
+    """The mean of fields that are equally likely."""
+
+    fields: tuple[KrigingField, ...]
+    model: Model
+
+    def mean(self, places: Array) -> Array:
+        """See `Field`."""
+        return np.mean([one.mean(places) for one in self.fields], axis=0)
+
+    def sd(self, places: Array) -> Array:
+        """See `Field`; what the fields differ by is in it."""
+        own = np.mean([one.sd(places) ** 2 for one in self.fields], axis=0)
+        return np.sqrt(own + np.var([one.mean(places) for one in self.fields], axis=0))
+
+    def draws(self, places: Array, count: int, seed: int) -> Array:
+        """See `Field`: from one field after the other."""
+        drawn = np.empty((count, len(places)))
+        for i, one in enumerate(self.fields):
+            turn = slice(i, None, len(self.fields))
+            drawn[turn] = one.draws(places, len(drawn[turn]), seed + i)
+        return drawn
+
+    def given(self, readings: Readings) -> AveragedField:
+        """See `Field`."""
+        given = tuple(one.given(readings) for one in self.fields)
+        return AveragedField(fields=given, model=self.model)
+
+
+def averaged(fields: tuple[KrigingField, ...]) -> AveragedField:
+    """The mean of fields, and what it is made of: that of the first, in numbers that are means."""
+    models = [one.model for one in fields]
+    first = models[0]
+
+    def semivariance(distance: Array) -> Array:
+        return np.mean([one.semivariance(distance) for one in models if one.semivariance], axis=0)
+
+    return AveragedField(
+        fields=fields,
+        model=Model(
+            kind=" + ".join(one.kind for one in models),
+            text="the mean of two: " + "; ".join(one.text for one in models),
+            nugget=float(np.mean([one.nugget for one in models])),
+            sill=first.sill,
+            range_m=first.range_m,
+            practical_range_m=first.practical_range_m,
+            ratio=first.ratio,
+            angle_deg=first.angle_deg,
+            reason="; ".join(one.reason for one in models),
+            standard_errors=first.standard_errors,
+            semivariance=semivariance,
+            empirical=first.empirical,
+        ),
+    )

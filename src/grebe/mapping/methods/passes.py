@@ -1,0 +1,101 @@
+"""Kriging in place and time: a smooth field, and what passes over one place differ by.
+
+A sensor's readings along one pass agree better than two passes do. A rough covariance calls the
+difference a steep slope between the passes; a smooth one swings there. Here it is what it is:
+
+    y(x, t) = m + S(x) + E(t) + noise,
+
+S a Matérn 3/2 field of the place and E an exponential process of the time, in which all the water
+is alike. The map shows each place as it was when the boat came nearest: E as it was then, as far as
+a place beside the way shares it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from grebe.mapping.covariance import Fleeting
+from grebe.mapping.drift import DriftFunction
+from grebe.mapping.methods.base import Domain, Readings
+from grebe.mapping.methods.kriging import KrigingField, described, without_drift
+from grebe.mapping.noise import median_noise_variance
+from grebe.mapping.posterior import Posterior, thinned
+from grebe.mapping.remembered import remembered
+from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
+
+KIND = "matern32"
+# Where the search begins: the range as a share of the extent, and the fleeting part's variance as
+# one of the values'.
+RANGE_SHARE, FLEETING_SHARE = 0.1, 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Passes:
+    """Kriging with a covariance of place and one of time. `drift` is what the mean depends on
+    besides a constant; the variogram by `estimator` is shown, and nothing is fitted to it.
+    """
+
+    estimator: Estimator = "matheron"
+    drift: DriftFunction | None = None
+
+    key = "passes"
+    label = "Kriging in place and time"
+
+    def first_fit(self, readings: Readings) -> VariogramFit:
+        """The covariance that fits the variogram best; `ValueError` where there are too few
+        pairs.
+        """
+        values = without_drift(readings, self.drift)
+        return fit_variogram(readings.positions, values, self.estimator)
+
+    def fit(self, readings: Readings, domain: Domain) -> KrigingField:
+        """See `Method`. `ValueError` for readings without times."""
+        if readings.times is None:
+            raise ValueError("what passes differ by is told by the readings' times alone")
+        fit = self.first_fit(readings)
+        fleeting: Fleeting | None = None
+        if fit.model.sill > 0 and np.ptp(readings.values) > 0 and np.ptp(readings.times) > 0:
+            values = without_drift(readings, self.drift)
+            fit, fleeting = fit_passes(readings.positions, values, readings.times, self.estimator)
+        model = described(fit)
+        if fleeting is not None:
+            model = replace(model, text=f"{model.text}, and {_told(fleeting)}")
+        return KrigingField(
+            covariance=fit.model,
+            model=model,
+            readings=readings,
+            domain=domain,
+            drift=self.drift,
+            fleeting=fleeting,
+        )
+
+
+@remembered(4)
+def fit_passes(
+    positions: np.ndarray, values: np.ndarray, times: np.ndarray, estimator: Estimator
+) -> tuple[VariogramFit, Fleeting]:
+    """The covariances of place and of time by their posterior mode, under the priors of
+    `grebe.mapping.posterior`.
+    """
+    shown = fit_variogram(positions, values, estimator)
+    chosen = thinned(len(values))
+    noise = median_noise_variance(positions, values)
+    problem = Posterior.of(positions[chosen], values[chosen], KIND, noise, times=times[chosen])
+    start = np.log([RANGE_SHARE, 1.0, problem.noise, FLEETING_SHARE, 1.0])
+    _, at = problem.highest(start)
+    model = problem.model(at)
+    fit = replace(
+        shown,
+        model=model,
+        candidates=(model,),
+        standard_errors=problem.standard_errors(model, at),
+        reason=f"{KIND} of place and what passes differ by, by the posterior mode under priors",
+    )
+    return fit, problem.fleeting(at)
+
+
+def _told(fleeting: Fleeting) -> str:
+    sd, memory = np.sqrt(fleeting.variance), fleeting.memory_s
+    return f"passes that differ by {sd:.2g} and forget it in {memory:.0f} s"
