@@ -95,7 +95,8 @@ def krige(
 
     `neighbours` limits each estimate to that many samples around it; by default all are used
     up to `EXACT_LIMIT` samples, for the mean up to `MEAN_LIMIT`, and `NEIGHBOURS` beyond.
-    `extra_variance` (n,) of each value is besides the nugget. With `passing` the signal is of place and of time.
+    `extra_variance` (n,) of each value is besides the nugget. With `passing` the signal is of place
+    and of time.
     """
     if len(values) == 0 or not (np.isfinite(positions).all() and np.isfinite(values).all()):
         raise ValueError("kriging needs at least one sample, and finite ones")

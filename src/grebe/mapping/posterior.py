@@ -103,7 +103,8 @@ class Posterior:
     integrated out; `values` (n,) of mean 0 and variance 1, `noise` their noise's variance.
 
     `common`, (n, n) each, are correlations that all places share, of what changed in time; the
-    variance of each over that of the values is one more number, a logarithm too. With `apart_s`
+    variance of each over that of the values is one more number, a logarithm too, and the last of
+    them may be left out. With `apart_s`
     (n, n), the time between any two values, there is a fleeting process besides, of two numbers:
     the logarithms of its variance over that of the values and of its memory over `memory_s`.
     """
@@ -173,8 +174,8 @@ class Posterior:
     def highest(self, start: Array) -> tuple[float, Array]:
         """The highest log posterior from a start on, and where."""
         ranges = (LEAST_RANGE, LONGEST / PRACTICAL_RANGE[self.kind])
-        shares = [SHARE_BOUNDS] * len(self.common)
         fleeting = [] if self.apart_s is None else [SHARE_BOUNDS, MEMORY_BOUNDS]
+        shares = [SHARE_BOUNDS] * (len(start) - 3 - len(fleeting))
         bounds = np.log([ranges, SILL_BOUNDS, NOISE_BOUNDS, *shares, *fleeting])
         inside = np.clip(start, *(bounds.T + np.array([[0.1], [-0.1]])))
 
