@@ -110,6 +110,30 @@ def finish_map(
         east0, east1 = min(east0, survey.start.east_m), max(east1, survey.start.east_m)
     axes.set_xlim(east0 - pad, east1 + pad)
     axes.set_ylim(north0 - pad, north1 + pad)
+    _draw_scale(axes)
+
+
+def _draw_scale(axes: Axes) -> None:
+    """Above the map's right end a bar of a round length, and an arrow to the north."""
+    left, right = axes.get_xlim()
+    width = right - left
+    tens = 10.0 ** np.floor(np.log10(width / 4))
+    length = max(share * tens for share in (1.0, 2.0, 5.0) if share * tens <= width / 4)
+    above, end = axes.get_xaxis_transform(), right - 0.05 * width
+    axes.plot(
+        [end - length, end], [1.025, 1.025], transform=above, color=BLACK, lw=2.2, clip_on=False,
+        solid_capstyle="butt",
+    )  # fmt: skip
+    text = f"{length / 1000:g} km" if length >= 1000 else f"{length:g} m"
+    axes.text(
+        end - 1.06 * length, 1.025, text, transform=above, fontsize="x-small", ha="right",
+        va="center", clip_on=False,
+    )  # fmt: skip
+    axes.annotate(
+        "N", xy=(0.99, 1.075), xytext=(0.99, 1.005), xycoords="axes fraction",
+        textcoords="axes fraction", ha="center", va="bottom", fontsize="x-small",
+        annotation_clip=False, arrowprops={"arrowstyle": "-|>", "color": BLACK, "lw": 0.9},
+    )  # fmt: skip
 
 
 def figure_size(survey: Survey) -> tuple[float, float]:

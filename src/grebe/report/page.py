@@ -18,12 +18,13 @@ from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure
 from grebe.report.data import ReportData
+from grebe.report.tables import area_classes, measured_quantities, moment_text, stations
 from grebe.report.texts import Texts, texts_of
 from grebe.report.thresholds import Profile, Threshold, read_profile
 
 # A threshold is told of where this share of the area is expected on the side of concern.
 CONCERN_SHARE = 0.01
-MOST_EVENTS = 50
+MOST_EVENTS, MOST_STATIONS = 50, 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +66,13 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         ],
         bathymetry=_bathymetry(data, texts),
         methods=[_method(one, texts) for one in data.maps],
+        classes=[_classes(one, texts) for one in data.maps],
+        stations=stations(data),
+        most_stations=MOST_STATIONS,
+        moment=moment_text,
+        measured_quantities=measured_quantities(data),
+        paragraph=_paragraph(data, texts),
+        citation=_citation(data, texts),
         quality=_quality(data, texts),
         measured=_measured(data, texts),
         warnings=[event for event in data.events if event.level != "info"][:MOST_EVENTS],
@@ -201,6 +209,52 @@ def _method(one: QuantityMap, t: Texts) -> str:
             t("calibrated", on_way=f"{factors.on_way:.2f}", off_way=f"{factors.off_way:.2f}")
         )
     return " ".join(said)
+
+
+def _classes(one: QuantityMap, t: Texts) -> str:
+    """The shares of the area by class, in a sentence."""
+    said: list[str] = []
+    for each in area_classes(one):
+        bounds = {"low": f"{each.low:g}", "high": f"{each.high:g}"}
+        ends = (np.isfinite(each.low), np.isfinite(each.high))
+        kind = {(False, True): "class_below", (True, False): "class_above",
+                (True, True): "class_between"}.get(ends, "class_all")  # fmt: skip
+        said.append(f"{t(kind, **bounds)} {each.share:.0%}")
+    unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
+    return t("classes", unit=unit, classes="; ".join(said))
+
+
+def _paragraph(data: ReportData, t: Texts) -> str:
+    """The methods of the survey and of its maps, ready for a paper."""
+    samples = data.samples
+    if not data.maps or not len(samples):
+        return ""
+    vessel = data.survey.vessel
+    validated = [one.validation for one in data.maps if one.validation is not None]
+    text = t(
+        "paragraph",
+        name=data.survey.name,
+        area=f"{data.survey.water.area / 1e4:.2f}",
+        lat=f"{data.survey.frame.origin_lat_deg:.4f}",
+        lon=f"{data.survey.frame.origin_lon_deg:.4f}",
+        first=moment_text(float(samples.times.min())),
+        last=moment_text(float(samples.times.max())),
+        vessel=t["a_boat"] if vessel is None else t("a_vessel", vessel=vessel.name),
+        sensors=data.meta.get("sensors", t["sensors_not_stated"]),
+        samples=f"{len(samples):,}",
+        quantities=", ".join(one.quantity.label_in(t.language) for one in data.maps).lower(),
+        methods="; ".join(dict.fromkeys(one.method.label for one in data.maps)).lower(),
+        step=f"{data.maps[0].grid.step_m:.1f}",
+        version=data.meta.get("software_version", ""),
+    )
+    if validated:
+        held = float(np.mean([one.coverage95 for one in validated]))
+        text += " " + t("paragraph_checked", held=f"{held:.0%}")
+    return text
+
+
+def _citation(data: ReportData, t: Texts) -> str:
+    return t("citation", version=data.meta.get("software_version", ""))
 
 
 def _changed(one: QuantityMap, t: Texts) -> list[str]:
