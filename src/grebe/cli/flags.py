@@ -34,6 +34,7 @@ FLAGS = {
     "pattern": "--pattern",
     "piece_s": "--piece",
     "profile": "--profile",
+    "credits_file": "--credits",
     "quantities": "--quantities",
     "port": "--port",
     "radius_m": "--radius",

@@ -127,24 +127,33 @@ def krige(
     )
     asked = _Targets(positions=model.isotropic(targets), functions=there, passing=passing)
     trend = _trend(samples, model)
-    if neighbours is None:
-        whole = _whole_is_little(len(counts), len(targets))
-        neighbours = len(counts) if whole else NEIGHBOURS
-        exact = not whole and len(counts) <= MEAN_LIMIT
-    else:
-        exact = False
-    if neighbours >= len(counts):
-        mean, variance = _solve(samples, trend, asked, model)
-    else:
-        mean, variance = np.empty((len(targets), count)), np.empty(len(targets))
-        for members, near in tiles(samples.positions, asked.positions, neighbours):
-            mean[members], variance[members] = _solve(
-                samples.part(near), trend, asked.part(members), model
-            )
-        if exact:
-            mean = _mean(samples, trend, asked, model)
+    mean, variance = _estimated(samples, trend, asked, model, neighbours)
     mean = mean[:, 0] if values.ndim == 1 else mean
     return Estimate(mean=mean, variance=np.maximum(variance, 0.0))
+
+
+def _estimated(
+    samples: _Samples,
+    trend: _Trend,
+    targets: _Targets,
+    model: CovarianceModel,
+    neighbours: int | None,
+) -> tuple[Array, Array]:
+    """Mean (m, c) and variance (m,) at the targets, by one system or by tiles."""
+    n, m = len(samples.noise), len(targets.positions)
+    by_all = neighbours is None and n <= MEAN_LIMIT
+    if neighbours is None:
+        neighbours = n if _whole_is_little(n, m) else NEIGHBOURS
+    if neighbours >= n:
+        return _solve(samples, trend, targets, model)
+    mean, variance = np.empty((m, samples.values.shape[1])), np.empty(m)
+    for members, near in tiles(samples.positions, targets.positions, neighbours):
+        mean[members], variance[members] = _solve(
+            samples.part(near), trend, targets.part(members), model
+        )
+    if by_all:
+        mean = _mean(samples, trend, targets, model)
+    return mean, variance
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,5 +58,5 @@ def read_credits(path: Path | None) -> Credits:
     except msgspec.ValidationError as error:
         raise InputError(
             f"{path}: {error}; credits may hold {', '.join(Credits.__struct_fields__)}, all texts.",
-            settings=("credits",),
+            settings=("credits_file",),
         ) from None
