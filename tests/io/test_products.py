@@ -10,6 +10,7 @@ from dataclasses import replace
 import netCDF4
 import numpy as np
 import pyogrio
+import pystac
 import pytest
 import rasterio
 import shapely
@@ -26,12 +27,15 @@ from grebe.core.samples import Flag
 from grebe.io.export.contours import contour_lines, write_contours
 from grebe.io.export.geotiff import write_geotiff
 from grebe.io.export.netcdf import write_netcdf
+from grebe.io.export.stac import Asset, write_stac_item
+from grebe.io.readers.credits import read_credits
 from grebe.io.readers.depth import read_depth
 from grebe.mapping.difference import difference
 from grebe.mapping.drift import combined, inflow, linear
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.choice import KRIGING, ByShore, with_settings
+from grebe.report.tables import area_classes
 from grebe.report.texts import LANGUAGES, texts_of
 from grebe.report.thresholds import read_profile
 
@@ -332,3 +336,37 @@ def test_a_change_of_one_quantity_alone_is_found(demo):
             assert np.nanmean(tiff.read(1, masked=True).filled(np.nan)) == pytest.approx(
                 warmer, abs=1e-3
             )
+
+
+def test_the_item_beside_the_maps_is_what_a_catalogue_takes_in(tmp_path):
+    outline = shapely.Polygon([(3.17, 50.63), (3.17, 50.64), (3.18, 50.64)])
+    entry = replace(ENTRY, outline=outline, credits=CREDITS)
+    assets = [
+        Asset(path=tmp_path / "ph.tif", title="pH", bands=[("mean", ""), ("sd", "")]),
+        Asset(path=tmp_path / "map.nc", title="all quantities"),
+    ]
+    write_stac_item(tmp_path / "item.json", entry, assets, {"proj:epsg": None})
+    item = pystac.Item.from_file(str(tmp_path / "item.json"))
+    assert item.bbox == list(outline.bounds)
+    assert item.properties["license"] == CREDITS["license"]
+    assert item.common_metadata.start_datetime.timestamp() == entry.first_s
+    assert item.common_metadata.end_datetime.timestamp() == entry.last_s
+    assert shapely.geometry.shape(item.geometry).exterior.is_ccw
+    assert item.assets["ph.tif"].media_type == pystac.MediaType.COG
+    assert item.assets["map.nc"].get_absolute_href() == str(tmp_path / "map.nc")
+
+
+def test_credits_that_are_not_texts_are_refused_by_name(tmp_path):
+    path = tmp_path / "credits.toml"
+    path.write_text("creator_name = 'Jane'\nlicence = 'CC0'\n")
+    with pytest.raises(InputError, match="licence"):
+        read_credits(path)
+    path.write_text("creator_name = 'Jane'\n")
+    assert read_credits(path).said() == {"creator_name": "Jane"}
+
+
+def test_the_shares_of_all_classes_are_the_whole_area(oxygen):
+    classes = area_classes(oxygen)
+    assert len(classes) > 2
+    assert sum(each.share for each in classes) == pytest.approx(1.0)
+    assert [each.high for each in classes[:-1]] == [each.low for each in classes[1:]]
