@@ -21,6 +21,7 @@ from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
 from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
 from grebe.mapping.methods.choice import ByShore, Choice
+from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.shore import WithShore
 from grebe.mapping.noise import noise_variance
 from grebe.mapping.threads import one_blas_thread
@@ -204,7 +205,11 @@ class Mapper:
         if quantity.key == WATER_DEPTH and self.settings.shore_depth_sd_m is not None:
             sd = self.settings.shore_depth_sd_m
             methods = tuple(WithShore(method=one, sd=sd) for one in methods)
-        found = best_of(methods, readings, self._domain)
+        # The bed stays as it is: passes over it differ by the sonar's errors alone.
+        asked_for = any(one.key == Passes.key for one in methods)
+        still = quantity.key == WATER_DEPTH and not asked_for
+        told = replace(readings, times=None) if still else readings
+        found = best_of(methods, told, self._domain)
         model, factors = found.model, found.calibration
         noise = noise_variance(at, data, model.nugget)
         micro_sd = factors.on_way * float(np.sqrt(model.nugget - noise))
