@@ -24,6 +24,7 @@ from grebe.mapping.methods.choice import (
     KRIGING,
     METHODS,
     ByShore,
+    Straight,
     with_settings,
 )
 from grebe.mapping.variogram import ESTIMATORS
@@ -187,13 +188,13 @@ def _settings(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings
     given = {"estimator": asked["estimator"], "drift": drift}
     if variogram is not None:
         given["fit_covariance"] = COVARIANCE_FITS[variogram]
+    if method not in (None, AVERAGED.key):
+        return MapSettings(method=with_settings(METHODS[method], **given), **more)
+    straight: tuple[Straight, ...] = (AVERAGED,) if variogram is None else KRIGING[:1]
+    straight = with_settings(straight, **given)
     if method is None:
-        default = KRIGING[:1] if variogram is not None else (AVERAGED,)
-        return MapSettings(choice=ByShore(straight=with_settings(default, **given)), **more)
-    chosen = METHODS[method]
-    if variogram is not None and chosen == (AVERAGED,):
-        chosen = KRIGING[:1]
-    return MapSettings(method=with_settings(chosen, **given), **more)
+        return MapSettings(choice=ByShore(straight=straight), **more)
+    return MapSettings(method=straight, **more)
 
 
 def _drift(

@@ -23,6 +23,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import bisect
 from scipy.spatial import KDTree
 
+from grebe.mapping.covariance import Fleeting
 from grebe.mapping.methods.base import Readings
 from grebe.mapping.noise import median_noise_variance
 from grebe.mapping.posterior import Posterior, thinned
@@ -280,7 +281,8 @@ def _posterior(readings: Readings, positions: Array, chosen: NDArray[np.int64]) 
     noise = median_noise_variance(positions, readings.values)
     seen = times[chosen]
     span_s = float(np.ptp(times))
-    common = (_fleeting(seen, span_s), _slow(seen, seen, span_s))
+    fleeting = Fleeting(variance=1.0, memory_s=FLEETING * span_s)
+    common = (fleeting.covariance(seen, seen), _slow(seen, seen, span_s))
     return Posterior.of(positions[chosen], readings.values[chosen], KIND, noise, common)
 
 
@@ -295,11 +297,6 @@ def _since(times: Array, moment_s: float, span_s: float) -> Array:
     at = np.array([moment_s])
     to_moment = _slow(times, at, span_s)
     return _slow(times, times, span_s) - to_moment - to_moment.T + _slow(at, at, span_s)
-
-
-def _fleeting(times: Array, span_s: float) -> Array:
-    """Correlation (n, n) of what passes differ by, which is gone within minutes."""
-    return np.exp(-np.abs(times[:, None] - times[None, :]) / (FLEETING * span_s))
 
 
 def _with_share(posterior: Posterior, at: Array) -> Array:

@@ -15,7 +15,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, get_lapack_funcs, solve_triangular
+from scipy.linalg import cholesky, get_lapack_funcs, solve_triangular
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
@@ -49,8 +49,8 @@ SILL_BOUNDS, NOISE_BOUNDS, SHARE_BOUNDS = (1e-4, 1e2), (1e-8, 2.0), (1e-8, 1e2)
 # How long two passes remember what they differ by: a share of the time of all values, the standard
 # deviation of its logarithm, and the ends of the search as multiples of that time.
 MEMORY_SHARE, MEMORY_LOG_SD, MEMORY_BOUNDS = 0.05, 1.0, (0.02, 50.0)
-# Of the step for a derivative of the slope.
-STEP = 1e-2
+# Of the step for a derivative of the slope; the density where a covariance is none.
+STEP, IMPOSSIBLE = 1e-2, -1e300
 
 
 def fit_posterior(
@@ -192,23 +192,18 @@ class Posterior:
     def density_and_slope(self, at: Array) -> tuple[float, Array]:
         """Log posterior, but for a constant, and its derivatives by `at`."""
         matrix, slopes_ = self._matrix(at, with_slopes=True)
-        n = len(self.values)
-        try:
-            factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
-        except np.linalg.LinAlgError:
-            return -1e300, np.zeros(len(at))
-        both = np.column_stack([np.ones(n), self.values])
-        by_one, by_value = cho_solve((factor, True), both, check_finite=False).T
-        information = float(by_one.sum())
-        mean = float(by_value.sum()) / information
-        rest = by_value - mean * by_one
-        log_det = 2 * float(np.sum(np.log(np.diag(factor))))
-        squares = float((self.values - mean) @ rest)
-        likelihood = -0.5 * (squares + log_det + np.log(information))
-        weight = np.outer(rest, rest) + np.outer(by_one, by_one) / information - _inverse(factor)
+        white = self._whitened(matrix)
+        if white is None:
+            return IMPOSSIBLE, np.zeros(len(at))
+        both = np.column_stack([white.ones, white.rest])
+        by_one, rest = solve_triangular(
+            white.factor, both, trans=1, lower=True, check_finite=False
+        ).T
+        outer = np.outer(rest, rest) + np.outer(by_one, by_one) / float(white.ones @ white.ones)
+        weight = outer - _inverse(white.factor)
         slope = np.array([0.5 * np.vdot(weight, one) for one in slopes_])
         prior, prior_slope = self._prior(at)
-        return float(likelihood + prior), slope + prior_slope
+        return white.log_likelihood + prior, slope + prior_slope
 
     def log_density(self, at: Array) -> float:
         """Log posterior, but for a constant."""
@@ -244,17 +239,19 @@ class Posterior:
 
     def log_likelihood(self, at: Array) -> float:
         """Restricted log likelihood, but for a constant."""
-        matrix = self.covariance(at)
+        white = self._whitened(self.covariance(at))
+        return IMPOSSIBLE if white is None else white.log_likelihood
+
+    def _whitened(self, matrix: Array) -> _Whitened | None:
+        """The values under a covariance, which is lost; None for one that is none."""
         try:
-            factor, lower = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+            factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
         except np.linalg.LinAlgError:
-            return -1e300
+            return None
         both = np.column_stack([np.ones(len(self.values)), self.values])
-        ones, values = solve_triangular(factor, both, lower=lower, check_finite=False).T
-        information = float(ones @ ones)
-        rest = values - float(ones @ values) / information * ones
-        log_det = 2 * float(np.sum(np.log(np.diag(factor))))
-        return -0.5 * (float(rest @ rest) + log_det + np.log(information))
+        ones, values = solve_triangular(factor, both, lower=True, check_finite=False).T
+        rest = values - float(ones @ values) / float(ones @ ones) * ones
+        return _Whitened(factor=factor, ones=ones, rest=rest)
 
     def _prior(self, at: Array) -> tuple[float, Array]:
         """Log prior and its derivatives: of log range and log standard deviation (penalised
@@ -293,6 +290,24 @@ class Posterior:
             "sill": float(model.sill * spread[1]),
             "range_m": float(model.range_m * spread[0]),
         }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Whitened:
+    """Ones (n,) and the values less their mean (n,), both freed of a covariance by its Cholesky
+    `factor` (n, n).
+    """
+
+    factor: Array
+    ones: Array
+    rest: Array
+
+    @property
+    def log_likelihood(self) -> float:
+        """Restricted, but for a constant."""
+        log_det = 2 * float(np.sum(np.log(np.diag(self.factor))))
+        information = float(self.ones @ self.ones)
+        return float(-0.5 * (float(self.rest @ self.rest) + log_det + np.log(information)))
 
 
 def _inverse(factor: Array) -> Array:

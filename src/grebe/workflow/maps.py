@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from pyproj import CRS
 
 from grebe.core.errors import InputError
 from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.export.contours import write_contours
-from grebe.io.export.geotiff import write_geotiff
+from grebe.io.export.geotiff import affine, write_geotiff
 from grebe.io.export.netcdf import write_netcdf
 from grebe.io.export.stac import ITEM_NAME, Asset, write_stac_item
 from grebe.io.readers.credits import read_credits
@@ -112,17 +111,15 @@ def _assets(
 
 def _projection(data: ReportData) -> dict[str, Any]:
     """What the rasters share, by STAC's projection extension."""
+    from pyproj import CRS
+
     grid = data.maps[0].grid
-    half = grid.step_m / 2
     return {
         "proj:epsg": None,
         "proj:wkt2": CRS.from_user_input(data.survey.frame.definition).to_wkt(),
         "proj:shape": [len(grid.north), len(grid.east)],
-        "proj:transform": [
-            grid.step_m, 0.0, float(grid.east[0]) - half,
-            0.0, -grid.step_m, float(grid.north[-1]) + half,
-        ],
-    }  # fmt: skip
+        "proj:transform": list(affine(grid)),
+    }
 
 
 def catalogue_entry(data: ReportData, credits_file: Path | None = None) -> CatalogueEntry:

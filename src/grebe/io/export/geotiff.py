@@ -10,6 +10,7 @@ import numpy as np
 
 from grebe.core.frames import LocalFrame
 from grebe.io.whole import written_whole
+from grebe.mapping.grid import Grid
 from grebe.mapping.maps import QuantityMap
 
 if TYPE_CHECKING:
@@ -31,6 +32,13 @@ def write_geotiff(
     write_bands(path, one, frame, bands, one.quantity.unit)
 
 
+def affine(grid: Grid) -> tuple[float, float, float, float, float, float]:
+    """From column and row, north up, to easting and northing: a, b, c, d, e, f of the transform."""
+    step = grid.step_m
+    west, north = float(grid.east[0]) - step / 2, float(grid.north[-1]) + step / 2
+    return step, 0.0, west, 0.0, -step, north
+
+
 def write_bands(
     path: Path,
     one: QuantityMap,
@@ -45,8 +53,7 @@ def write_bands(
     from rasterio.shutil import copy
     from rasterio.transform import Affine
 
-    grid, step = one.grid, one.grid.step_m
-    corner = (grid.east[0] - step / 2, grid.north[-1] + step / 2)
+    grid = one.grid
     profile: dict[str, Any] = {
         "driver": "GTiff",
         "dtype": "float32",
@@ -54,7 +61,7 @@ def write_bands(
         "height": len(grid.north),
         "width": len(grid.east),
         "crs": CRS.from_user_input(frame.definition),
-        "transform": Affine(step, 0.0, corner[0], 0.0, -step, corner[1]),
+        "transform": Affine(*affine(grid)),
         "nodata": NODATA,
     }
     with written_whole(path, RasterioError) as part, MemoryFile() as memory:

@@ -17,7 +17,7 @@ from grebe.mapping.methods.base import Domain, Model, Readings
 from grebe.mapping.methods.kriging import Kriging, KrigingField
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.posterior import fit_rough
-from grebe.mapping.variogram import Estimator, VariogramFit
+from grebe.mapping.variogram import Estimator
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,20 +38,10 @@ class Averaged:
     key = "kriging"
     label = "Kriging"
 
-    @property
-    def rough(self) -> Kriging:
-        """The method of place alone."""
-        return Kriging(fit_covariance=fit_rough, estimator=self.estimator, drift=self.drift)
-
-    def first_fit(self, readings: Readings) -> VariogramFit:
-        """The covariance that fits the variogram best; `ValueError` where there are too few
-        pairs.
-        """
-        return self.rough.first_fit(readings)
-
     def fit(self, readings: Readings, domain: Domain) -> KrigingField | AveragedField:
         """See `Method`."""
-        rough = self.rough.fit(readings, domain)
+        kriging = Kriging(fit_covariance=fit_rough, estimator=self.estimator, drift=self.drift)
+        rough = kriging.fit(readings, domain)
         if readings.times is None or rough.covariance.sill == 0:
             return rough
         smooth = Passes(estimator=self.estimator, drift=self.drift)

@@ -14,7 +14,7 @@ from grebe.core.errors import InputError
 from grebe.mapping.likelihood import fit_reml
 from grebe.mapping.methods.averaged import Averaged
 from grebe.mapping.methods.base import Domain, Method, Readings
-from grebe.mapping.methods.kriging import CovarianceFit, Kriging
+from grebe.mapping.methods.kriging import CovarianceFit, Kriging, first_fit
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.spde import Spde
 from grebe.mapping.posterior import fit_rough, fit_smooth
@@ -66,7 +66,8 @@ class ByShore:
         """The methods to try, and why. `ValueError` where there are too few pairs."""
         if any(one.drift is not None for one in self.straight):
             return self.straight, "a drift is asked for"
-        model = self.straight[0].first_fit(readings).model
+        first = self.straight[0]
+        model = first_fit(readings, first.estimator, first.drift).model
         if model.sill == 0 or np.ptp(readings.values) == 0:
             return self.straight, "nothing varies between places"
         share = blocked_share(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,17 +46,12 @@ class Kriging:
     key = "kriging"
     label = "Kriging"
 
-    def first_fit(self, readings: Readings) -> VariogramFit:
-        """The covariance that fits the variogram best; `ValueError` where there are too few
-        pairs.
-        """
-        return _fitted(readings, fit_variogram, self.estimator, self.drift)
-
     def fit(self, readings: Readings, domain: Domain) -> KrigingField:
         """See `Method`. Where nothing varies the variogram's flat model is taken."""
-        fit = self.first_fit(readings)
+        fit = first_fit(readings, self.estimator, self.drift)
         if fit.model.sill > 0 and np.ptp(readings.values) > 0:
-            fit = _fitted(readings, self.fit_covariance, self.estimator, self.drift)
+            values = without_drift(readings, self.drift)
+            fit = self.fit_covariance(readings.positions, values, self.estimator)
         return KrigingField(
             covariance=fit.model,
             model=described(fit),
@@ -67,12 +61,13 @@ class Kriging:
         )
 
 
-@lru_cache(maxsize=16)
-def _fitted(
-    readings: Readings, fit: CovarianceFit, estimator: Estimator, drift: DriftFunction | None
+def first_fit(
+    readings: Readings, estimator: Estimator, drift: DriftFunction | None
 ) -> VariogramFit:
-    """A fit to what the drift leaves; kept, for several methods ask for the same one."""
-    return fit(readings.positions, without_drift(readings, drift), estimator)
+    """The covariance that fits the variogram of what a drift leaves best; `ValueError` where there
+    are too few pairs.
+    """
+    return fit_variogram(readings.positions, without_drift(readings, drift), estimator)
 
 
 def without_drift(readings: Readings, drift: DriftFunction | None) -> Array:

@@ -19,10 +19,9 @@ import numpy as np
 from grebe.mapping.covariance import Fleeting
 from grebe.mapping.drift import DriftFunction
 from grebe.mapping.methods.base import Domain, Readings
-from grebe.mapping.methods.kriging import KrigingField, described, without_drift
+from grebe.mapping.methods.kriging import KrigingField, described, first_fit, without_drift
 from grebe.mapping.noise import median_noise_variance
 from grebe.mapping.posterior import Posterior, thinned
-from grebe.mapping.remembered import remembered
 from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
 
 KIND = "matern32"
@@ -43,18 +42,11 @@ class Passes:
     key = "passes"
     label = "Kriging in place and time"
 
-    def first_fit(self, readings: Readings) -> VariogramFit:
-        """The covariance that fits the variogram best; `ValueError` where there are too few
-        pairs.
-        """
-        values = without_drift(readings, self.drift)
-        return fit_variogram(readings.positions, values, self.estimator)
-
     def fit(self, readings: Readings, domain: Domain) -> KrigingField:
         """See `Method`. `ValueError` for readings without times."""
         if readings.times is None:
             raise ValueError("what passes differ by is told by the readings' times alone")
-        fit = self.first_fit(readings)
+        fit = first_fit(readings, self.estimator, self.drift)
         fleeting: Fleeting | None = None
         if fit.model.sill > 0 and np.ptp(readings.values) > 0 and np.ptp(readings.times) > 0:
             values = without_drift(readings, self.drift)
@@ -72,7 +64,6 @@ class Passes:
         )
 
 
-@remembered(4)
 def fit_passes(
     positions: np.ndarray, values: np.ndarray, times: np.ndarray, estimator: Estimator
 ) -> tuple[VariogramFit, Fleeting]:
