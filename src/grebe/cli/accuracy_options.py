@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,14 +12,10 @@ from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import Vessel
 from grebe.planning.region import Region
-from grebe.workflow.accuracy import (
-    CHOICES,
-    AccuratePlan,
-    plan_for_accuracy,
-    prior_of_range,
-    prior_of_survey,
-)
 from grebe.workflow.plans import read_zones
+
+if TYPE_CHECKING:
+    from grebe.workflow.accuracy import AccuratePlan
 
 
 def accuracy_options(command: Any) -> Any:
@@ -85,6 +81,9 @@ def plan_surest(
     quiet: bool,
 ) -> AccuratePlan:
     """Plan for the surest map, with progress."""
+    # Every other plan can do without the map's half of the package, which takes long to import.
+    from grebe.workflow.accuracy import CHOICES, plan_for_accuracy, prior_of_range, prior_of_survey
+
     like: Path | None = asked["like"]
     prior = (
         prior_of_range(asked["range_m"])

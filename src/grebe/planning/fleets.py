@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.optimize import linear_sum_assignment
 
 from grebe.core.errors import PlanError, UsageError
 from grebe.core.plan_settings import PlanSettings
@@ -140,6 +139,9 @@ class _Sharing:
 
     def _assigned(self, stretches: Sequence[Order]) -> list[tuple[int, bool]]:
         """Which boat takes each stretch, and whether from its far end."""
+        # Plans of one boat, which are most, need not wait for it.
+        from scipy.optimize import linear_sum_assignment
+
         lengths = np.array([len(one) for one in stretches], dtype=np.int64)
         ends = np.cumsum(lengths)
         near, far = self.out_s[:, ends - lengths], self.out_s[:, ends - 1]

@@ -10,7 +10,7 @@ the order got faster (iterated local search; Lourenco, Martin and Stutzle 2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -161,21 +161,49 @@ def _try_moves(costs, path, pos, a, c, reach, best, move):
     return best
 
 
+class _Queue(NamedTuple):
+    """Cells that wait for a look: a ring of `cells`, whether each cell is `queued`, and `state`,
+    the place of the first in the ring and how many there are.
+    """
+
+    cells: NDArray[np.int64]
+    queued: NDArray[np.bool_]
+    state: NDArray[np.int64]
+
+
 @machine_code
-def _settle(costs, path, pos, queue, queued, head, count, spare, touched):
+def _await(queue, path, low, high):
+    """Queue the cells at the places from `low` up to, but not with, `high`."""
+    for s in range(max(1, low), min(path.shape[0], high)):
+        b = path[s]
+        if not queue.queued[b]:
+            queue.queued[b] = True
+            queue.cells[(queue.state[0] + queue.state[1]) % queue.cells.shape[0]] = b
+            queue.state[1] += 1
+
+
+@machine_code
+def _next(queue):
+    """Take the first cell from the queue."""
+    head = queue.state[0]
+    a = queue.cells[head]
+    queue.state[0] = (head + 1) % queue.cells.shape[0]
+    queue.state[1] -= 1
+    queue.queued[a] = False
+    return a
+
+
+@machine_code
+def _settle(costs, path, pos, queue, spare, touched):
     """Apply improving moves around the queued cells until there is none; returns the gain.
 
     `touched` keeps the first and the last place of the path that was changed.
     """
     total = 0.0
-    size = queue.shape[0]
     move = np.zeros(5, dtype=np.int64)
     reach = LONGEST_WINDY_REVERSAL if costs.windy else LONGEST_REVERSAL
-    while count > 0:
-        a = queue[head]
-        head = (head + 1) % size
-        count -= 1
-        queued[a] = False
+    while queue.state[1] > 0:
+        a = _next(queue)
         while True:
             best = LEAST_GAIN
             at_stake = _at_stake(costs, path, pos[a])
@@ -197,12 +225,7 @@ def _settle(costs, path, pos, queue, queued, head, count, spare, touched):
             touched[0], touched[1] = min(touched[0], first), max(touched[1], last)
             total += best
             for end in (first, last):
-                for s in range(max(1, end - 2), min(path.shape[0], end + 3)):
-                    b = path[s]
-                    if not queued[b]:
-                        queued[b] = True
-                        queue[(head + count) % size] = b
-                        count += 1
+                _await(queue, path, end - 2, end + 3)
     return total
 
 
@@ -240,12 +263,16 @@ def _improve(costs, path, kicks, seed):
     for k in range(n + 1):
         pos[path[k]] = k
     spare = np.empty(n + 1, dtype=np.int64)
-    queue, queued = np.empty(n + 1, dtype=np.int64), np.zeros(places, dtype=np.bool_)
+    # All of its state is in arrays: a count that begins as a literal 0 would be a type of its own,
+    # for which everything below is compiled a second time.
+    queue = _Queue(
+        np.empty(n + 1, dtype=np.int64),
+        np.zeros(places, dtype=np.bool_),
+        np.zeros(2, dtype=np.int64),
+    )
     touched = np.array([n, 0])
-    for k in range(1, n + 1):
-        queue[k - 1] = path[k]
-        queued[path[k]] = True
-    _settle(costs, path, pos, queue, queued, 0, n, spare, touched)
+    _await(queue, path, 1, n + 1)
+    _settle(costs, path, pos, queue, spare, touched)
     total = order_cost(costs, path)
     saved = path.copy()
     for _ in range(kicks if n > 8 else 0):
@@ -260,15 +287,9 @@ def _improve(costs, path, kicks, seed):
         touched[0], touched[1] = i, end - 1
         _kick(path, pos, spare, i, first, second)
         change = old - window_cost(costs, path, i - 2, end + 1)
-        count = 0
         for place in (i, i + second, end):
-            for s in range(max(1, place - 2), min(n + 1, place + 2)):
-                b = path[s]
-                if not queued[b]:
-                    queued[b] = True
-                    queue[count] = b
-                    count += 1
-        change += _settle(costs, path, pos, queue, queued, 0, count, spare, touched)
+            _await(queue, path, place - 2, place + 2)
+        change += _settle(costs, path, pos, queue, spare, touched)
         low, high = touched[0], touched[1]
         if change >= 0.0:
             total -= change

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import shapely
 
@@ -21,8 +22,10 @@ from grebe.planning.fleets import plan_fleet
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.sorties import PlannedSorties, plan_sorties
-from grebe.workflow.accuracy import Expected
 from grebe.workflow.files import write_survey
+
+if TYPE_CHECKING:
+    from grebe.workflow.accuracy import Expected
 
 # A start further than this from the water is reported to whoever asked for it [m].
 ASHORE_M = 1.0
