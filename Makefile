@@ -21,7 +21,7 @@ demo: $(STAMP)  ## plan, steer, sample and map a hectare of water in simulation
 	$(BIN)/grebe demo --out demo
 
 test: $(STAMP)  ## all tests, the slow ones too
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
 
 check: $(STAMP)  ## style, types, import contract
 	$(BIN)/ruff format --check .

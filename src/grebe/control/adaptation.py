@@ -164,14 +164,16 @@ def fitting(
     problem = _Problem.of(model, flown)
     if problem is None:
         return None
-    plain, plain_cost = yield from problem.solve(_in_weather(model, AS_MODELLED, weather), WEATHER)
+    start = _in_weather(model, AS_MODELLED, weather)
+    plain, plain_cost = yield from problem.solve(start, WEATHER, enough=LEAST_GAIN)
     if plain_cost < LEAST_GAIN:
         return None
     best, cost, kept_cost = plain, plain_cost, plain_cost
     if followed == AS_MODELLED:
         starts = [(plain, dead_s) for dead_s in (0.0, *OTHER_STARTS_S)]
     else:
-        kept, kept_cost = yield from problem.solve(_in_weather(model, followed, weather), WEATHER)
+        start = _in_weather(model, followed, weather)
+        kept, kept_cost = yield from problem.solve(start, WEATHER, enough=LEAST_GAIN)
         if kept_cost < LEAST_GAIN:
             return None
         starts = [(kept, followed.dead_s)]
@@ -248,13 +250,19 @@ class _Problem:
         missed = (ends - states[self.last]) / END_SD
         return np.concatenate([missed.ravel(), numbers / PRIOR_SD])
 
-    def solve(self, start: Array, free: slice) -> Generator[None, None, tuple[Array, float]]:
-        """Gauss and Newton from `start`, with some numbers free; the best ones and their cost."""
+    def solve(
+        self, start: Array, free: slice, enough: float = 0.0
+    ) -> Generator[None, None, tuple[Array, float]]:
+        """Gauss and Newton from `start`, with some numbers free; the best ones and their cost. A
+        cost below `enough` will do.
+        """
         numbers = np.clip(start, LOW, HIGH)
         residuals = _bounded(self.residuals(numbers))
         cost, damping = 0.5 * float(residuals @ residuals), 1e-2
         which = np.arange(COUNT)[free]
         for _ in range(WEATHER_ITERATIONS if free is WEATHER else ITERATIONS):
+            if cost < enough:
+                break
             slopes = yield from self._slopes(numbers, residuals, which)
             normal = slopes.T @ slopes
             step = np.linalg.solve(

@@ -104,8 +104,9 @@ def padded(rows: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Fill half-space rows up to `count` with rows that always hold."""
     if len(rows) > count:
         raise ValueError(f"a set has {len(rows)} half-spaces, the problem room for {count}")
-    filled = np.tile(NO_ROW, (count, 1))
+    filled = np.empty((count, len(NO_ROW)))
     filled[: len(rows)] = rows
+    filled[len(rows) :] = NO_ROW
     return filled
 
 

@@ -7,8 +7,12 @@ and whose model is a random walk (Simon 2006, ch. 5). On one heading current and
 be told apart, and need not be: either explains the motion on that heading.
 """
 
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# pyright: reportMissingParameterType=false
+
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -16,6 +20,7 @@ import numpy as np
 
 from grebe.control.solvers.fast.model import advance, parameter_vector
 from grebe.core.dynamics import CALM, Weather
+from grebe.core.kernels import machine_code
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -35,7 +40,7 @@ LARGEST_CURRENT_MPS = 3.0
 class Observer:
     """Estimates the weather from successive state estimates and the thrusts between them.
 
-    `first` is the weather that it begins with.
+    `first` is the weather that it begins with, `weather` the present estimate.
     """
 
     def __init__(self, vessel: Vessel, first: Weather = CALM) -> None:
@@ -47,12 +52,14 @@ class Observer:
         self._covariance = np.diag(sd**2)
         self._drift = np.diag(drift**2)
         self._probe = 0.05 * sd
+        self._limit = np.append(np.full(2, LARGEST_CURRENT_MPS), np.full(2, vessel.thrust_max_n))
+        self._boat = parameter_vector(vessel, np.zeros(4))[:-4]
+        self.weather = first
 
-    @property
-    def weather(self) -> Weather:
-        """The present estimate."""
-        north, east, force_north, force_east = self._estimate.tolist()
-        return Weather(
+    def _learn(self, estimate: Array) -> None:
+        self._estimate = estimate
+        north, east, force_north, force_east = estimate.tolist()
+        self.weather = Weather(
             current_north_mps=north,
             current_east_mps=east,
             wind_force_north_n=force_north,
@@ -68,28 +75,37 @@ class Observer:
     ) -> None:
         """Learn from a pair of states (6,) that lie `duration_s` apart under `thrusts`."""
         start, inputs = np.asarray(before, dtype=float), np.asarray(thrusts)
-        predicted = self._velocities(start, inputs, duration_s, self._estimate)
-        jacobian = np.empty((2, 4))
-        for i, probe in enumerate(self._probe):
-            moved = self._estimate.copy()
-            moved[i] += probe
-            change = self._velocities(start, inputs, duration_s, moved) - predicted
-            jacobian[:, i] = change / probe
+        substeps = max(2, math.ceil(duration_s * self._vessel.fastest_rate_hz))
+        predicted, jacobian = _velocities(
+            self._boat, self._estimate, self._probe, start, inputs, duration_s, substeps
+        )
         self._covariance = self._covariance + duration_s * self._drift
         # Both ends of the pair are measured: their errors add up.
         noise = 2 * VELOCITY_SD**2 * np.eye(2)
         gain = self._covariance @ jacobian.T
         gain = gain @ np.linalg.inv(jacobian @ gain + noise)
         surprise = np.asarray(after, dtype=float)[3:5] - predicted
-        self._estimate = self._estimate + gain @ surprise
-        limit = np.append(np.full(2, LARGEST_CURRENT_MPS), np.full(2, self._vessel.thrust_max_n))
-        self._estimate = np.clip(self._estimate, -limit, limit)
+        self._learn(np.clip(self._estimate + gain @ surprise, -self._limit, self._limit))
         keep = np.eye(4) - gain @ jacobian
         self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
 
-    def _velocities(self, state: Array, thrusts: Array, duration_s: float, weather: Array) -> Array:
-        """Surge and sway that the model predicts."""
-        out = np.empty(6)
-        substeps = max(2, int(np.ceil(duration_s * self._vessel.fastest_rate_hz)))
-        advance(parameter_vector(self._vessel, weather), state, thrusts, duration_s, substeps, out)
-        return out[3:5]
+
+@machine_code
+def _velocities(boat, weather, probe, state, thrusts, duration, substeps):
+    """Surge and sway (2,) that the model predicts in some weather (4,), and their derivatives
+    (2, 4) by it, over steps of `probe` (4,).
+    """
+    p = np.empty(len(boat) + 4)
+    out = np.empty(6)
+    velocities, jacobian = np.empty(2), np.empty((2, 4))
+    p[: len(boat)] = boat
+    for i in range(-1, 4):
+        p[len(boat) :] = weather
+        if i >= 0:
+            p[len(boat) + i] += probe[i]
+        advance(p, state, thrusts, duration, substeps, out)
+        if i < 0:
+            velocities[:] = out[3:5]
+        else:
+            jacobian[:, i] = (out[3:5] - velocities) / probe[i]
+    return velocities, jacobian

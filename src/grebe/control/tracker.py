@@ -176,11 +176,15 @@ class Tracker:
     def _acting(self, from_s: float, until_s: float) -> list[tuple[float, float, Thrusts]]:
         """The thrusts that act in a span, as they were sent so much earlier, piece by piece."""
         late_s, share = self.correction.late_s, (self.correction.port, self.correction.starboard)
-        begins = [order.time_s + late_s for order in self._orders]
-        edges = sorted({from_s, until_s, *(t for t in begins if from_s < t < until_s)})
+        recent: list[tuple[float, Thrusts]] = []
+        for order in reversed(self._orders):
+            recent.insert(0, (order.time_s + late_s, order.thrusts))
+            if recent[0][0] <= from_s:
+                break
+        edges = sorted({from_s, until_s, *(t for t, _ in recent if from_s < t < until_s)})
         pieces: list[tuple[float, float, Thrusts]] = []
         for left, right in pairwise(edges):
-            sent = [o.thrusts for o, t in zip(self._orders, begins, strict=True) if t <= left]
+            sent = [thrusts for t, thrusts in recent if t <= left]
             port, starboard = sent[-1] if sent else (0.0, 0.0)
             pieces.append((left, right, (port * share[0], starboard * share[1])))
         return pieces

@@ -129,6 +129,8 @@ def _dead_side(products: Array, vessel: Vessel) -> int:
     shares, _ = fitted(floor)
     missed = square - 2 * shares @ right + shares @ normal @ shares
     shares, information = fitted(max(floor, float(missed)))
+    if min(shares[:2]) >= DEAD:
+        return 0
     sd = np.sqrt(np.diag(np.linalg.inv(information)))
     for side, at, other in ((1, 0, 1), (2, 1, 0)):
         if shares[at] + SURE * sd[at] < DEAD and shares[other] > ALIVE:
