@@ -102,6 +102,26 @@ def test_the_shore_is_depth_zero_only_where_it_is_asked_for():
     assert lake.volume_sd_m3 < 0.05 * lake.volume_m3
 
 
+def test_the_bed_does_not_change_but_where_a_moment_is_asked_for():
+    """A sonar's zero that drifts, or a tide, by a metre within the hour."""
+    rng = np.random.default_rng(3)
+    lanes = [
+        np.column_stack([np.arange(-60.0, 60, 3)[:: (-1) ** i], np.full(40, east)])
+        for i, east in enumerate((*np.arange(-60.0, 60, 10), *np.arange(-55.0, 60, 10)))
+    ]
+    places = np.concatenate(lanes)
+    times = 3600.0 * np.arange(len(places)) / len(places)
+    values = DEEP * (1 - np.sum(places**2, axis=1) / RADIUS**2) + times / 3600
+    values += rng.normal(0, 0.02, len(values))
+    given = (DEPTH, places, values, np.full(len(values), Flag.GOOD), times)
+    found = [
+        Mapper(LAKE, make_grid(LAKE, 5.0), MapSettings(moment=moment)).map_quantity(*given)
+        for moment in (None, "middle")
+    ]
+    assert not found[0].change.is_heeded
+    assert found[1].change.is_heeded
+
+
 def test_a_method_of_one_noise_says_so_and_an_impossible_sd_is_refused():
     with pytest.raises(InputError, match="map with kriging"):
         sounded(method=Spde(), shore_depth_sd_m=0.1)

@@ -58,6 +58,37 @@ def _correlations(code: int, x: Array) -> Array:
 
 
 @machine_code
+def _between(code: int, sill: float, reach: float, a: Array, b: Array) -> Array:
+    out = np.empty((a.shape[0], b.shape[0]))
+    for i in range(a.shape[0]):
+        for j in range(b.shape[0]):
+            north, east = a[i, 0] - b[j, 0], a[i, 1] - b[j, 1]
+            x = math.sqrt(north * north + east * east) / reach
+            out[i, j] = sill * correlation(code, x)
+    return out
+
+
+@machine_code
+def _among(code: int, sill: float, reach: float, a: Array) -> Array:
+    out = np.zeros((a.shape[0], a.shape[0]))
+    for i in range(a.shape[0]):
+        for j in range(i + 1):
+            north, east = a[i, 0] - a[j, 0], a[i, 1] - a[j, 1]
+            x = math.sqrt(north * north + east * east) / reach
+            out[i, j] = sill * correlation(code, x)
+    return out
+
+
+@machine_code
+def _faded(variance: float, memory: float, a: Array, b: Array) -> Array:
+    out = np.empty((a.shape[0], b.shape[0]))
+    for i in range(a.shape[0]):
+        for j in range(b.shape[0]):
+            out[i, j] = variance * math.exp(-abs(a[i] - b[j]) / memory)
+    return out
+
+
+@machine_code
 def _carried(code: int, at: Array, places: Array, reach: float, weights: Array) -> Array:
     out = np.zeros((at.shape[0], weights.shape[1]))
     for i in range(at.shape[0]):
@@ -110,6 +141,18 @@ class CovarianceModel:
         """Covariance of the signal at a distance along the major axis; without the nugget."""
         return self.sill * correlations(self.kind, distance_m / self.range_m)
 
+    def between(self, a: Array, b: Array) -> Array:
+        """Covariance (n, m) of the signal at places (n, 2) and (m, 2), both in coordinates without
+        a direction: `covariance` of their distances, in one go.
+        """
+        code = KINDS.index(self.kind)
+        a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
+        return _between(code, self.sill, self.range_m, a, b)
+
+    def among(self, a: Array) -> Array:
+        """As `between` of places (n, 2) and themselves, but below the diagonal and on it alone."""
+        return _among(KINDS.index(self.kind), self.sill, self.range_m, np.ascontiguousarray(a))
+
     def carried(self, places: Array, weights: Array, at: Array) -> Array:
         """Sums (m, c) of the signal's covariances with `at` (m, 2) weighted by (n, c) at `places`
         (n, 2), both in coordinates without a direction: what a matrix product would give.
@@ -158,7 +201,8 @@ class Fleeting:
 
     def covariance(self, a: Array, b: Array) -> Array:
         """Covariance (n, m) between times (n,) and (m,) [s]."""
-        return self.variance * np.exp(-np.abs(a[:, None] - b[None, :]) / self.memory_s)
+        a, b = np.ascontiguousarray(a, dtype=float), np.ascontiguousarray(b, dtype=float)
+        return _faded(self.variance, self.memory_s, a, b)
 
     def carried(self, times: Array, weights: Array, at: Array) -> Array:
         """Sums (m, c) of covariances with `at` (m,) weighted by (n, c) at `times` (n,): what a

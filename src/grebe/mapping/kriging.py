@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
-from scipy.spatial.distance import cdist
 
 from grebe.mapping.covariance import CovarianceModel, Fleeting
 from grebe.mapping.tiles import tiles
@@ -180,12 +179,13 @@ class _Samples:
         )
 
     def factor(self, model: CovarianceModel) -> Array:
-        """Cholesky's factor of the samples' covariance."""
-        system = model.covariance(cdist(self.positions, self.positions))
+        """Cholesky's lower factor of the samples' covariance."""
+        system = model.among(self.positions)
         if self.fleeting is not None:
             system += self.fleeting.covariance(self.times, self.times)
         system[np.diag_indices(len(self.noise))] += self.noise
-        return cholesky(system, lower=True, overwrite_a=True, check_finite=False)
+        # By columns, as LAPACK has it, its transpose needs no copy.
+        return cholesky(system.T, lower=False, overwrite_a=True, check_finite=False).T
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,7 +210,7 @@ class _Targets:
 
     def covariance(self, samples: _Samples, model: CovarianceModel) -> Array:
         """Covariance (n, m) of the samples' signal with that of the targets."""
-        found = model.covariance(cdist(samples.positions, self.positions))
+        found = model.between(samples.positions, self.positions)
         if self.passing is not None:
             passing = self.passing
             found += passing.share * passing.fleeting.covariance(samples.times, passing.at_targets)
@@ -347,7 +347,7 @@ def _solve(
 def _mean(samples: _Samples, trend: _Trend, targets: _Targets, model: CovarianceModel) -> Array:
     """Mean (m, c) at the targets from all samples, which takes one factorisation."""
     residual = samples.values - samples.functions @ trend.coefficients
-    weights = cho_solve((samples.factor(model), True), residual, check_finite=False)
+    weights = cho_solve((samples.factor(model).T, False), residual, check_finite=False)
     mean = targets.functions @ trend.coefficients
     mean += model.carried(samples.positions, weights, targets.positions)
     passing = targets.passing

@@ -16,7 +16,7 @@ from grebe.core.quantities import Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.calibration import Calibration, spread
-from grebe.mapping.change import Change, fit_change
+from grebe.mapping.change import Change, fit_change, no_change
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
 from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
@@ -197,17 +197,21 @@ class Mapper:
         moment = self.settings.moment
         if moment is not None and readings.times is None:
             raise ValueError("a map of one moment needs the times of the samples")
-        change = self.settings.change(readings, None if moment == "middle" else moment)
+        # The bed stays as it is: passes over it differ by the sonar's errors alone.
+        is_bed = quantity.key == WATER_DEPTH
+        if is_bed and moment is None:
+            change = no_change(readings)
+        else:
+            change = self.settings.change(readings, None if moment == "middle" else moment)
         if moment is not None:
             readings = replace(change.reduced(change.placed(readings)), moment_s=change.moment_s)
         at, data = readings.positions, readings.values
         methods, reason = self.settings.methods(readings, self._domain)
-        if quantity.key == WATER_DEPTH and self.settings.shore_depth_sd_m is not None:
+        if is_bed and self.settings.shore_depth_sd_m is not None:
             sd = self.settings.shore_depth_sd_m
             methods = tuple(WithShore(method=one, sd=sd) for one in methods)
-        # The bed stays as it is: passes over it differ by the sonar's errors alone.
         asked_for = any(one.key == Passes.key for one in methods)
-        still = quantity.key == WATER_DEPTH and not asked_for
+        still = is_bed and not asked_for
         told = replace(readings, times=None) if still else readings
         found = best_of(methods, told, self._domain)
         model, factors = found.model, found.calibration

@@ -8,6 +8,9 @@ on. All goes through one low-pass filter, so that the yaw rate need not be diffe
 neither a lag nor noise is mistaken for a fault.
 """
 
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# pyright: reportMissingParameterType=false
+
 from __future__ import annotations
 
 import math
@@ -17,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.dynamics import Weather
+from grebe.core.kernels import machine_code
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Cause, Facts, Finding
 
@@ -114,25 +118,43 @@ def _through(heading: float, weather: Weather) -> tuple[float, float]:
 
 def _dead_side(products: Array, vessel: Vessel) -> int:
     """The thruster whose share is nothing: 1 port, 2 starboard, 0 none."""
-    normal, right, square = products[:3, :3], products[:3, 3], float(products[3, 3])
     floor = (FLOOR_SHARE * vessel.arm_m * vessel.thrust_max_n) ** 2
-    prior = np.diag(PRIOR_SD**-2)
-    # What is seen within the filter's time constant counts once.
-    count = AVERAGE_S / FILTER_S
-
-    def fitted(noise: float) -> tuple[Array, Array]:
-        information = count * normal / noise + prior
-        weighed: Array = count * right / noise + prior @ AS_SAID
-        return np.linalg.solve(information, weighed), information
-
     # The first fit tells how well the second may be trusted.
-    shares, _ = fitted(floor)
-    missed = square - 2 * shares @ right + shares @ normal @ shares
-    shares, information = fitted(max(floor, float(missed)))
-    if min(shares[:2]) >= DEAD:
-        return 0
-    sd = np.sqrt(np.diag(np.linalg.inv(information)))
+    shares, _, missed = _fitted(products, floor)
+    shares, sd, _ = _fitted(products, max(floor, missed))
     for side, at, other in ((1, 0, 1), (2, 1, 0)):
         if shares[at] + SURE * sd[at] < DEAD and shares[other] > ALIVE:
             return side
     return 0
+
+
+@machine_code
+def _fitted(products, noise):
+    """Shares (3,) of port, starboard and drag by least squares with the prior, under a variance of
+    `noise`; their standard deviations (3,); and the mean square that they miss.
+    """
+    # What is seen within the filter's time constant counts once.
+    weight = AVERAGE_S / FILTER_S / noise
+    m = weight * products[:3, :3]
+    right = np.empty(3)
+    for i in range(3):
+        m[i, i] += PRIOR_SD[i] ** -2
+        right[i] = weight * products[i, 3] + PRIOR_SD[i] ** -2 * AS_SAID[i]
+    inverse = np.empty((3, 3))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for n in range(3):
+            p, q = (n + 1) % 3, (n + 2) % 3
+            inverse[n, i] = m[j, p] * m[k, q] - m[j, q] * m[k, p]
+    determinant = m[0, 0] * inverse[0, 0] + m[0, 1] * inverse[1, 0] + m[0, 2] * inverse[2, 0]
+    inverse /= determinant
+    shares, sd, missed = np.zeros(3), np.empty(3), products[3, 3]
+    for i in range(3):
+        sd[i] = np.sqrt(inverse[i, i])
+        for n in range(3):
+            shares[i] += inverse[i, n] * right[n]
+    for i in range(3):
+        missed -= 2 * shares[i] * products[i, 3]
+        for n in range(3):
+            missed += shares[i] * products[i, n] * shares[n]
+    return shares, sd, missed
