@@ -8,6 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grebe.mapping.calibration import Calibration, for_few
 from grebe.mapping.covariance import KINDS, CovarianceModel, Fleeting, correlations, slopes
 from grebe.mapping.grid import make_grid
 from grebe.mapping.kriging import EXACT_LIMIT, Passing, krige
@@ -16,7 +17,7 @@ from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.methods.passes import Passes, fit_passes
 from grebe.mapping.posterior import Posterior, fit_rough, fit_smooth
-from grebe.mapping.way import passed
+from grebe.mapping.way import REACH_M, half_cell_m, off_the_way, passed
 
 SPACE = CovarianceModel(kind="matern32", sill=1.0, range_m=25.0, nugget=1e-3)
 FLEETING = Fleeting(variance=0.3, memory_s=60.0)
@@ -227,3 +228,39 @@ def test_without_times_the_rough_covariance_is_left():
     assert np.array_equal(Averaged().fit(timeless, DOMAIN).mean(places), alone.mean(places))
     with pytest.raises(ValueError, match="times"):
         Passes().fit(timeless, DOMAIN)
+
+
+def test_nobody_knows_the_way_between_readings_far_apart():
+    """A line of 100 m was left out between two others, which the straight way joins across it."""
+    south, north = np.arange(0.0, 100.0), np.arange(100.0, 0.0, -1.0)
+    way = np.concatenate(
+        [np.column_stack([south, 0 * south]), np.column_stack([south, 0 * south + 20])]
+    )
+    times = np.concatenate([np.arange(100.0), np.arange(200.0, 300.0)])
+    line = np.column_stack([north[10:-10], np.full(80, 10.0)])
+    assert np.allclose(off_the_way(way, line), 10.0)
+    _, away = passed(way, times, line)
+    assert np.allclose(away, 10.0)
+    # A gap that is short enough is the way.
+    gap = np.delete(way, slice(30, 60), axis=0)
+    assert np.allclose(off_the_way(gap, way[30:60]), 0.0)
+    when, away = passed(gap, np.delete(times, slice(30, 60)), way[30:60])
+    assert np.allclose(when, times[30:60])
+    assert np.allclose(away, 0.0)
+
+
+def test_a_node_whose_cell_the_way_crosses_is_on_it():
+    way = np.column_stack([np.arange(100.0), np.zeros(100)])
+    places = np.column_stack([np.full(4, 50.0), [0.0, 2.0, 3.0, 300.0]])
+    factors = Calibration(on_way=0.5, off_way=2.0, way=way, wide_m=half_cell_m(2 * np.sqrt(2)))
+    on, edge, beside, far = factors.factor(places)
+    assert on == edge == 0.5
+    assert 0.5 < beside < far
+    assert far == pytest.approx(2.0)
+    assert half_cell_m(100.0) == REACH_M
+
+
+def test_few_lines_tell_less_of_how_wide_an_interval_must_be():
+    """Student's quantiles for 4 and for 100 degrees of freedom, from any table of them."""
+    assert for_few(5) == pytest.approx(2.776 / 1.96, rel=1e-3)
+    assert for_few(101) == pytest.approx(1.984 / 1.96, rel=1e-3)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import stdtrit
 
 from grebe.mapping.validation import Z50, Z95, Errors
 from grebe.mapping.way import REACH_M, off_the_way
@@ -30,17 +31,21 @@ BELIEF_PIECES = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Factors of the standard deviations on the way and off it; `way` (n, 2) is the samples'."""
+    """Factors of the standard deviations on the way and off it; `way` (n, 2) is the samples', and
+    places within `wide_m` of it are on it.
+    """
 
     on_way: float = 1.0
     off_way: float = 1.0
     way: Array | None = None
+    wide_m: float = 0.0
 
     def factor(self, places: Array) -> Array:
         """The factor at each place (m, 2)."""
         if self.way is None or self.on_way == self.off_way:
             return np.full(len(places), self.on_way)
-        beside = 1.0 - np.exp(-off_the_way(self.way, places) / REACH_M)
+        away = np.maximum(off_the_way(self.way, places) - self.wide_m, 0.0)
+        beside = 1.0 - np.exp(-away / REACH_M)
         return self.on_way * (self.off_way / self.on_way) ** beside
 
 
@@ -55,3 +60,10 @@ def spread(errors: Errors, pieces: int) -> float:
     raw = float(np.sqrt(max(found[0], 1e-3) * max(found[1], 1e-3)))
     believed = raw ** (pieces / (pieces + BELIEF_PIECES))
     return float(np.clip(believed, LEAST, MOST))
+
+
+def for_few(pieces: int) -> float:
+    """How much wider an interval of 95 % has to be where no more than so many left-out pieces, each
+    with an error of its own, told how wide: Student's quantile over the normal one.
+    """
+    return float(stdtrit(max(pieces - 1, 1), 0.975)) / Z95

@@ -15,7 +15,7 @@ from grebe.core.errors import InputError
 from grebe.core.quantities import Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
-from grebe.mapping.calibration import Calibration, spread
+from grebe.mapping.calibration import Calibration, for_few, spread
 from grebe.mapping.change import Change, fit_change, no_change
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
@@ -32,6 +32,7 @@ from grebe.mapping.validation import (
     prove,
     stretch_folds,
 )
+from grebe.mapping.way import half_cell_m
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -287,8 +288,9 @@ def _tried(method: Method, readings: Readings, domain: Domain) -> tuple[float, B
     calibration = Calibration(
         on_way=float(np.exp(np.mean(np.log(on_way)))),
         # Off the way there is less to tell by: no map is made surer there than its model is.
-        off_way=max(spread(far, validation.pieces), 1.0),
+        off_way=max(spread(far, validation.pieces) * for_few(validation.pieces), 1.0),
         way=way,
+        wide_m=half_cell_m(domain.grid.step_m),
     )
     told = [max(one.rmse, 1e-300) for one in (*near, far) if len(one.error)]
     score = float(np.mean(np.log(told))) if told else np.inf

@@ -14,11 +14,23 @@ if TYPE_CHECKING:
 
 # A place this far from the way is no longer on it [m]: the error of a receiver, about.
 REACH_M = 3.0
+# Between readings further apart than this nobody knows which way the boat went [m]. It is a little
+# more than the longest stretch by whose leaving out a map is proved.
+LONGEST_LEG_M = 40.0
+
+
+def half_cell_m(step_m: float) -> float:
+    """How far from a node of a map, whose nodes are `step_m` apart, its cell reaches: a node stands
+    for its cell, so one whose cell the way crosses is on the way. No more than `REACH_M`.
+    """
+    return min(step_m / np.sqrt(2.0), REACH_M)
 
 
 def off_the_way(way: Array, places: Array) -> Array:
-    """Distance [m] of places (m, 2) from the line through the samples (n, 2) in their order."""
-    return _nearest_leg(way, places)[1]
+    """Distance [m] of places (m, 2) from the line through the samples (n, 2) in their order, which
+    is broken where they lie too far apart.
+    """
+    return _nearest_leg(way, _leg_ends(way), places)[1]
 
 
 def passed(way: Array, times: Array, places: Array) -> tuple[Array, Array]:
@@ -27,15 +39,26 @@ def passed(way: Array, times: Array, places: Array) -> tuple[Array, Array]:
     """
     order = np.argsort(times, kind="stable")
     way, times = way[order], times[order]
-    leg, away = _nearest_leg(way, places)
-    along = way[leg + 1] - way[leg]
+    ends, until = _leg_ends(way), np.append(times[1:], times[-1])
+    leg, away = _nearest_leg(way, ends, places)
+    along = ends[leg] - way[leg]
     length = np.maximum(np.sum(along**2, axis=1), 1e-12)
     share = np.clip(np.sum((places - way[leg]) * along, axis=1) / length, 0.0, 1.0)
-    return times[leg] + share * (times[leg + 1] - times[leg]), away
+    return times[leg] + share * (until[leg] - times[leg]), away
 
 
-def _nearest_leg(way: Array, places: Array) -> tuple[NDArray[np.int64], Array]:
-    legs = np.asarray(shapely.linestrings(np.stack([way[:-1], way[1:]], axis=1)))
+def _leg_ends(way: Array) -> Array:
+    """Where the leg from each of the places (n, 2) ends: at the next one, or where it began, where
+    the next one is too far or there is none.
+    """
+    ends = np.vstack([way[1:], way[-1:]])
+    apart = np.hypot(*(ends - way).T) > LONGEST_LEG_M
+    ends[apart] = way[apart]
+    return ends
+
+
+def _nearest_leg(way: Array, ends: Array, places: Array) -> tuple[NDArray[np.int64], Array]:
+    legs = np.asarray(shapely.linestrings(np.stack([way, ends], axis=1)))
     (_, leg), away = shapely.STRtree(legs).query_nearest(
         shapely.points(places), return_distance=True, all_matches=False
     )
