@@ -1,5 +1,6 @@
 """Engines give the same results, and lose nothing with a worker."""
 
+import multiprocessing
 import os
 import signal
 from pathlib import Path
@@ -57,6 +58,7 @@ def test_dask_gives_the_same_and_loses_nothing_with_a_worker(tmp_path):
     task = DiesOnce(tmp_path, {5})
     assert sorted(Dask(workers=2).results(task, range(12))) == [(i, i * i) for i in range(12)]
     assert (tmp_path / "5").exists()
+    assert not multiprocessing.active_children()
 
 
 def test_a_scheduler_that_is_not_there_is_said():

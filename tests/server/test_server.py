@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -195,6 +200,36 @@ def test_a_number_beyond_all_measure_is_a_problem_of_its_setting(setting, value)
     assert made["problems"] or made["targets"]["features"]
     if value in (HUGE, 1e308):
         assert made["problems"][0]["setting"] == setting
+
+
+OF_A_SERVER = """
+import asyncio, os, signal
+from grebe.server.worker import Worker
+if __name__ == "__main__":
+    print(asyncio.run(Worker().run(os.getpid)), flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def is_alive(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_the_process_beside_a_server_that_is_killed_ends_with_it(tmp_path):
+    (tmp_path / "server.py").write_text(OF_A_SERVER)
+    command = [sys.executable, tmp_path / "server.py"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert done.returncode == -signal.SIGKILL
+    worker = int(done.stdout)
+    assert worker != os.getpid()
+    until = time.monotonic() + 10
+    while is_alive(worker) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert not is_alive(worker)
 
 
 def test_a_worker_that_dies_is_replaced():

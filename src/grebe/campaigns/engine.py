@@ -13,12 +13,13 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 from grebe.core.errors import LinkError, UsageError
+from grebe.workflow.worker_processes import begin_worker
 
 A = TypeVar("A")
 R = TypeVar("R")
@@ -26,8 +27,6 @@ R = TypeVar("R")
 TRIES = 5
 # Tasks that each worker has in hand or waiting: none idles, and little is in vain at a stop.
 AHEAD = 2
-# Each worker has a core; threads of linear algebra beside it would wait for each other.
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Engine(Protocol):
@@ -109,7 +108,7 @@ class _Round:
     def results(self) -> Generator[tuple[Any, Any]]:
         """Give results until all is done or a worker dies; `lost` is what was under way then."""
         pool = ProcessPoolExecutor(
-            self._count, multiprocessing.get_context("spawn"), _begin_worker, (os.getpid(),)
+            self._count, multiprocessing.get_context("spawn"), begin_worker, (os.getpid(),)
         )
         try:
             self._fill(pool)
@@ -144,25 +143,6 @@ class _Round:
 _END: Any = object()
 
 
-def _begin_worker(parent: int) -> None:
-    """Let a worker live no longer than who it works for, and have one thread."""
-    import signal
-    import threading
-    import time
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, who ends it
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-    from threadpoolctl import threadpool_limits
-
-    threadpool_limits(1)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Dask:
     """On a Dask cluster: that of the scheduler at an address, or one of `workers` on this computer.
@@ -176,7 +156,7 @@ class Dask:
     def results(self, task: Callable[[A], R], items: Iterable[A]) -> Generator[tuple[A, R]]:
         """See `Engine`."""
         distributed = _distributed()
-        with self._client(distributed) as client:
+        with self._cluster(distributed) as where, self._client(distributed, where) as client:
             shared = client.scatter(task, broadcast=True)
             width = max(1, sum(client.nthreads().values()))
             left = iter(items)
@@ -194,16 +174,20 @@ class Dask:
                 for more in hand_out(1):
                     under_way.add(more)
 
-    def _client(self, distributed: Any) -> Any:
-        if self.scheduler is None:
-            cluster = distributed.LocalCluster(
-                n_workers=self.workers or os.cpu_count() or 1,
-                threads_per_worker=1,
-                dashboard_address=None,
-            )
-            return distributed.Client(cluster)
+    def _cluster(self, distributed: Any) -> AbstractContextManager[Any]:
+        """Where the scheduler is: at the address, or in a cluster that ends with the work."""
+        if self.scheduler is not None:
+            return nullcontext(self.scheduler)
+        cluster: AbstractContextManager[Any] = distributed.LocalCluster(
+            n_workers=self.workers or os.cpu_count() or 1,
+            threads_per_worker=1,
+            dashboard_address=None,
+        )
+        return cluster
+
+    def _client(self, distributed: Any, where: Any) -> Any:
         try:
-            return distributed.Client(self.scheduler, timeout=10)
+            return distributed.Client(where, timeout=10)
         except (OSError, ValueError, TypeError) as error:
             raise LinkError(
                 f"No Dask scheduler answers at {self.scheduler}: {error}.", settings=("scheduler",)

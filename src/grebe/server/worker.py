@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
+import os
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from grebe.core.errors import InputError
+from grebe.workflow.worker_processes import begin_worker
 
 
 class Worker:
@@ -21,7 +23,8 @@ class Worker:
     @staticmethod
     def _new() -> ProcessPoolExecutor:
         # Forking a process that runs threads is not safe.
-        return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
+        context = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(1, context, begin_worker, (os.getpid(),))
 
     async def run(self, work: Callable[..., Any], *given: Any) -> Any:
         """Do some work and return what it returns.
