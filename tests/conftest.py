@@ -57,6 +57,12 @@ ENTRY = CatalogueEntry(
 )
 
 
+def pytest_collection_modifyitems(items):
+    """Files with slow tests go first, so that no worker is left alone with one at the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 def simulate(file, rule=None, world=None, **how):
     """Run the mission of a survey file in a simulated world."""
     helm = steered_by(rule or Lookahead())

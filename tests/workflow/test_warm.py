@@ -12,6 +12,7 @@ import pytest
 from conftest import square_survey
 
 import grebe
+from grebe.core import kernels
 from grebe.workflow.files import write_survey
 
 GREBE = "from grebe.cli.main import main; main()"
@@ -39,3 +40,26 @@ def test_a_mission_is_the_same_before_and_after_its_kernels_are_cached(tmp_path)
             tracks.append(connection.execute(TRACK).fetchall())
     assert len(tracks[0]) > 50
     assert tracks[0] == tracks[1]
+    # A boat that waits for a compiler has no helm: nothing was left to compile when it sailed.
+    noted = (fresh / "core" / "__pycache__" / "missions_are_compiled").stat().st_mtime
+    late = [
+        one.name
+        for part in ("core", "control", "mission", "links")
+        for one in (fresh / part).rglob("*.nbc")
+        if one.stat().st_mtime > noted
+    ]
+    assert not late
+    assert list((fresh / "control").rglob("rollout.lagged*.nbc"))
+
+
+def test_another_source_is_compiled_anew(tmp_path, monkeypatch):
+    (tmp_path / "core").mkdir()
+    source = tmp_path / "core" / "kernel.py"
+    source.write_text("one")
+    monkeypatch.setattr(kernels, "_PACKAGE", tmp_path)
+    monkeypatch.setattr(kernels, "_STAMP", tmp_path / "core" / "__pycache__" / "stamp")
+    assert not kernels.is_compiled()
+    kernels.note_compiled()
+    assert kernels.is_compiled()
+    source.write_text("another")
+    assert not kernels.is_compiled()

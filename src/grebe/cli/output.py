@@ -79,7 +79,7 @@ def compile_once() -> None:
     if not is_compiled():
         from grebe.workflow.warm import compile_controller
 
-        note("compiling the controller, once: about half a minute")
+        note("compiling the controller, once: about a minute")
         compile_controller()
 
 

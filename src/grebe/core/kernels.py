@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import ParamSpec, TypeVar, cast
 
@@ -14,8 +16,11 @@ _Result = TypeVar("_Result")
 # Sums may be reordered and multiplications fused. NaN and infinity keep their meaning: the
 # solver tests for them.
 _FASTMATH = {"contract", "reassoc", "arcp", "nsz"}
-# Where the compiled controller is kept, below the package.
-CONTROLLER = "control/solvers/fast/__pycache__"
+
+_PACKAGE = Path(__file__).parents[1]
+# Where a mission's kernels are written, and the file that says that all of them are compiled.
+_OF_MISSIONS = ("core", "control", "mission", "links")
+_STAMP = _PACKAGE / "core" / "__pycache__" / "missions_are_compiled"
 
 
 def machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
@@ -38,5 +43,27 @@ def inlined_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_A
 
 
 def is_compiled() -> bool:
-    """Whether the solver's machine code is on disk, so that the controller starts at once."""
-    return any((Path(__file__).parents[1] / CONTROLLER).glob("sqp.optimise*.nbi"))
+    """Whether all that a mission needs of machine code is on disk, made of the source that there is
+    now, so that nothing is compiled while a boat waits.
+    """
+    try:
+        return _STAMP.read_text() == _sources()
+    except OSError:
+        return False
+
+
+def note_compiled() -> None:
+    """Note that all of it is compiled; where the package cannot be written, nothing is noted."""
+    with suppress(OSError):
+        _STAMP.parent.mkdir(exist_ok=True)
+        _STAMP.write_text(_sources())
+
+
+def _sources() -> str:
+    """What tells one source from another: its files' sizes and times.
+
+    Not which is the newer: the clock of a boat's computer may stand still while it is off.
+    """
+    files = sorted(one for part in _OF_MISSIONS for one in (_PACKAGE / part).rglob("*.py"))
+    told = [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]
+    return hashlib.sha256(repr(told).encode()).hexdigest()

@@ -56,7 +56,7 @@ def _computer(folder: Path, now: datetime) -> Iterator[Check]:
     yield check(
         "controller", "compiled" if kernels.is_compiled() else "not compiled yet",
         holds=kernels.is_compiled(), otherwise=Verdict.DOUBTFUL,
-        advice="run grebe demo once: the first mission compiles for half a minute",
+        advice="run grebe demo once: the first mission compiles for a minute",
     )  # fmt: skip
     for module, extra in EXTRAS.items():
         there = importlib.util.find_spec(module) is not None

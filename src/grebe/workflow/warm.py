@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from grebe.core import kernels
@@ -18,17 +19,23 @@ _COMMAND = "from grebe.workflow.warm import sail_a_little; sail_a_little()"
 
 
 def compile_controller() -> bool:
-    """Fill the cache where it is empty and can be written; return whether it is filled now."""
+    """Fill the cache where it is not full and can be written; return whether it is full now."""
     if not kernels.is_compiled() and os.access(Path(kernels.__file__).parent, os.W_OK):
         subprocess.run([sys.executable, "-c", _COMMAND], check=False, capture_output=True)
     return kernels.is_compiled()
 
 
 def sail_a_little() -> None:
-    """Sail through two sets: it needs every kernel that a mission needs."""
+    """Sail a boat with weak and late thrusters, for longer than it takes to find that out: every
+    kernel is needed then that a mission may need, also in its middle.
+    """
     from grebe.control.controller import Controller
     from grebe.core.vessel import PRESETS
     from grebe.mission.trial import Conditions, fly, meander
 
-    boat, sets = PRESETS["spyboat"], meander(rows=1, columns=2)
-    fly(boat, sets, Controller(boat, sets), (-5.0, 2.0, 0, 0, 0, 0), Conditions(limit_s=20.0))
+    model, sets = PRESETS["spyboat"], meander(rows=3, columns=4)
+    late = Conditions(
+        boat=replace(model, thruster_lag_s=1.0), effectiveness=(0.5, 0.5), limit_s=30.0
+    )
+    fly(model, sets, Controller(model, sets), (-5.0, 2.0, 0, 0, 0, 0), late)
+    kernels.note_compiled()
