@@ -58,22 +58,12 @@ def _correlations(code: int, x: Array) -> Array:
 
 
 @machine_code
-def _between(code: int, sill: float, reach: float, a: Array, b: Array) -> Array:
-    out = np.empty((a.shape[0], b.shape[0]))
+def _covariances(code: int, sill: float, reach: float, a: Array, b: Array, below: bool) -> Array:
+    """Of each place of `a` with each of `b`; `below`: with those up to its own number alone."""
+    out = np.zeros((a.shape[0], b.shape[0]))
     for i in range(a.shape[0]):
-        for j in range(b.shape[0]):
+        for j in range(i + 1 if below else b.shape[0]):
             north, east = a[i, 0] - b[j, 0], a[i, 1] - b[j, 1]
-            x = math.sqrt(north * north + east * east) / reach
-            out[i, j] = sill * correlation(code, x)
-    return out
-
-
-@machine_code
-def _among(code: int, sill: float, reach: float, a: Array) -> Array:
-    out = np.zeros((a.shape[0], a.shape[0]))
-    for i in range(a.shape[0]):
-        for j in range(i + 1):
-            north, east = a[i, 0] - a[j, 0], a[i, 1] - a[j, 1]
             x = math.sqrt(north * north + east * east) / reach
             out[i, j] = sill * correlation(code, x)
     return out
@@ -147,11 +137,12 @@ class CovarianceModel:
         """
         code = KINDS.index(self.kind)
         a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
-        return _between(code, self.sill, self.range_m, a, b)
+        return _covariances(code, self.sill, self.range_m, a, b, False)
 
     def among(self, a: Array) -> Array:
         """As `between` of places (n, 2) and themselves, but below the diagonal and on it alone."""
-        return _among(KINDS.index(self.kind), self.sill, self.range_m, np.ascontiguousarray(a))
+        code, a = KINDS.index(self.kind), np.ascontiguousarray(a)
+        return _covariances(code, self.sill, self.range_m, a, a, True)
 
     def carried(self, places: Array, weights: Array, at: Array) -> Array:
         """Sums (m, c) of the signal's covariances with `at` (m, 2) weighted by (n, c) at `places`
