@@ -60,10 +60,10 @@ def note_compiled() -> None:
 
 
 def _sources() -> str:
-    """What tells one source from another: its files' sizes and times.
+    """What tells one source from another, its files' sizes and times; and which numba reads it.
 
     Not which is the newer: the clock of a boat's computer may stand still while it is off.
     """
     files = sorted(one for part in _OF_MISSIONS for one in (_PACKAGE / part).rglob("*.py"))
     told = [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]
-    return hashlib.sha256(repr(told).encode()).hexdigest()
+    return hashlib.sha256(repr((numba.__version__, told)).encode()).hexdigest()
