@@ -16,7 +16,7 @@ from grebe.core.events import EndReason, Estimate, SafetyChanged, Step
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.links.base import IDLE
+from grebe.links.base import IDLE, Reading
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
@@ -48,6 +48,7 @@ class Sailed:
         asks=(),
         survey=SURVEY,
         helm=None,
+        instruments=None,
     ):
         self.recorder, self.survey = MemoryRecorder(), survey
         plant = FaultyPlant(survey.vessel, survey.start.at_rest(), weather, faults)
@@ -61,8 +62,9 @@ class Sailed:
 
         settings = MissionSettings(safety=safety, limit_s=600.0)
         mission = Mission(
-            survey, helm, link, self.recorder, settings, started=NOON, listeners=[ask]
-        )
+            survey, helm, link, self.recorder, settings,
+            started=NOON, listeners=[ask], instruments=instruments,
+        )  # fmt: skip
         self.report = mission.run()
 
     @property
@@ -229,6 +231,40 @@ def test_a_place_is_held_on_request_against_a_current_and_left_again():
     first = next(e for e in one.recorder.of(Estimate) if e.elapsed_s >= 20.0)
     anchor = shapely.Point(first.state[:2])
     assert max(shapely.distance(anchor, places)) < CAREFUL.hold_radius_m
+    assert one.stayed_in
+
+
+class Interrupted:
+    """A sonde that says nothing while it is not plugged in."""
+
+    keys = ("temperature_degc",)
+
+    def __init__(self):
+        self.silent = ()
+
+    def unplug(self, _):
+        self.silent = ("the sonde",)
+
+    def plug(self, _):
+        self.silent = ()
+
+    def readings(self):
+        return [] if self.silent else [Reading(age_s=0.0, values={"temperature_degc": 18.0})]
+
+    def notes(self):
+        return []
+
+    def close(self):
+        pass
+
+
+def test_the_survey_waits_for_a_silent_sonde_and_goes_on_when_it_speaks():
+    sonde = Interrupted()
+    one = Sailed(asks=[(15.0, sonde.unplug), (60.0, sonde.plug)], instruments=sonde)
+    assert one.report.complete
+    assert one.codes == ["nothing_measured", "measured_again"]
+    held = [e for e in one.recorder.of(Estimate) if 45.0 < e.elapsed_s < 60.0]
+    assert max(math.hypot(*e.state[3:5]) for e in held) < 0.3
     assert one.stayed_in
 
 

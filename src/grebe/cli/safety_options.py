@@ -53,6 +53,15 @@ _OPTIONS = (
         help="Do not brake the boat where it could not stop inside the survey's water any more.",
     ),
     click.option(
+        "--sonde-silence",
+        "mute_s",
+        type=click.FloatRange(min=0, min_open=True),
+        default=CAREFUL.mute_s,
+        show_default=True,
+        metavar="SECONDS",
+        help="Hold the place once an --instrument has been silent for so long; inf: never.",
+    ),
+    click.option(
         "--return",
         "returns",
         is_flag=True,
@@ -72,6 +81,7 @@ def safety_of(run: dict[str, Any], now: datetime) -> SafetySettings:
         until=None if until is None else next_instant(until, now),
         battery_reserve=run.get("battery_reserve", CAREFUL.battery_reserve),
         battery_wh=run.get("battery_wh"),
+        mute_s=run.get("mute_s", CAREFUL.mute_s),
         comes_home=ASKED if run.get("returns") else "",
     )
 

@@ -128,6 +128,11 @@ class Instruments(Protocol):
         """The quantities that they may measure."""
         ...
 
+    @property
+    def silent(self) -> Sequence[str]:
+        """The names of those from which no readings come."""
+        ...
+
     def readings(self) -> Sequence[Reading]:
         """Hand out what has come since the last call, without waiting."""
         ...

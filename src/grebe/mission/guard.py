@@ -29,6 +29,7 @@ from grebe.mission.lookout import LEAST_WAIT_S, Lookout
 from grebe.mission.patience import patience_s
 from grebe.mission.safety.fence import STEP_S, Escape, Fence, Schedule, escape, fence_of, reckoned
 from grebe.mission.safety.machine import (
+    WAITS,
     Asked,
     Memory,
     Request,
@@ -134,6 +135,8 @@ class Guard:
         self._before_s = 0.0
         self._used_wh = 0.0
         self.depth_m: float | None = None
+        # An instrument that is silent, and for how long.
+        self.mute: tuple[str, float] = ("", 0.0)
 
     def take_for(self, vessel: Vessel) -> None:
         """Judge another boat from now on: it is not what it was said to be."""
@@ -259,7 +262,7 @@ class Guard:
         ):
             self._become(gone_on(self._memory, facts), observation)
             return
-        if self._memory.cause in (Cause.TRAFFIC, Cause.HOLD):
+        if self._memory.cause in (Cause.TRAFFIC, *WAITS):
             place = lookout.place_to_wait(fence, facts.place)
             if place != facts.place:
                 self._memory = replace(self._memory, place=place)
@@ -359,6 +362,8 @@ class Guard:
             depth_m=self.depth_m,
             light_s=self._dark_s - observation.time_s,
             outside=self._fenced and not inside,
+            mute=self.mute[0],
+            mute_s=self.mute[1],
         )
 
     def _cost_home(

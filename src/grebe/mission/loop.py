@@ -359,6 +359,7 @@ class Mission:
         for sample in self._sampler.instruments(observation, self._time_at):
             self._guard.depth_m = sample.values.get(DEPTH, self._guard.depth_m)
             self._tell(SampleTaken, observation, sample=sample)
+        self._guard.mute = self._sampler.mute(observation.time_s)
         for code, message in self._sampler.notes():
             self._tell(Warned, observation, code=code, message=message)
 

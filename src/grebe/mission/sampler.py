@@ -40,6 +40,7 @@ class Sampler:
         self._instruments = instruments
         self._apart = frozenset(instruments.keys if instruments else ())
         self._next_s = 0.0
+        self._mute_since_s: float | None = None
         self._way: deque[tuple[float, State]] = deque()
         self.look_for(targets)
 
@@ -88,6 +89,16 @@ class Sampler:
     def notes(self) -> Sequence[tuple[str, str]]:
         """What an operator should know of the instruments."""
         return () if self._instruments is None else self._instruments.notes()
+
+    def mute(self, now_s: float) -> tuple[str, float]:
+        """Which instrument is silent, empty where none is, and for how long [s]."""
+        names = () if self._instruments is None else self._instruments.silent
+        if not names:
+            self._mute_since_s = None
+            return "", 0.0
+        if self._mute_since_s is None:
+            self._mute_since_s = now_s
+        return " and ".join(names), now_s - self._mute_since_s
 
     def _placed(
         self, reading: Reading, at_s: float, time_at: Callable[[float], datetime]

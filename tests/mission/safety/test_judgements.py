@@ -138,6 +138,35 @@ def test_a_dead_thruster_is_told_from_a_weak_and_a_whole_one(boat, shares, dead)
     assert dead is None or dead in found.message
 
 
+def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
+    settings = SafetySettings(mute_s=20.0)
+
+    def at(time_s, memory, *, mute_s=0.0, asked=None):
+        name = "the sonde" if mute_s else ""
+        return advised(memory, facts(time_s, mute=name, mute_s=mute_s), settings, BOAT, asked)
+
+    waiting = at(31.0, at(30.0, Memory(), mute_s=20.0), mute_s=21.0)
+    assert (waiting.state, waiting.cause) == (SafetyState.HOLDING, Cause.UNMEASURED)
+    assert "the sonde has said nothing for 21 s" in waiting.message
+    again = at(50.0, waiting)
+    assert (again.state, again.cause) == (SafetyState.SURVEYING, Cause.MEASURES)
+    told = Asked(request=Request.GO_ON, why="temperature will do")
+    without = at(60.0, waiting, mute_s=50.0, asked=told)
+    assert without.state is SafetyState.SURVEYING
+    assert at(90.0, without, mute_s=80.0).state is SafetyState.SURVEYING
+    # Once it has spoken its next silence counts again.
+    spoken = at(100.0, without)
+    assert at(130.0, spoken, mute_s=21.0).state is SafetyState.HOLDING
+
+
+def test_a_boat_that_waits_goes_home_while_the_battery_lasts():
+    settings = replace(EASY, max_s=100.0)
+    held = advised(Memory(), facts(10.0), settings, BOAT, Asked(request=Request.HOLD, why="wait"))
+    assert advised(held, facts(69.0, home_s=30.0), settings, BOAT).state is SafetyState.HOLDING
+    sent = advised(held, facts(70.0, home_s=30.0), settings, BOAT)
+    assert (sent.state, sent.cause) == (SafetyState.RETURNING, Cause.TIME)
+
+
 def test_the_states_and_how_they_follow_each_other():
     """From the survey to the fence and back, held, called home, and home."""
     settings = SafetySettings()

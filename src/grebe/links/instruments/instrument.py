@@ -176,6 +176,11 @@ class Bench:
         """The quantities that any of them may measure, each once."""
         return tuple(dict.fromkeys(key for one in self.each for key in one.keys))
 
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """See `Instruments`."""
+        return tuple(one.name for one in self.each if not one.speaks)
+
     def readings(self) -> list[Reading]:
         """See `Instruments`."""
         return [reading for one in self.each for reading in one.readings()]

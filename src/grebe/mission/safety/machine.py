@@ -30,6 +30,8 @@ OUTSIDE_S = 60.0
 TIRED_SHARE, TIRED_S = 0.35, 5.0
 # A boat that has fallen no further behind its thrust moves freely [m].
 UNHELD_M = 1.0
+# What a boat holds its place for until somebody, or something, lets it go on.
+WAITS = (Cause.HOLD, Cause.UNMEASURED)
 # What the boat must be faster than its current by to be going anywhere [m/s].
 LEAST_REACH_MPS = 0.05
 
@@ -58,7 +60,8 @@ class Memory:
     passing one goes back to; `place` the one that is held. `fenced` and `astern` count what was
     tried since `reached` targets. `against_s`: since when the boat is carried off
     (`carried`: by a current or a wind that is stronger than it) or outside its fence;
-    `tired_s`: since when it is little faster than what carries it.
+    `tired_s`: since when it is little faster than what carries it. `unheeded`: somebody has told
+    the boat to go on without the instrument that is silent.
     """
 
     state: SafetyState = SafetyState.SURVEYING
@@ -74,6 +77,7 @@ class Memory:
     against_s: float | None = None
     carried: bool = False
     tired_s: float | None = None
+    unheeded: bool = False
     motion: Motion = field(default_factory=Motion)
     turning: Turning = field(default_factory=Turning)
     battery: Battery = field(default_factory=Battery)
@@ -100,9 +104,12 @@ def advised(
             return changed
     if asked is not None:
         return _answered(seen, facts, asked)
-    if seen.state is SafetyState.SURVEYING:
+    if seen.state is SafetyState.SURVEYING or _waits_in_the_survey(seen):
         finding = must_go_home(seen.battery, facts, settings) or _tired(seen, facts)
-        return seen if finding is None else _sent_home(seen, facts, finding)
+        if finding is not None:
+            return _sent_home(seen, facts, finding)
+    if seen.state is SafetyState.SURVEYING:
+        return _unmeasured(seen, facts, settings)
     if seen.state is SafetyState.HOLDING:
         return _held(seen, facts)
     if seen.state is SafetyState.RETURNING and facts.at_home:
@@ -201,6 +208,7 @@ def _watched(memory: Memory, facts: Facts, settings: SafetySettings, vessel: Ves
         battery=watched_battery(memory.battery, facts),
         against_s=since if strong or astray else None,
         carried=strong,
+        unheeded=memory.unheeded and bool(facts.mute),
         tired_s=tired_since if tired else None,
     )
 
@@ -280,14 +288,33 @@ def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
             return replace(memory, cause=Cause.HOLD, message=asked.why)
         finding = Finding(cause=Cause.HOLD, message=asked.why)
         return _put_on_hold(memory, facts, finding, facts.place, _going(memory))
-    if memory.cause is not Cause.HOLD:
+    if memory.state is not SafetyState.HOLDING or memory.cause not in WAITS:
         return memory
     finding = Finding(cause=Cause.GO_ON, message=asked.why)
-    return _changed(memory, facts, memory.resumes, finding)
+    going = _changed(memory, facts, memory.resumes, finding)
+    return replace(going, unheeded=memory.cause is Cause.UNMEASURED)
+
+
+def _waits_in_the_survey(memory: Memory) -> bool:
+    """Whether the boat holds its place on its way through the survey, for as long as it takes."""
+    waits = memory.state is SafetyState.HOLDING and memory.cause in WAITS
+    return waits and memory.resumes is SafetyState.SURVEYING
+
+
+def _unmeasured(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
+    """Whether the survey waits for an instrument; not where somebody has said to go on."""
+    if memory.unheeded or facts.mute_s <= settings.mute_s:
+        return memory
+    text = f"{facts.mute} has said nothing for {facts.mute_s:.0f} s: the survey waits for it"
+    finding = Finding(cause=Cause.UNMEASURED, message=text)
+    return _put_on_hold(memory, facts, finding, facts.place, SafetyState.SURVEYING)
 
 
 def _held(memory: Memory, facts: Facts) -> Memory:
     """Whether a boat that holds its place may go on."""
+    if memory.cause is Cause.UNMEASURED and not facts.mute:
+        finding = Finding(cause=Cause.MEASURES, message="every instrument sends readings again")
+        return _changed(memory, facts, memory.resumes, finding)
     if memory.cause is Cause.BLIND:
         finding = Finding(cause=Cause.SEES, message="estimates come again")
         return _changed(memory, facts, memory.resumes, finding)

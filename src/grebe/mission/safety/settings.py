@@ -28,7 +28,9 @@ class SafetySettings:
 
     A boat that sees nothing for `blind_s` ends its mission. Less water than `least_depth_m` below
     the sonar is too little. Astern `tries` times for `astern_s` each; `against_s` is how long a
-    current may be stronger than the boat. A place is held within `hold_radius_m`.
+    current may be stronger than the boat. A place is held within `hold_radius_m`. The survey waits
+    for an instrument that has been silent for `mute_s`, for ever if need be: water that is sailed
+    without it must be sailed again.
     """
 
     fence: bool = True
@@ -49,6 +51,7 @@ class SafetySettings:
     astern_s: float = 5.0
     against_s: float = 20.0
     hold_radius_m: float = 3.0
+    mute_s: float = 20.0
 
     def __post_init__(self) -> None:
         if not 0 <= self.battery_reserve < 1:
@@ -76,7 +79,7 @@ class SafetySettings:
         lengths = (self.reaction_s, self.home_share, self.home_slack_s, self.least_depth_m)
         if not min(lengths) >= 0:
             raise UsageError("Reaction, reserves and the least depth must not be negative.")
-        spans = (self.blind_s, self.astern_s, self.against_s, self.hold_radius_m)
+        spans = (self.blind_s, self.astern_s, self.against_s, self.hold_radius_m, self.mute_s)
         if not min(spans) > 0 or min(self.tries, self.fence_tries) < 1:
             raise UsageError("Times, tries and the radius of safety settings must be positive.")
 

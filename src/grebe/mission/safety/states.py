@@ -49,6 +49,8 @@ class Cause(enum.Enum):
     CURRENT = "current_too_strong"
     TRAFFIC = "another_boat_near"
     CLEAR = "way_is_clear"
+    UNMEASURED = "nothing_measured"
+    MEASURES = "measured_again"
 
 
 # What a mission ends with that is stopped for a cause.
@@ -73,7 +75,8 @@ class Facts:
     `reached` counts the survey's targets.
     `home_s` is the predicted time home, infinite where no way is known and None where nobody has
     asked; `at_home`; `battery_share`, `depth_m` and `used_wh` where they are known. `light_s`
-    of daylight are left. `outside`: the boat is outside its fence.
+    of daylight are left. `outside`: the boat is outside its fence. An instrument, `mute` by its
+    name, has said nothing for `mute_s`.
     """
 
     time_s: float
@@ -91,6 +94,8 @@ class Facts:
     depth_m: float | None = None
     light_s: float = math.inf
     outside: bool = False
+    mute: str = ""
+    mute_s: float = 0.0
 
     @property
     def place(self) -> Place:
