@@ -104,18 +104,23 @@ def advised(
             return changed
     if asked is not None:
         return _answered(seen, facts, asked)
-    if seen.state is SafetyState.SURVEYING or _waits_in_the_survey(seen):
-        finding = must_go_home(seen.battery, facts, settings) or _tired(seen, facts)
+    return _judged(seen, facts, settings)
+
+
+def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
+    """What the boat does by its own judgement."""
+    if memory.state is SafetyState.SURVEYING or _waits_in_the_survey(memory):
+        finding = must_go_home(memory.battery, facts, settings) or _tired(memory, facts)
         if finding is not None:
-            return _sent_home(seen, facts, finding)
-    if seen.state is SafetyState.SURVEYING:
-        return _unmeasured(seen, facts, settings)
-    if seen.state is SafetyState.HOLDING:
-        return _held(seen, facts)
-    if seen.state is SafetyState.RETURNING and facts.at_home:
-        text = f"the boat is home: {seen.homeward}"
-        return _stopped(seen, facts, Finding(cause=Cause.HOME, message=text))
-    return seen
+            return _sent_home(memory, facts, finding)
+    if memory.state is SafetyState.SURVEYING:
+        return _unmeasured(memory, facts, settings)
+    if memory.state is SafetyState.HOLDING:
+        return _held(memory, facts)
+    if memory.state is SafetyState.RETURNING and facts.at_home:
+        text = f"the boat is home: {memory.homeward}"
+        return _stopped(memory, facts, Finding(cause=Cause.HOME, message=text))
+    return memory
 
 
 def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge: Place) -> Memory:
