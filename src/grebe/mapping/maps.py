@@ -139,16 +139,21 @@ class QuantityMap:
 
     def draws(self, count: int, seed: int = 0) -> Array:
         """Equally likely fields given the samples, (count, rows, columns); NaN on land."""
+        drawn = self.draws_at_nodes(count, 1, seed)
+        return np.array([self.grid.spread(one) for one in drawn])
+
+    def draws_at_nodes(self, count: int, every: int = 1, seed: int = 0) -> Array:
+        """Equally likely values given the samples at every so many of the grid's nodes in the
+        water, (count, m).
+        """
+        nodes, mean = self.grid.nodes[::every], self.mean[self.grid.inside][::every]
         with one_blas_thread():
-            drawn = self.field.draws(self.grid.nodes, count, seed)
-        fields = np.array([self.grid.spread(one) for one in drawn])
-        fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, fields.shape)
-        factor = self.grid.spread(self.calibration.factor(self.grid.nodes))
-        drawn_fields = self.mean + factor * (fields - self.mean) + fine
+            drawn = self.field.draws(nodes, count, seed)
+        fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, drawn.shape)
+        drawn = mean + self.calibration.factor(nodes) * (drawn - mean) + fine
         if not self.is_of_moment:
-            return drawn_fields
-        late = self.change.draws_near(self.readings, self.grid.nodes, count, seed)
-        return drawn_fields + np.array([self.grid.spread(one) for one in late])
+            return drawn
+        return drawn + self.change.draws_near(self.readings, nodes, count, seed)
 
 
 @dataclass

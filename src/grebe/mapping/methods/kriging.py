@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ import numpy as np
 
 from grebe.mapping.covariance import CovarianceModel, Fleeting
 from grebe.mapping.drift import DriftFunction
+from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import Drift, Estimate, Passing, krige
 from grebe.mapping.likelihood import fit_reml
 from grebe.mapping.methods.base import Domain, Model, Readings
@@ -22,10 +24,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Fields are drawn so many times as fine as the map, where that is not too much.
-REFINE, MOST_DRAWN_NODES = 3, 2_000_000
-# The smallest draws are made of so many at once, to keep memory in bounds.
-DRAWS_AT_ONCE = 20
+# Fields are drawn on a grid with so many nodes a range, for between two of them they are smoother
+# than they should be (by 1/60 of the variance); up to so many times as fine as the map, where
+# that is not too much.
+NODES_A_RANGE, REFINE, MOST_DRAWN_NODES = 30, 3, 2_000_000
+# As many at once as keep memory in bounds [numbers].
+DRAWN_AT_ONCE = 5_000_000
 
 CovarianceFit = Callable[["Array", "Array", Estimator], VariogramFit]
 
@@ -142,10 +146,11 @@ class KrigingField:
         grid, at = self.domain.grid, self.readings.positions
         drawn = np.empty((count, len(places)))
         rng = np.random.default_rng(seed)
-        refine = REFINE if grid.inside.size * REFINE**2 < MOST_DRAWN_NODES else 1
+        refine = self._refinement(grid)
         noise_sd = np.sqrt(self.covariance.nugget + _extra_variance(self.readings))
-        for start in range(0, count, DRAWS_AT_ONCE):
-            part = slice(start, min(start + DRAWS_AT_ONCE, count))
+        at_once = max(DRAWN_AT_ONCE // (len(at) + len(places)), 1)
+        for start in range(0, count, at_once):
+            part = slice(start, min(start + at_once, count))
             _, free = circulant_fields(
                 self.covariance, grid, np.vstack([at, places]), part.stop - start, rng, refine
             )
@@ -158,6 +163,13 @@ class KrigingField:
             lack = self.readings.values[:, None] - (seen + noise).T
             drawn[part] = there + self._krige(lack, places).mean.T
         return drawn
+
+    def _refinement(self, grid: Grid) -> int:
+        """How many times as fine as the map's grid free fields are drawn."""
+        if grid.inside.size * REFINE**2 >= MOST_DRAWN_NODES:
+            return 1
+        fine = math.ceil(NODES_A_RANGE * grid.step_m / self.covariance.range_m)
+        return min(max(fine, 1), REFINE)
 
     def _estimate(self, places: Array) -> Estimate:
         if not (self._last and np.array_equal(self._last[0][0], places)):
