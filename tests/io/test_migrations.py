@@ -16,7 +16,7 @@ import shapely
 
 from grebe.core.errors import SurveyFileError
 from grebe.core.quantities import LIMNOLOGICAL
-from grebe.io.store import SurveyFile, schema
+from grebe.io.store import SurveyFile, database, schema
 from grebe.io.store.timestamps import parse_time
 
 DATA = Path(__file__).parents[1] / "data"
@@ -102,7 +102,8 @@ def test_an_imported_track_has_no_plan(tmp_path):
         assert isinstance(file.survey.water, shapely.Polygon)
 
 
-def test_a_file_that_another_process_has_is_left_as_it_was(old):
+def test_a_file_that_another_process_has_is_left_as_it_was(old, monkeypatch):
+    monkeypatch.setattr(database, "PATIENCE_S", 0.1)
     with closing(sqlite3.connect(old)) as other:
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(SurveyFileError, match="writ"):

@@ -69,9 +69,13 @@ class Transaction:
             raise unwritten(self._path, failure) from None
 
 
+# How long another process is waited for that writes to the same file [s].
+PATIENCE_S = 10.0
+
+
 def connect(path: Path) -> sqlite3.Connection:
     """Open for one thread at a time: a mission writes in another than the one it was opened in."""
-    return sqlite3.connect(path, isolation_level=None, timeout=10.0, check_same_thread=False)
+    return sqlite3.connect(path, isolation_level=None, timeout=PATIENCE_S, check_same_thread=False)
 
 
 def make_durable(connection: sqlite3.Connection) -> None:
