@@ -1,0 +1,182 @@
+"""Hand the samples of a survey to other programs: a table, GeoParquet, or results for WQX.
+
+The plain table (CSV) and GeoParquet 1.1 hold every sample with its flags, one a row. A table of
+results (`.wqx.csv`) holds one value a row under the column names of the Water Quality Portal's
+narrow result profile, which the United States' Water Quality Exchange is filled from: what is
+flagged as suspect or failed is left out of it, and so is what has no name among its
+characteristics.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from grebe.core.errors import UsageError
+from grebe.core.frames import LocalFrame
+from grebe.core.samples import Samples
+from grebe.io.store.timestamps import time_texts
+from grebe.io.whole import written_whole
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# The names and unit codes of the exchange's lists of characteristics and measure units.
+CHARACTERISTICS = {
+    "temperature_degc": ("Temperature, water", "deg C"),
+    "dissolved_oxygen_mgl": ("Dissolved oxygen (DO)", "mg/l"),
+    "oxygen_saturation_percent": ("Dissolved oxygen saturation", "%"),
+    "ph": ("pH", "std units"),
+    "conductivity_uscm": ("Conductivity", "uS/cm"),
+    "specific_conductance_uscm": ("Specific conductance", "uS/cm"),
+    "turbidity_ntu": ("Turbidity", "NTU"),
+    "orp_mv": ("Oxidation reduction potential (ORP)", "mV"),
+    "salinity_psu": ("Salinity", "PSU"),
+    "total_dissolved_solids_mgl": ("Total dissolved solids", "mg/l"),
+    "water_depth_m": ("Depth, bottom", "m"),
+}
+RESULT_COLUMNS = (
+    "ActivityIdentifier", "ActivityTypeCode", "ActivityMediaName", "ActivityStartDate",
+    "ActivityStartTime/Time", "ActivityStartTime/TimeZoneCode",
+    "ActivityLocation/LatitudeMeasure", "ActivityLocation/LongitudeMeasure",
+    "CharacteristicName", "ResultMeasureValue", "ResultMeasure/MeasureUnitCode",
+    "ResultStatusIdentifier", "ResultValueTypeName",
+)  # fmt: skip
+# Seven decimals of a degree are a centimetre.
+DECIMALS = 7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """The samples of a survey: their `frame`, and the `name` that the survey is known by."""
+
+    samples: Samples
+    frame: LocalFrame
+    name: str
+
+    @property
+    def lonlat(self) -> NDArray[np.float64]:
+        """Longitudes and latitudes (n, 2) [deg]."""
+        return np.round(self.frame.to_wgs84(self.samples.positions), DECIMALS)
+
+    @property
+    def keys(self) -> list[str]:
+        """The quantities of which there is any value."""
+        return [key for key in self.samples.values if self.samples.measured(key)]
+
+    def unnamed(self) -> list[str]:
+        """The quantities that the exchange has no name for."""
+        return [key for key in self.keys if key not in CHARACTERISTICS]
+
+
+def writer_of(path: Path) -> Callable[[Measured, Path], int] | None:
+    """What writes samples to a file of such a name, and returns its rows; None where a plan is
+    meant.
+    """
+    name = path.name.lower()
+    for ending, writer in WRITERS.items():
+        if name.endswith(ending):
+            return writer
+    return None
+
+
+def write_table(measured: Measured, path: Path) -> int:
+    """Write every sample with its flags as CSV, one a row."""
+    columns = _columns(measured)
+    columns["time"] = time_texts(measured.samples.times)
+    return _write_rows(path, list(columns), zip(*map(_texts, columns.values()), strict=True))
+
+
+def write_geoparquet(measured: Measured, path: Path) -> int:
+    """Write every sample with its flags as GeoParquet, points in WGS 84."""
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise UsageError("GeoParquet needs: pip install 'grebe[campaign]'.") from None
+    lonlat, columns = measured.lonlat, _columns(measured)
+    times = [datetime.fromtimestamp(float(t), UTC) for t in measured.samples.times]
+    columns["time"] = pa.array(times, pa.timestamp("ms", tz="UTC"))
+    points = [shapely.to_wkb(shapely.Point(*place)) for place in lonlat.tolist()]
+    table: Any = pa.table({**columns, "geometry": pa.array(points, pa.binary())})
+    geometry = {
+        "encoding": "WKB",
+        "geometry_types": ["Point"],
+        "bbox": [*lonlat.min(axis=0).tolist(), *lonlat.max(axis=0).tolist()],
+    }
+    # Without a reference system WGS 84, longitude first, is meant.
+    geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": geometry}}
+    with written_whole(path, pa.ArrowException) as part:
+        pq.write_table(table.replace_schema_metadata({"geo": json.dumps(geo)}), part)
+    return len(lonlat)
+
+
+def write_results(measured: Measured, path: Path) -> int:
+    """Write each usable value as a result of the Water Quality Portal's narrow profile."""
+    return _write_rows(path, list(RESULT_COLUMNS), _results(measured))
+
+
+def _results(measured: Measured) -> Iterator[list[str]]:
+    samples = measured.samples
+    usable = {key: samples.usable(key) for key in measured.keys if key in CHARACTERISTICS}
+    for i, (lon, lat) in enumerate(measured.lonlat.tolist()):
+        when = samples.moment(i)
+        for key, good in usable.items():
+            if good[i]:
+                name, unit = CHARACTERISTICS[key]
+                yield [
+                    f"{measured.name}:{i + 1}", "Field Msr/Obs", "Water", f"{when:%Y-%m-%d}",
+                    f"{when:%H:%M:%S}", "UTC", f"{lat:.{DECIMALS}f}", f"{lon:.{DECIMALS}f}",
+                    name, f"{samples.values[key][i]:.10g}", unit, "Preliminary", "Actual",
+                ]  # fmt: skip
+
+
+def _columns(measured: Measured) -> dict[str, Any]:
+    """The columns of the plain table; the time is each format's own."""
+    samples, lonlat = measured.samples, measured.lonlat
+    columns: dict[str, Any] = {
+        "time": samples.times,
+        "longitude": lonlat[:, 0],
+        "latitude": lonlat[:, 1],
+        "speed_mps": samples.speed_mps,
+        "target": samples.target_seq,
+    }
+    if samples.boat is not None:
+        columns["boat"] = samples.boat
+    for key in measured.keys:
+        columns[key] = samples.values[key]
+        columns[f"{key}_flag"] = samples.flags[key]
+    return columns
+
+
+def _texts(column: Any) -> list[str]:
+    """A column as CSV has it: what is not known is empty."""
+    if isinstance(column, np.ndarray) and column.dtype.kind == "f":
+        return ["" if np.isnan(value) else f"{value:.12g}" for value in column]
+    return [str(value) for value in column]
+
+
+def _write_rows(path: Path, header: list[str], rows: Iterator[Any]) -> int:
+    count = 0
+    with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        for row in rows:
+            writer.writerow(row)
+            count += 1
+    return count
+
+
+WRITERS: dict[str, Callable[[Measured, Path], int]] = {
+    ".wqx.csv": write_results,
+    ".csv": write_table,
+    ".parquet": write_geoparquet,
+}
