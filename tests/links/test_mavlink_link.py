@@ -12,7 +12,7 @@ from links.boats import EXACT, SURVEY, Px4StandIn, line_to, linked, sail, standi
 
 from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, StoppedError, UsageError
-from grebe.core.events import EndReason, Step
+from grebe.core.events import EndReason, Estimate, Step
 from grebe.links.base import IDLE, Order
 from grebe.links.mavlink.clock import BoatClock
 from grebe.links.mavlink.link import MavlinkSettings, open_link
@@ -152,6 +152,14 @@ def test_a_current_is_found_and_made_up_for():
     weather = Weather(current_north_mps=0.25, current_east_mps=-0.2)
     report, _ = sail(linked(standin(weather=weather)))
     assert report.complete
+
+
+def test_a_boat_that_is_slow_to_start_is_not_taken_for_one_in_a_current():
+    """Its autopilot makes whatever surge was predicted, and would confirm any belief."""
+    report, recorder = sail(linked(standin(accel_max_mps2=0.2)))
+    assert report.complete
+    found = [event.weather for event in recorder.of(Estimate)]
+    assert max(math.hypot(w.current_north_mps, w.current_east_mps) for w in found) < 0.3
 
 
 def test_nobody_s_yes_arms_nothing():

@@ -5,6 +5,9 @@ not. Between two estimates the model predicts the change of velocity; what it mi
 attributed to the four numbers d = (c_n, c_e, f_n, f_e) by a Kalman filter whose state is d
 and whose model is a random walk (Simon 2006, ch. 5). On one heading current and wind cannot
 be told apart, and need not be: either explains the motion on that heading.
+
+Of a boat whose autopilot holds the surge that it is told, only the sway tells anything: it makes
+the surge that was predicted, in whatever weather, and would confirm any belief.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -40,11 +43,14 @@ LARGEST_CURRENT_MPS = 3.0
 class Observer:
     """Estimates the weather from successive state estimates and the thrusts between them.
 
-    `first` is the weather that it begins with, `weather` the present estimate.
+    `first` is the weather that it begins with, `weather` the present estimate; `by_sway`: only
+    the sway is learned from.
     """
 
-    def __init__(self, vessel: Vessel, first: Weather = CALM) -> None:
+    def __init__(self, vessel: Vessel, first: Weather = CALM, *, by_sway: bool = False) -> None:
         self._vessel = vessel
+        # Which of surge and sway are learned from.
+        self._told = slice(1, 2) if by_sway else slice(0, 2)
         force = 2 * vessel.thrust_max_n
         sd = np.array([CURRENT_SD, CURRENT_SD, WIND_SHARE_SD * force, WIND_SHARE_SD * force])
         drift = np.array([CURRENT_DRIFT] * 2 + [WIND_SHARE_DRIFT * force] * 2)
@@ -80,11 +86,12 @@ class Observer:
             self._boat, self._estimate, self._probe, start, inputs, duration_s, substeps
         )
         self._covariance = self._covariance + duration_s * self._drift
+        predicted, jacobian = predicted[self._told], jacobian[self._told]
         # Both ends of the pair are measured: their errors add up.
-        noise = 2 * VELOCITY_SD**2 * np.eye(2)
+        noise = 2 * VELOCITY_SD**2 * np.eye(len(predicted))
         gain = self._covariance @ jacobian.T
         gain = gain @ np.linalg.inv(jacobian @ gain + noise)
-        surprise = np.asarray(after, dtype=float)[3:5] - predicted
+        surprise = np.asarray(after, dtype=float)[3:5][self._told] - predicted
         self._learn(np.clip(self._estimate + gain @ surprise, -self._limit, self._limit))
         keep = np.eye(4) - gain @ jacobian
         self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T

@@ -62,14 +62,22 @@ class _Order:
 
 class Tracker:
     """Follows one boat. `model` is the boat as it is said to be; `corrects`: whether that is
-    put to the test; `observes` whether current and wind are estimated.
+    put to the test; `observes` whether current and wind are estimated; `holds_motion`: the boat's
+    autopilot holds the motion that it is told.
     """
 
-    def __init__(self, model: Vessel, *, observes: bool = True, corrects: bool = True) -> None:
+    def __init__(
+        self,
+        model: Vessel,
+        *,
+        observes: bool = True,
+        corrects: bool = True,
+        holds_motion: bool = False,
+    ) -> None:
         self.model = model
         self.correction = AS_MODELLED
         self._corrects = corrects
-        self._observer = Observer(model) if observes else None
+        self._observer = Observer(model, by_sway=holds_motion) if observes else None
         self._orders: deque[_Order] = deque()
         self._seen: deque[tuple[float, State]] = deque()
         self._work: Generator[None, None, Found | None] | None = None

@@ -112,7 +112,12 @@ class Mission:
         )
         observes = self._settings.observes
         corrects = observes and isinstance(controller, AdaptableHelm) and drives_thrusts(link)
-        self._tracker = Tracker(controller.vessel, observes=observes, corrects=corrects)
+        self._tracker = Tracker(
+            controller.vessel,
+            observes=observes,
+            corrects=corrects,
+            holds_motion=not drives_thrusts(link),
+        )
         self._reached = controller.reached = reached
         self._gate = Gate(link)
         safety = self._settings.safety
