@@ -10,7 +10,7 @@ import click
 from grebe.cli import options, output
 from grebe.core.errors import InputError, PlanError
 from grebe.io.export.route import write_export
-from grebe.io.export.samples import Measured, writer_of, write_results
+from grebe.io.export.samples import Measured, write_results, writer_of
 from grebe.io.store import SurveyFile
 
 
