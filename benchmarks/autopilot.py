@@ -125,6 +125,9 @@ def _sail(job: tuple[str, int]) -> tuple[str, str, int, float]:
     wire = MemoryWire(StandIn(autopilot, FRAME, (lon, lat)), case.air, watch)
     while not autopilot.knows_position:
         wire.sail()
+    # Somebody has held it at the jetty until then, or the current would have carried it ashore.
+    plant.state = list(survey.start.at_rest())
+    outside = 0
     ended, duration_s = _ended(wire, survey)
     return name, _judged(case, ended), outside, duration_s
 
