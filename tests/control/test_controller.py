@@ -13,9 +13,10 @@ from grebe.control.rules.lookahead import Lookahead
 from grebe.control.rules.single import Single
 from grebe.control.solvers.base import Built, Solution, Status
 from grebe.control.solvers.builders import Fatrop, Ipopt
-from grebe.core.dynamics import rates, rk4
+from grebe.core.dynamics import Weather, rates, rk4
 from grebe.core.sets import rectangle
 from grebe.core.vessel import PRESETS
+from grebe.mission.trial import Conditions, fly
 
 BOAT = PRESETS["benchmark"]
 DUAL = Dual()
@@ -321,3 +322,14 @@ def test_plan_is_a_value():
     plan = Plan(states=np.zeros((3, 6)), thrusts=np.ones((2, 2)), durations=np.ones(2))
     assert plan.first_input == (1.0, 1.0)
     assert plan.duration_s == 2.0
+
+
+@pytest.mark.parametrize("current", [0.0, -0.5])
+def test_a_set_beyond_the_horizon_is_not_raced_for(current):
+    """What is sailed above the window's upper end is not measured; against a current it goes on."""
+    boat = PRESETS["blueboat"]
+    cells = [rectangle((0, 20), (east, east + 20), (0.5, 2.0)) for east in (0, 160)]
+    world = Conditions(weather=Weather(current_east_mps=current), limit_s=200.0)
+    trial = fly(boat, cells, Controller(boat, cells), (10.0, -10.0, 1.57, 0, 0, 0), world)
+    assert trial.complete
+    assert trial.track[:, 4].max() < 2.06

@@ -42,6 +42,10 @@ LONGEST_STAGE_S = 1.2
 FEWEST_STAGES = 4
 # Cost of a second is 1; a unit of slack costs more than any second it could save.
 ENTRY_PENALTY = 100.0
+# Of a set that lies beyond the horizon the slack is way that is still to come. A metre of it is
+# worth so many times what it takes at the window's upper end, so that the boat goes on against a
+# current; and the surge is held so dearly that it does not race for it by more than this [m/s].
+FAR_WORTH, FAR_EXCESS_MPS = 10.0, 0.01
 # Land is worse than a missed set.
 CORRIDOR_PENALTY = 1000.0
 EFFORT = 0.005
@@ -107,14 +111,23 @@ class Lookahead:
         horizon.duration_bounds[:, 1] = LONGEST_STAGE_S
         horizon.time_weights[:] = 1.0
         horizon.effort_weights[:] = EFFORT
-        node = 0
+        node, (price, hold) = 0, self._prices(situation, shape.stages)
         for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
             horizon.duration_bounds[node : node + count, 0] = SHORTEST_LEG_S / count
             for stage in range(node, node + count):
-                horizon.attract(stage, pace_rows(target), self.hold)
+                horizon.attract(stage, pace_rows(target), hold)
             node += count
-            horizon.require(node, aim.halfspaces, ENTRY_PENALTY)
+            horizon.require(node, aim.halfspaces, price)
         return horizon
+
+    def _prices(self, situation: Situation, stages: int) -> tuple[float, float]:
+        """Prices of a unit of slack at an entry, and of the squared surge above the window."""
+        aim, (north, east) = situation.aims[0], situation.state[:2]
+        spans_m = stages * LONGEST_STAGE_S * aim.speed_max_mps
+        if aim.footprint_distance(north, east) < spans_m:
+            return ENTRY_PENALTY, self.hold
+        price = FAR_WORTH / max(aim.speed_max_mps, HOLD_MARGIN_MPS)
+        return price, max(self.hold, price * LONGEST_STAGE_S / (2 * FAR_EXCESS_MPS))
 
 
 def pace_rows(target: TargetSet) -> Array:
