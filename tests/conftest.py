@@ -34,6 +34,9 @@ settings.register_profile(
 )
 settings.load_profile("grebe")
 
+# One browser a worker, whichever files ask for it: a second could not be driven beside it.
+pytest_plugins = ["app.browser"]
+
 DATA = Path(
     os.environ.get("GREBE_TEST_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")
 )

@@ -1,6 +1,5 @@
 """What the map paints when it is dragged: only what comes into sight, and yet the whole picture."""
 
-# ruff: noqa: F811  fixtures are imported, and named again by who takes them
 from __future__ import annotations
 
 import io
@@ -8,7 +7,6 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
-from app.browser import app, browser, context, page  # noqa: F401
 from app.waiting import until
 from conftest import NOON, region_of
 from PIL import Image

@@ -1,6 +1,5 @@
 """What a person does, from an empty folder to the report, as one story; and at phone size."""
 
-# ruff: noqa: F402, F811  fixtures are imported, and named again by who takes them
 from __future__ import annotations
 
 import os
@@ -8,7 +7,6 @@ import re
 from pathlib import Path
 
 import pytest
-from app.browser import app, browser, context, page  # noqa: F401
 from app.waiting import until
 
 pytestmark = pytest.mark.slow
