@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from grebe.campaigns.task import Summary
-from grebe.core.errors import InputError, UsageError
+from grebe.core.errors import InputError
+from grebe.io.parquet import arrow_for
 from grebe.io.whole import write_text_whole, written_whole
 
 MISSIONS, IDENTITY = "missions", "campaign.json"
@@ -23,14 +24,7 @@ OWN = [field.name for field in fields(Summary) if field.name != "drawn"]
 
 
 def _parquet() -> tuple[Any, Any]:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        raise UsageError(
-            "A campaign's results are Parquet files, which need: pip install 'grebe[campaign]'."
-        ) from None
-    return pa, pq
+    return arrow_for("A campaign's results")
 
 
 class Results:

@@ -5,9 +5,10 @@ A full disk, a crash or an interruption thus leaves the older file as it was.
 
 from __future__ import annotations
 
+import csv
 import os
 import shutil
-from collections.abc import Generator
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -53,6 +54,18 @@ def write_text_whole(path: Path, text: str) -> None:
     """Write a text as UTF-8, whole or not at all; `InputError` names `path`."""
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def write_rows_whole(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> int:
+    """Write a table as CSV, whole or not at all; return its rows; `InputError` names `path`."""
+    count = 0
+    with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        for row in rows:
+            writer.writerow(row)
+            count += 1
+    return count
 
 
 def _onto_disk(part: Path) -> None:

@@ -111,12 +111,12 @@ class Mission:
             self._targets, link, self._settings.sampling, quantities, instruments
         )
         observes = self._settings.observes
-        corrects = observes and isinstance(controller, AdaptableHelm) and drives_thrusts(link)
+        by_thrusts = drives_thrusts(link)
         self._tracker = Tracker(
             controller.vessel,
             observes=observes,
-            corrects=corrects,
-            holds_motion=not drives_thrusts(link),
+            corrects=observes and by_thrusts and isinstance(controller, AdaptableHelm),
+            holds_motion=not by_thrusts,
         )
         self._reached = controller.reached = reached
         self._gate = Gate(link)

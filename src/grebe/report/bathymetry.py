@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from grebe.core.survey import Survey
-from grebe.io.whole import written_whole
+from grebe.io.whole import write_rows_whole
 from grebe.mapping.bathymetry import WATER_DEPTH, Bathymetry, bathymetry
 from grebe.mapping.maps import QuantityMap
 from grebe.mapping.validation import Z95
@@ -59,7 +58,4 @@ def write_hypsography(path: Path, lake: Bathymetry) -> None:
         curve.depth_m, curve.area_m2, curve.area_sd_m2, curve.volume_m3, curve.volume_sd_m3,
         strict=True,
     )  # fmt: skip
-    with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows([f"{value:.6g}" for value in row] for row in rows)
+    write_rows_whole(path, COLUMNS, ([f"{value:.6g}" for value in row] for row in rows))

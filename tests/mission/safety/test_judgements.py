@@ -46,6 +46,7 @@ def facts(time_s=0.0, **what):
         {"reaction_s": -1.0},
         {"tries": 0},
         {"blind_s": math.nan},
+        {"mute_s": math.nan},
     ],
     ids=str,
 )

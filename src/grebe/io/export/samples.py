@@ -9,22 +9,22 @@ characteristics.
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 
-from grebe.core.errors import UsageError
 from grebe.core.frames import LocalFrame
 from grebe.core.samples import Samples
+from grebe.io.parquet import arrow_for
 from grebe.io.store.timestamps import time_texts
-from grebe.io.whole import written_whole
+from grebe.io.whole import write_rows_whole, written_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,7 +62,7 @@ class Measured:
     frame: LocalFrame
     name: str
 
-    @property
+    @cached_property
     def lonlat(self) -> NDArray[np.float64]:
         """Longitudes and latitudes (n, 2) [deg]."""
         return np.round(self.frame.to_wgs84(self.samples.positions), DECIMALS)
@@ -90,21 +90,16 @@ def writer_of(path: Path) -> Callable[[Measured, Path], int] | None:
 
 def write_table(measured: Measured, path: Path) -> int:
     """Write every sample with its flags as CSV, one a row."""
-    columns = _columns(measured)
-    columns["time"] = time_texts(measured.samples.times)
-    return _write_rows(path, list(columns), zip(*map(_texts, columns.values()), strict=True))
+    columns = _columns(measured, time_texts(measured.samples.times))
+    return write_rows_whole(path, list(columns), zip(*map(_texts, columns.values()), strict=True))
 
 
 def write_geoparquet(measured: Measured, path: Path) -> int:
     """Write every sample with its flags as GeoParquet, points in WGS 84."""
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        raise UsageError("GeoParquet needs: pip install 'grebe[campaign]'.") from None
-    lonlat, columns = measured.lonlat, _columns(measured)
+    pa, pq = arrow_for("Samples as GeoParquet")
     times = [datetime.fromtimestamp(float(t), UTC) for t in measured.samples.times]
-    columns["time"] = pa.array(times, pa.timestamp("ms", tz="UTC"))
+    lonlat = measured.lonlat
+    columns = _columns(measured, pa.array(times, pa.timestamp("ms", tz="UTC")))
     points = [shapely.to_wkb(shapely.Point(*place)) for place in lonlat.tolist()]
     table: Any = pa.table({**columns, "geometry": pa.array(points, pa.binary())})
     geometry = {
@@ -121,7 +116,7 @@ def write_geoparquet(measured: Measured, path: Path) -> int:
 
 def write_results(measured: Measured, path: Path) -> int:
     """Write each usable value as a result of the Water Quality Portal's narrow profile."""
-    return _write_rows(path, list(RESULT_COLUMNS), _results(measured))
+    return write_rows_whole(path, list(RESULT_COLUMNS), _results(measured))
 
 
 def _results(measured: Measured) -> Iterator[list[str]]:
@@ -139,11 +134,11 @@ def _results(measured: Measured) -> Iterator[list[str]]:
                 ]  # fmt: skip
 
 
-def _columns(measured: Measured) -> dict[str, Any]:
-    """The columns of the plain table; the time is each format's own."""
+def _columns(measured: Measured, times: Any) -> dict[str, Any]:
+    """The columns of the plain table; the `times` are each format's own."""
     samples, lonlat = measured.samples, measured.lonlat
     columns: dict[str, Any] = {
-        "time": samples.times,
+        "time": times,
         "longitude": lonlat[:, 0],
         "latitude": lonlat[:, 1],
         "speed_mps": samples.speed_mps,
@@ -162,17 +157,6 @@ def _texts(column: Any) -> list[str]:
     if isinstance(column, np.ndarray) and column.dtype.kind == "f":
         return ["" if np.isnan(value) else f"{value:.12g}" for value in column]
     return [str(value) for value in column]
-
-
-def _write_rows(path: Path, header: list[str], rows: Iterator[Any]) -> int:
-    count = 0
-    with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        for row in rows:
-            writer.writerow(row)
-            count += 1
-    return count
 
 
 WRITERS: dict[str, Callable[[Measured, Path], int]] = {

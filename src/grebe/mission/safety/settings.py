@@ -80,7 +80,7 @@ class SafetySettings:
         if not min(lengths) >= 0:
             raise UsageError("Reaction, reserves and the least depth must not be negative.")
         spans = (self.blind_s, self.astern_s, self.against_s, self.hold_radius_m, self.mute_s)
-        if not min(spans) > 0 or min(self.tries, self.fence_tries) < 1:
+        if not all(span > 0 for span in spans) or min(self.tries, self.fence_tries) < 1:
             raise UsageError("Times, tries and the radius of safety settings must be positive.")
 
     @property
