@@ -9,12 +9,12 @@ from grebe.control.station import (
     APPROACH_PER_S,
     IDLE_MPS,
     THERE_M,
-    brake,
+    StationKeeper,
     drift_mps,
-    keep,
     reach_mps,
 )
 from grebe.core.dynamics import CALM, Weather
+from grebe.core.inner_loop import held_motion, under_speed_control
 from grebe.core.vessel import PRESETS
 from grebe.mission.safety.settings import CAREFUL
 from grebe.simulation.plant import Plant
@@ -27,7 +27,7 @@ def held(boat, weather, seconds, state=(0.0,) * 6):
     """Distances from the place while it is held, ten a second."""
     plant, away = Plant(boat, state, weather), []
     for _ in range(round(10 * seconds)):
-        plant.command(keep(boat, plant.state, weather, PLACE))
+        plant.command(StationKeeper(vessel=boat).keep(plant.state, weather, PLACE))
         plant.advance(0.1)
         away.append(math.hypot(*plant.state[:2]))
     return np.array(away)
@@ -55,7 +55,7 @@ def test_a_boat_returns_to_the_place_that_it_holds(boat):
 def test_a_braked_boat_goes_straight_on_and_stops(boat):
     plant = Plant(boat, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
     for _ in range(100):
-        plant.command(brake(boat, plant.state, CALM))
+        plant.command(StationKeeper(vessel=boat).brake(plant.state, CALM))
         plant.advance(0.1)
     assert abs(plant.state[3]) < 0.02
     assert plant.state[1] == plant.state[2] == 0.0
@@ -63,7 +63,8 @@ def test_a_braked_boat_goes_straight_on_and_stops(boat):
 
 def test_braking_uses_no_more_than_the_weaker_thruster_has():
     boat = PRESETS["spyboat"]
-    port, starboard = brake(boat, (0, 0, 0, 2.0, 0, 0), CALM, weaker_share=0.5)
+    keeper = StationKeeper(vessel=boat, weaker_share=0.5)
+    port, starboard = keeper.brake((0, 0, 0, 2.0, 0, 0), CALM)
     assert port == starboard == 0.5 * boat.thrust_min_n
 
 
@@ -77,3 +78,33 @@ def test_wind_counts_as_the_speed_that_its_force_would_give():
     boat = PRESETS["spyboat"]
     wind = Weather(wind_force_north_n=boat.surge_drag_n(0.7))
     assert drift_mps(boat, wind) == pytest.approx(0.7)
+
+
+@BOATS
+def test_under_an_autopilot_the_boat_is_braked_before_it_turns_and_no_noise_becomes_an_order(boat):
+    """Behind an inner loop that turns first a law that leaps between braking and turning keeps the
+    boat under way; so where the boat is slower the law turns more, and nothing leaps.
+    """
+    model = under_speed_control(boat)
+    keeper = StationKeeper(vessel=model, by_motion=True)
+    place = (-10.0, 0.5)
+
+    def orders(surge):
+        state = (0.0, 0.0, 0.0, surge, 0.0, 0.0)
+        return held_motion(model, state, keeper.keep(state, CALM, place), CALM)
+
+    turns = np.array([abs(orders(surge)[1]) for surge in np.arange(0.0, 0.6, 0.01)])
+    assert turns[0] > 0.2
+    assert turns[36:] == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(np.diff(turns)).max() < 0.15 * turns[0]
+    noisy = (0.0, 0.0, 0.0, 0.0, 0.0, 0.05)
+    assert held_motion(model, noisy, keeper.keep(noisy, CALM, place), CALM)[1] == pytest.approx(
+        orders(0.0)[1]
+    )
+
+
+def test_what_lies_behind_is_turned_to_over_starboard():
+    keeper = StationKeeper(vessel=PRESETS["spyboat"])
+    for east in (-0.5, 0.0, 0.5):
+        port, starboard = keeper.keep((0.0,) * 6, CALM, (-10.0, east))
+        assert port > starboard

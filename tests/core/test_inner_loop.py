@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from grebe.core.dynamics import CALM, Weather, rates, rk4
 from grebe.core.errors import VesselError
 from grebe.core.inner_loop import (
+    LEAST_ASTERN_SHARE,
+    braking_share,
     held_motion,
     surge_time_s,
     under_speed_control,
@@ -41,12 +43,24 @@ def test_by_default_nothing_is_asked_that_the_hull_at_rest_cannot_do(hull):
     full = (boat.thrust_max_n, boat.thrust_max_n)
     spin = (boat.thrust_max_n, boat.thrust_min_n)
     at_rest = (0.0,) * 6
-    assert rates(boat, at_rest, full)[3] == pytest.approx(
-        rates(hull, at_rest, (hull.thrust_max_n,) * 2)[3]
-    )
+    hulls = rates(hull, at_rest, (hull.thrust_max_n,) * 2)[3]
+    assert rates(boat, at_rest, full)[3] <= hulls * (1 + 1e-9)
     assert rates(boat, at_rest, spin)[5] == pytest.approx(
         rates(hull, at_rest, (hull.thrust_max_n, hull.thrust_min_n))[5]
     )
+
+
+@given(HULLS, st.floats(0.3, 5.0) | st.none(), st.floats(0, 1))
+def test_a_model_is_trusted_with_no_more_braking_than_the_hull_has(hull, surge_s, share):
+    boat = under_speed_control(hull, surge_lag_s=surge_s)
+    trusted = braking_share(hull, boat)
+    assert 0 < trusted <= 1
+    state = (0.0, 0.0, 0.0, share * hull.speed_max_mps, 0.0, 0.0)
+    slowed = rates(boat, state, (trusted * boat.thrust_min_n,) * 2)[3]
+    hulls = rates(hull, state, (hull.thrust_min_n,) * 2)[3]
+    astern = 2 * trusted * boat.thrust_min_n / boat.x_u
+    if surge_s is None or astern > LEAST_ASTERN_SHARE * hull.speed_max_mps * (1 + 1e-9):
+        assert -slowed <= -hulls * (1 + 1e-6)
 
 
 @given(

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from grebe.core.dynamics import Weather
 from grebe.core.vessel import Vessel, steady_rate
 
+Thrusts = tuple[float, float]
 # Speed wanted for each metre off the place [1/s], and the most of it [m/s].
 APPROACH_PER_S, APPROACH_MPS = 0.25, 0.6
 # A share of full thrust is left to steer with.
@@ -22,8 +24,12 @@ STEER_SHARE = 0.9
 THERE_M, IDLE_MPS = 0.75, 0.15
 # Off by more than this the boat turns where it is [rad].
 TURN_FIRST_RAD = math.radians(60)
-# Surge above which the boat is braked before it turns [m/s].
-FAST_MPS = 0.35
+# What lies behind is turned to over starboard, from so much on the port side [rad].
+ASTERN_SIDE_RAD = math.pi / 6
+# Surge above which the boat is braked before it turns, and below which it turns with all it has
+# [m/s]; between the two it does some of both: a law that leaps from the one to the other keeps a
+# boat that is pushed ahead by its turning at the leap.
+FAST_MPS, SLOW_MPS = 0.35, 0.1
 # What is kept for turning of the span between full ahead and full astern.
 LEAST_TURN_SHARE = 0.15
 # How soon surge and turn are to follow, the least of it [s].
@@ -32,58 +38,87 @@ SURGE_S, YAW_S = 0.6, 0.5
 HEADING_S = 1.2
 
 
-def brake(
-    vessel: Vessel, state: Sequence[float], weather: Weather, weaker_share: float = 1.0
-) -> tuple[float, float]:
-    """Return the thrusts (F_1, F_2) [N] that bring the surge over ground to rest.
-
-    Both thrusters give the same, so that the boat goes straight on: as much as the weaker one
-    has, `weaker_share` of its full thrust astern (or ahead, where the boat goes astern).
+@dataclass(frozen=True, kw_only=True)
+class StationKeeper:
+    """Both laws for one boat. Of its full thrust the weaker thruster is trusted with
+    `weaker_share`. `by_motion`: an autopilot holds the speed and the yaw rate that the thrusts
+    lead to; they are then what holds the wanted motion, without a feedback of ours, which would
+    make the noise of the estimates an order.
     """
-    heading, surge = state[2], state[3]
-    ahead = _along(weather.current_north_mps, weather.current_east_mps, heading)
-    push = _along(weather.wind_force_north_n, weather.wind_force_east_n, heading)
-    # What holds the boat at rest over ground, and what takes the surge off within `SURGE_S`.
-    wanted = vessel.surge_drag_n(-ahead) - push - vessel.m11_kg * surge / SURGE_S
-    each = min(
-        max(wanted / 2, weaker_share * vessel.thrust_min_n), weaker_share * vessel.thrust_max_n
-    )
-    return each, each
 
+    vessel: Vessel
+    weaker_share: float = 1.0
+    by_motion: bool = False
 
-def keep(
-    vessel: Vessel,
-    state: Sequence[float],
-    weather: Weather,
-    place: tuple[float, float],
-    weaker_share: float = 1.0,
-) -> tuple[float, float]:
-    """Return the thrusts (F_1, F_2) [N] that bring the boat to a place and hold it there.
+    @property
+    def turn_s(self) -> float:
+        """Time [s] that half a turn takes."""
+        return math.pi / self._fastest_radps
 
-    `state` (6,), `place` (north, east) [m]. Against a current the boat lies with its bow into
-    it; the law has no integral, so it holds at a small distance from the place.
-    """
-    north, east, heading, surge, _, yaw_rate = state
-    off_north, off_east = place[0] - north, place[1] - east
-    away = math.hypot(off_north, off_east)
-    pace = min(APPROACH_PER_S * max(away - THERE_M, 0.0), APPROACH_MPS) / max(away, 1e-9)
-    # The velocity through the water that makes the wanted one over ground, with the wind's push
-    # taken as the current that would need as much thrust.
-    drift_north, drift_east = _with_wind(vessel, weather)
-    through_north = pace * off_north - drift_north
-    through_east = pace * off_east - drift_east
-    speed = math.hypot(through_north, through_east)
-    if speed < IDLE_MPS:
-        return brake(vessel, state, weather, weaker_share)
-    turn = math.remainder(math.atan2(through_east, through_north) - heading, 2 * math.pi)
-    if abs(turn) > TURN_FIRST_RAD and abs(surge) > FAST_MPS:
-        return brake(vessel, state, weather, weaker_share)
-    ahead = _along(drift_north, drift_east, heading)
-    # Through the water; while the bow is elsewhere the way over ground is kept off.
-    wanted = speed * math.cos(turn) if abs(turn) < TURN_FIRST_RAD else -ahead
-    lag = vessel.m11_kg / SURGE_S
-    common = 0.5 * (vessel.surge_drag_n(wanted) + lag * (wanted + ahead - surge))
-    return _allocated(vessel, common, _moment(vessel, turn, yaw_rate))
+    @property
+    def _fastest_radps(self) -> float:
+        vessel = self.vessel
+        most = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n)
+        return 0.7 * steady_rate(-vessel.n_r, -vessel.n_rr, most)
+
+    def brake(self, state: Sequence[float], weather: Weather) -> Thrusts:
+        """Return the thrusts (F_1, F_2) [N] that bring the surge over ground to rest.
+
+        Both thrusters give the same, so that the boat goes straight on: as much as the weaker one
+        has, `weaker_share` of its full thrust astern (or ahead, where the boat goes astern).
+        """
+        vessel, heading, surge = self.vessel, state[2], state[3]
+        ahead = _along(weather.current_north_mps, weather.current_east_mps, heading)
+        push = _along(weather.wind_force_north_n, weather.wind_force_east_n, heading)
+        # What holds the boat at rest over ground, and what takes the surge off within `SURGE_S`.
+        wanted = vessel.surge_drag_n(-ahead) - push - vessel.m11_kg * surge / SURGE_S
+        least, most = vessel.thrust_min_n, vessel.thrust_max_n
+        each = min(max(wanted / 2, self.weaker_share * least), self.weaker_share * most)
+        return each, each
+
+    def keep(self, state: Sequence[float], weather: Weather, place: tuple[float, float]) -> Thrusts:
+        """Return the thrusts (F_1, F_2) [N] that bring the boat to a place and hold it there.
+
+        `state` (6,), `place` (north, east) [m]. Against a current the boat lies with its bow into
+        it; the law has no integral, so it holds at a small distance from the place.
+        """
+        heading, surge, yaw_rate = state[2], state[3], state[5]
+        # With the wind's push taken as the current that would need as much thrust.
+        drift = _with_wind(self.vessel, weather)
+        through_north, through_east = _wanted_through(state, drift, place)
+        speed = math.hypot(through_north, through_east)
+        if speed < IDLE_MPS:
+            return self.brake(state, weather)
+        turn = _turn_to(math.atan2(through_east, through_north), heading)
+        if abs(turn) > TURN_FIRST_RAD:
+            return self._braked_turn(state, weather, turn)
+        wanted, ahead = speed * math.cos(turn), _along(*drift, heading)
+        push = self._push(wanted, wanted + ahead - surge)
+        return _allocated(self.vessel, push, self._moment(turn, yaw_rate))
+
+    def _braked_turn(self, state: Sequence[float], weather: Weather, turn: float) -> Thrusts:
+        """Thrusts of a boat that is to turn far off: its way is taken off, and it turns the more
+        the slower it is.
+        """
+        each, _ = self.brake(state, weather)
+        share = (FAST_MPS - abs(state[3])) / (FAST_MPS - SLOW_MPS)
+        moment = self._moment(turn, state[5], min(max(share, 0.0), 1.0))
+        return _allocated(self.vessel, each, moment)
+
+    def _push(self, wanted_mps: float, missing_mps: float) -> float:
+        """What each thruster gives [N] for a speed through the water, `missing_mps` from it."""
+        lag = 0.0 if self.by_motion else self.vessel.m11_kg / SURGE_S
+        return 0.5 * (self.vessel.surge_drag_n(wanted_mps) + lag * missing_mps)
+
+    def _moment(self, turn: float, yaw_rate: float, share: float = 1.0) -> float:
+        """Moment [N m] that turns the bow by `turn` [rad], at a share of the rate that the boat
+        could have, and then holds it.
+        """
+        vessel, fastest = self.vessel, self._fastest_radps
+        wanted = share * min(max(turn / HEADING_S, -fastest), fastest)
+        drag = -(vessel.n_r + vessel.n_rr * abs(wanted)) * wanted
+        gain = 0.0 if self.by_motion else vessel.m33_kgm2 / YAW_S
+        return drag + gain * (wanted - yaw_rate)
 
 
 def reach_mps(vessel: Vessel, weather: Weather) -> float:
@@ -99,6 +134,16 @@ def drift_mps(vessel: Vessel, weather: Weather) -> float:
     return math.hypot(*_with_wind(vessel, weather))
 
 
+def _wanted_through(
+    state: Sequence[float], drift: tuple[float, float], place: tuple[float, float]
+) -> tuple[float, float]:
+    """The velocity through the water (north, east) that makes the wanted one over ground."""
+    off_north, off_east = place[0] - state[0], place[1] - state[1]
+    away = math.hypot(off_north, off_east)
+    pace = min(APPROACH_PER_S * max(away - THERE_M, 0.0), APPROACH_MPS) / max(away, 1e-9)
+    return pace * off_north - drift[0], pace * off_east - drift[1]
+
+
 def _with_wind(vessel: Vessel, weather: Weather) -> tuple[float, float]:
     """The current, and with it the speed through the water that wind alone would give."""
     force = math.hypot(weather.wind_force_north_n, weather.wind_force_east_n)
@@ -110,17 +155,15 @@ def _with_wind(vessel: Vessel, weather: Weather) -> tuple[float, float]:
     return north + share * weather.wind_force_north_n, east + share * weather.wind_force_east_n
 
 
+def _turn_to(bearing: float, heading: float) -> float:
+    """The turn [rad] to a bearing, from -5 pi / 6 to 7 pi / 6: a boat that the place lies behind
+    turns to starboard, whatever the noise says of the side.
+    """
+    return math.remainder(bearing - heading - ASTERN_SIDE_RAD, 2 * math.pi) + ASTERN_SIDE_RAD
+
+
 def _along(north: float, east: float, heading: float) -> float:
     return math.cos(heading) * north + math.sin(heading) * east
-
-
-def _moment(vessel: Vessel, turn: float, yaw_rate: float) -> float:
-    """Moment [N m] that turns the bow by `turn` [rad] and then holds it."""
-    most = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n)
-    fastest = 0.7 * steady_rate(-vessel.n_r, -vessel.n_rr, most)
-    wanted = min(max(turn / HEADING_S, -fastest), fastest)
-    drag = -(vessel.n_r + vessel.n_rr * abs(wanted)) * wanted
-    return drag + vessel.m33_kgm2 / YAW_S * (wanted - yaw_rate)
 
 
 def _allocated(vessel: Vessel, common: float, moment: float) -> tuple[float, float]:

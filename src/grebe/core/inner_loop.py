@@ -10,6 +10,11 @@ thrusts, and no moment couples surge and sway into yaw, for the inner loop takes
 holds sway: it keeps the hull's own drag. So whatever plans for a `Vessel` plans for this
 boat too, and the limits of its two thrusters become those of speed and turn together: a boat at
 full speed has nothing left to turn with.
+
+An order astern must not promise a boat more braking than its thrusters have. Under the order -a the
+inner loop slows it by (u + a) / T_u, full thrust astern by (2 F + D(u)) / m with D the drag of
+Eq. (9): the least T_u (`braking_time_s`) and the largest a (`braking_share`) follow for which the
+first is never more than the second.
 """
 
 from __future__ import annotations
@@ -24,11 +29,49 @@ from grebe.core.vessel import Vessel, steady_rate
 
 # Sway at which a quadratic drag is taken as linear [m/s].
 USUAL_SWAY_MPS = 0.2
+# The speed astern that an order can ask for is at least this share of the one ahead.
+LEAST_ASTERN_SHARE = 0.1
 
 
 def surge_time_s(vessel: Vessel) -> float:
     """Time constant T_u [s] that asks no more of the hull than full thrust ahead from rest."""
     return vessel.m11_kg * vessel.speed_max_mps / (2 * vessel.thrust_max_n)
+
+
+def braking_time_s(vessel: Vessel, astern_mps: float) -> float:
+    """The least time constant T_u [s] with which an order of `astern_mps` astern slows the boat no
+    faster than full thrust astern does, at any speed ahead.
+    """
+    linear, quadratic, force = -vessel.x_u, -vessel.x_uu, -2 * vessel.thrust_min_n
+    surge = vessel.speed_max_mps
+    if quadratic > 0:
+        least = (force - linear * astern_mps) / quadratic
+        surge = min(surge, math.sqrt(max(astern_mps**2 + least, 0.0)) - astern_mps)
+    at = max(surge, 0.0)
+    return max(
+        vessel.m11_kg * (u + astern_mps) / (force + vessel.surge_drag_n(u)) for u in (0.0, at)
+    )
+
+
+def braking_share(hull: Vessel, model: Vessel) -> float:
+    """The share of a model's thrust astern, of the hull under speed control, that slows it no
+    faster at any speed ahead than full thrust astern slows the hull.
+
+    Where the push astern is small, and a turn takes it, an order is not followed by the braking
+    that the inner loop's lag would make of it.
+    """
+    surge_s = model.m11_kg / -model.x_u
+    linear, quadratic, force = -hull.x_u, -hull.x_uu, -2 * hull.thrust_min_n
+    mass, fastest = hull.m11_kg, hull.speed_max_mps
+    surge = (mass / surge_s - linear) / (2 * quadratic) if quadratic > 0 else fastest
+    at = min(max(surge, 0.0), fastest)
+    most = min(surge_s * (force + hull.surge_drag_n(u)) / mass - u for u in (0.0, at, fastest))
+    least = LEAST_ASTERN_SHARE * fastest
+    return min(max(most, least) / (2 * model.thrust_min_n / model.x_u), 1.0)
+
+
+def _astern_mps(vessel: Vessel) -> float:
+    return steady_rate(-vessel.x_u, -vessel.x_uu, -2 * vessel.thrust_min_n)
 
 
 def yaw_time_s(vessel: Vessel) -> float:
@@ -57,13 +100,16 @@ def under_speed_control(
     `speed_max_mps` is the autopilot's own limit; the lags [s] are the hull's own where they are
     not known. Raises `VesselError` for a limit or a lag that is not positive.
     """
-    surge_s = surge_time_s(hull) if surge_lag_s is None else surge_lag_s
+    surge_s = surge_lag_s
+    if surge_s is None:
+        least = LEAST_ASTERN_SHARE * hull.speed_max_mps
+        surge_s = max(surge_time_s(hull), braking_time_s(hull, least))
     yaw_s = yaw_time_s(hull) if yaw_lag_s is None else yaw_lag_s
     for name, value in (("speed_max_mps", speed_max_mps), ("lag", surge_s), ("lag", yaw_s)):
         if not value > 0:
             raise VesselError(f"Under speed control a {name} of {value:g} is impossible; give > 0.")
     ahead = min(hull.speed_max_mps, speed_max_mps)
-    astern = min(steady_rate(-hull.x_u, -hull.x_uu, -2 * hull.thrust_min_n), speed_max_mps)
+    astern = min(_astern_mps(hull), speed_max_mps)
     mass, x_u, n_r = hull.m11_kg, -hull.m11_kg / surge_s, -hull.m33_kgm2 / yaw_s
     thrust_max, thrust_min = -x_u * ahead / 2, x_u * astern / 2
     return replace(

@@ -163,6 +163,13 @@ class ModelledLink(Protocol):
         ...
 
 
+def braking_share(link: BoatLink) -> float:
+    """The share of its model's thrust astern that a link's boat can be trusted to brake with: its
+    own `braking_share` where it has one, all of it otherwise.
+    """
+    return float(getattr(link, "braking_share", 1.0))
+
+
 def drives_thrusts(link: BoatLink) -> bool:
     """Whether the thrusts of an order reach the thrusters, so that the boat can be judged by
     what they do; an autopilot's inner loops give other ones.

@@ -17,7 +17,7 @@ import shapely
 
 from grebe.control.controller import Controller
 from grebe.control.rules.base import reached_count
-from grebe.control.station import brake, keep
+from grebe.control.station import StationKeeper
 from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.errors import PlanError
 from grebe.core.events import EndReason, State
@@ -27,7 +27,16 @@ from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.lookout import LEAST_WAIT_S, Lookout
 from grebe.mission.patience import patience_s
-from grebe.mission.safety.fence import STEP_S, Escape, Fence, Schedule, escape, fence_of, reckoned
+from grebe.mission.safety.fence import (
+    FOLLOWED_DOUBT,
+    STEP_S,
+    Escape,
+    Fence,
+    Schedule,
+    escape,
+    fence_of,
+    reckoned,
+)
 from grebe.mission.safety.machine import (
     WAITS,
     Asked,
@@ -96,7 +105,10 @@ def home_of(survey: Survey, settings: SafetySettings) -> Place:
 
 
 class Guard:
-    """Watches over one mission; `tell` hears of every change of state; `lookout` of a fleet."""
+    """Watches over one mission; `tell` hears of every change of state; `lookout` of a fleet.
+
+    `by_motion`: an autopilot holds the boat's motion, and is not known to the last.
+    """
 
     def __init__(
         self,
@@ -107,8 +119,9 @@ class Guard:
         started: datetime,
         pilot: Pilot | None = None,
         lookout: Lookout | None = None,
+        by_motion: bool = False,
     ) -> None:
-        self._lookout = lookout
+        self._lookout, self._by_motion = lookout, by_motion
         self._survey, self._vessel, self._settings = survey, vessel, settings
         self._tell = tell
         # Faults show beside the boat as it was said to be, not as its faults have made it.
@@ -235,12 +248,12 @@ class Guard:
     ) -> Escape | None:
         return escape(
             fence,
-            self._vessel,
+            self._keeper,
             observation.state,
             ahead,
             weather,
             reaction_s=self._settings.reaction_s + observation.age_s,
-            weaker_share=self._settings.weaker_share,
+            doubt=FOLLOWED_DOUBT if self._by_motion else 0.0,
             foresees=foresees,
         )
 
@@ -280,14 +293,13 @@ class Guard:
 
     def own_thrusts(self, observation: Observation, weather: Weather) -> Thrusts | None:
         """Return what the guard itself steers with; None where a helm does."""
-        vessel, share = self._vessel, self._settings.weaker_share
         if self.state is SafetyState.STOPPED:
             return 0.0, 0.0
         if self.state is SafetyState.HOLDING:
             left = self._left_of_escape(observation.time_s)
-            return left or keep(vessel, observation.state, weather, self._memory.place, share)
+            return left or self._keeper.keep(observation.state, weather, self._memory.place)
         if self.state is SafetyState.FREEING:
-            each = ASTERN_SHARE * vessel.thrust_min_n
+            each = ASTERN_SHARE * self._vessel.thrust_min_n
             return each, each
         return None
 
@@ -300,6 +312,12 @@ class Guard:
         reaction = math.ceil(self._settings.reaction_s / STEP_S)
         planned = len(way_out.thrusts) > reaction + 1
         return way_out.thrusts[step] if planned and step < len(way_out.thrusts) else None
+
+    @property
+    def _keeper(self) -> StationKeeper:
+        """How the boat is braked and kept where it is."""
+        share = self._settings.weaker_share
+        return StationKeeper(vessel=self._vessel, weaker_share=share, by_motion=self._by_motion)
 
     @property
     def reckoned(self) -> State | None:
@@ -319,7 +337,7 @@ class Guard:
         self._reckoned = (now.time_s, state)
         if state[3] < LEAST_WAY_MPS:
             return 0.0, 0.0
-        return brake(self._vessel, state, weather, self._settings.weaker_share)
+        return self._keeper.brake(state, weather)
 
     def _begin(self, observation: Observation) -> None:
         self._began_s = self._before_s = observation.time_s

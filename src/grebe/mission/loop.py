@@ -41,7 +41,14 @@ from grebe.core.events import (
 from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.survey import Survey
-from grebe.links.base import BoatLink, Instruments, Observation, Order, drives_thrusts
+from grebe.links.base import (
+    BoatLink,
+    Instruments,
+    Observation,
+    Order,
+    braking_share,
+    drives_thrusts,
+)
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard, Pilot
@@ -122,7 +129,14 @@ class Mission:
         self._gate = Gate(link)
         safety = self._settings.safety
         self._guard = Guard(
-            survey, controller.vessel, safety, self._tell_change, started, pilot, lookout
+            survey,
+            controller.vessel,
+            replace(safety, weaker_share=safety.weaker_share * braking_share(link)),
+            self._tell_change,
+            started,
+            pilot,
+            lookout,
+            by_motion=not by_thrusts,
         )
         self._next_step_s = 0.0
         self._deadline_s = math.inf

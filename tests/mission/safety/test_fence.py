@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.control.station import keep
+from grebe.control.station import StationKeeper
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.vessel import PRESETS, vessel_named
 from grebe.mission.safety.fence import (
@@ -56,10 +56,10 @@ def test_what_is_foreseen_is_what_the_boat_does(boat):
     weather = Weather(current_north_mps=0.2, wind_force_east_n=2.0)
     state, refuge = (0.0, 0.0, 0.3, 0.9, 0.1, 0.05), (-3.0, 1.0)
     thrusts = [(4.0, 2.0)] * 5
-    states = foreseen(POND, boat, state, thrusts, weather, refuge, SHARE)
+    states = foreseen(POND, keeper(boat), state, thrusts, weather, refuge)
     plant = Plant(boat if boat.thruster_lag_s == 0 else without_lag(boat), state, weather)
     for k, ahead in enumerate(states[1:-1]):
-        given = thrusts[k] if k < 5 else keep(boat, plant.state, weather, refuge, SHARE)
+        given = thrusts[k] if k < 5 else keeper(boat).keep(plant.state, weather, refuge)
         plant.command(given)
         plant.advance(0.1)
         assert plant.state[:2] == pytest.approx(ahead[:2], abs=0.01)
@@ -82,7 +82,7 @@ def test_whoever_steers_at_full_speed_at_the_shore_is_kept_in(boat, weather):
             state = tuple(plant.state)
             if refuge is None and not may(boat, state, full, weather):
                 refuge = POND.refuge(state[:2])
-            thrusts = full if refuge is None else keep(boat, state, weather, refuge, SHARE)
+            thrusts = full if refuge is None else keeper(boat).keep(state, weather, refuge)
             plant.command(thrusts)
             plant.advance(0.1)
             assert POND.holds(tuple(plant.state[:2]))
@@ -92,16 +92,12 @@ def test_whoever_steers_at_full_speed_at_the_shore_is_kept_in(boat, weather):
 
 
 def may(boat, state, thrusts, weather):
-    way_out = escape(
-        POND,
-        boat,
-        state,
-        lambda _: thrusts,
-        weather,
-        reaction_s=REACTION_S,
-        weaker_share=SHARE,
-    )
+    way_out = escape(POND, keeper(boat), state, lambda _: thrusts, weather, reaction_s=REACTION_S)
     return way_out is not None
+
+
+def keeper(boat):
+    return StationKeeper(vessel=boat, weaker_share=SHARE)
 
 
 @given(
@@ -116,11 +112,9 @@ def test_where_nothing_is_foreseen_because_the_fence_is_far_nothing_had_to_be(
     boat = vessel_named("benchmark")
     state = (north, east, heading, surge, 0.0, 0.0)
     full = (boat.thrust_max_n, boat.thrust_max_n)
-    way_out = escape(
-        POND, boat, state, lambda _: full, CALM, reaction_s=REACTION_S, weaker_share=SHARE
-    )
+    way_out = escape(POND, keeper(boat), state, lambda _: full, CALM, reaction_s=REACTION_S)
     if way_out is not None and way_out.refuge is None:
-        way = foreseen(POND, boat, state, [full] * 3, CALM, POND.refuge(state[:2]), SHARE)
+        way = foreseen(POND, keeper(boat), state, [full] * 3, CALM, POND.refuge(state[:2]))
         assert POND.holds_way(way[:, :2])
 
 

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from grebe.core.errors import LinkError, StoppedError, UsageError
 from grebe.core.events import State
 from grebe.core.frames import LocalFrame
-from grebe.core.inner_loop import under_speed_control
+from grebe.core.inner_loop import braking_share, under_speed_control
 from grebe.core.vessel import Vessel
 from grebe.links.base import IDLE, BoatStatus, Observation, Order
 from grebe.links.emergency import EmergencyStop
@@ -142,6 +142,11 @@ class MavlinkLink:
             surge_lag_s=kept.surge_lag_s,
             yaw_lag_s=kept.yaw_lag_s,
         )
+
+    @property
+    def braking_share(self) -> float:
+        """See `grebe.links.base.braking_share`."""
+        return braking_share(self._hull, self.model) if self.drives_motion else 1.0
 
     def prepare(self) -> None:
         """Ask for the streams, match the clocks, learn where the autopilot counts from.

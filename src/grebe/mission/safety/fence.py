@@ -20,7 +20,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from grebe.control.solvers.fast.model import advance, parameter_vector
-from grebe.control.station import APPROACH_MPS, brake, drift_mps, keep
+from grebe.control.station import APPROACH_MPS, StationKeeper, drift_mps
 from grebe.core.dynamics import Weather
 from grebe.core.events import State
 from grebe.core.vessel import Vessel
@@ -28,19 +28,23 @@ from grebe.mission.safety.states import Place
 
 STEP_S = 0.1
 # Nothing is foreseen further than this: a boat that is still under way then is on its way in.
-LONGEST_S = 12.0
+LONGEST_S = 16.0
 # Slower than this the boat has stopped [m/s].
 STOPPED_MPS = 0.1
-# What a boat needs to turn against a drift [s]; less drift than this needs no turn [m/s].
-TURN_S, NO_DRIFT_MPS = 4.0, 0.05
+# Less drift than this needs no turn against it [m/s].
+NO_DRIFT_MPS = 0.05
 # On its way to the refuge: the cosine of the angle off it.
 STRAIGHT = 0.5
 # What the outline, and a position in it, are rounded to [m].
 ROUNDING_M = 0.02
 # How far inside the fence the boat goes back to, the first that it can see [m].
 REFUGES_M = (2.0, 1.0, 0.5, 0.2, 0.0)
-# Drift is given so long to be answered, where no foresight is asked for because the fence is far.
-TURN_ROUND_S = 8.0
+# A boat whose thrusts an autopilot chooses strays from what is foreseen by this share of its way,
+# and by so much at most: what hulls unlike their model by a fifth were seen to do [m].
+FOLLOWED_DOUBT, MOST_DOUBT_M = 0.15, 0.8
+# Drift is given so long to be answered, beside a turn, where no foresight is asked for because the
+# fence is far [s].
+ANSWER_S = 4.0
 
 
 # A plan is followed for so long more before the boat is braked, where braking at once will not do.
@@ -53,8 +57,8 @@ Schedule = Callable[[float], tuple[float, float]]
 @dataclass(frozen=True, kw_only=True)
 class Escape:
     """How a boat stops inside its fence: thrusts [N] for so many steps of `STEP_S`, then
-    `station.keep` to a refuge; None where the fence is far. `way` (n, 2) is where it comes so, as
-    far as it was foreseen.
+    `StationKeeper.keep` to a refuge; None where the fence is far. `way` (n, 2) is where it comes
+    so, as far as it was foreseen.
     """
 
     thrusts: tuple[tuple[float, float], ...]
@@ -89,9 +93,18 @@ class Fence:
         """Whether a place is inside."""
         return bool(shapely.intersects_xy(self._allowed, *place))
 
-    def holds_way(self, places: np.ndarray) -> bool:
-        """Whether a way (n, 2) stays inside."""
-        return bool(shapely.covers(self._allowed, shapely.linestrings(places)))
+    def holds_way(self, places: np.ndarray, doubt: float = 0.0) -> bool:
+        """Whether a way (n, 2) stays inside, also where the boat strays from it by a share `doubt`
+        of what it has gone, at most `MOST_DOUBT_M`.
+        """
+        if not shapely.covers(self._allowed, shapely.linestrings(places)):
+            return False
+        if doubt == 0.0:
+            return True
+        gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+        strays = np.minimum(doubt * gone, MOST_DOUBT_M)
+        away = shapely.distance(self._line, shapely.points(places))
+        return bool((away >= strays).all())
 
     def is_far(self, place: Place, distance_m: float) -> bool:
         """Whether the fence is farther than this from a place inside it."""
@@ -134,48 +147,48 @@ def fence_of(water: shapely.Polygon, no_go: Sequence[shapely.Polygon], place: Pl
 
 def escape(
     fence: Fence,
-    vessel: Vessel,
+    keeper: StationKeeper,
     state: State,
     ahead: Schedule,
     weather: Weather,
     *,
     reaction_s: float,
-    weaker_share: float,
+    doubt: float = 0.0,
     foresees: bool = False,
 ) -> Escape | None:
     """Return how the boat could stop inside if it went on now; None where it could not.
 
     `ahead` are the thrusts that it is about to have. It could brake after the reaction time; or, in
-    the middle of a turn along the shore, after it has followed its plan for a little longer. With
+    the middle of a turn along the shore, after it has followed its plan for a little longer. From
+    what is foreseen it may stray by a share `doubt` of the way (`Fence.holds_way`). With
     `foresees` its way is foreseen also where the fence is far.
     """
     place = (state[0], state[1])
-    reaction = math.ceil((reaction_s + vessel.thruster_lag_s) / STEP_S - 1e-9)
-    enough_m = _surely_enough_m(vessel, state, weather, reaction * STEP_S, weaker_share)
+    reaction = math.ceil((reaction_s + keeper.vessel.thruster_lag_s) / STEP_S - 1e-9)
+    enough_m = _surely_enough_m(keeper, state, weather, reaction * STEP_S)
     if not foresees and fence.is_far(place, enough_m):
         return Escape(thrusts=(), refuge=None, way=np.array([place]))
     refuge = fence.refuge(place)
     for steps in (reaction, *(reaction + round(s / STEP_S) for s in PLANS_S)):
         thrusts = tuple(ahead(STEP_S * min(k, steps)) for k in range(steps))
-        way = foreseen(fence, vessel, state, thrusts, weather, refuge, weaker_share)
-        if fence.holds_way(way[:, :2]):
+        way = foreseen(fence, keeper, state, thrusts, weather, refuge)
+        if fence.holds_way(way[:, :2], doubt):
             return Escape(thrusts=thrusts, refuge=refuge, way=way[:, :2])
     return None
 
 
 def foreseen(
     fence: Fence,
-    vessel: Vessel,
+    keeper: StationKeeper,
     state: State,
     thrusts: Sequence[tuple[float, float]],
     weather: Weather,
     refuge: Place,
-    weaker_share: float,
 ) -> np.ndarray:
     """Return the states (n, 6), `STEP_S` apart, of a boat that has some thrusts, one for each step,
-    and then follows `station.keep` to a refuge until it has stopped or is on its way there.
+    and then follows `StationKeeper.keep` to a refuge until it has stopped or is on its way there.
     """
-    wind = np.asarray(weather.as_tuple())
+    vessel, wind = keeper.vessel, np.asarray(weather.as_tuple())
     parameters = parameter_vector(vessel, wind)
     substeps = max(2, math.ceil(STEP_S * vessel.fastest_rate_hz))
     drift = drift_mps(vessel, weather)
@@ -184,10 +197,10 @@ def foreseen(
         here = states[-1]
         if k < len(thrusts):
             inputs = thrusts[k]
-        elif _has_stopped(here, drift, fence) or _arrives(here, refuge):
+        elif _has_stopped(here, drift * keeper.turn_s, drift, fence) or _arrives(here, refuge):
             break
         else:
-            inputs = keep(vessel, here.tolist(), weather, refuge, weaker_share)
+            inputs = keeper.keep(here.tolist(), weather, refuge)
         ahead = np.empty(6)
         advance(parameters, here, np.asarray(inputs, dtype=float), STEP_S, substeps, ahead)
         states.append(ahead)
@@ -219,13 +232,14 @@ def braking_distance_m(
     its thrusts held for the reaction time.
     """
     each = 0.5 * vessel.surge_drag_n(surge_mps)
+    keeper = StationKeeper(vessel=vessel, weaker_share=weaker_share)
     parameters = parameter_vector(vessel, np.asarray(weather.as_tuple()))
     state = np.array([0.0, 0.0, 0.0, surge_mps, 0.0, 0.0])
     steps = math.ceil((reaction_s + vessel.thruster_lag_s) / STEP_S - 1e-9)
     substeps = max(2, math.ceil(STEP_S * vessel.fastest_rate_hz))
     farthest, k = 0.0, 0
     while state[3] > 0.01 and k < 600:
-        held = (each, each) if k < steps else brake(vessel, state.tolist(), weather, weaker_share)
+        held = (each, each) if k < steps else keeper.brake(state.tolist(), weather)
         ahead = np.empty(6)
         advance(parameters, state, np.asarray(held), STEP_S, substeps, ahead)
         state, k = ahead, k + 1
@@ -233,12 +247,12 @@ def braking_distance_m(
     return farthest
 
 
-def _has_stopped(state: np.ndarray, drift_mps: float, fence: Fence) -> bool:
+def _has_stopped(state: np.ndarray, room_m: float, drift_mps: float, fence: Fence) -> bool:
     """Whether the boat lies still, with room to drift in until it has turned against the drift."""
     north, east, _, surge, sway, _ = state.tolist()
     if abs(surge) > STOPPED_MPS or math.hypot(surge, sway) > STOPPED_MPS + drift_mps:
         return False
-    return drift_mps < NO_DRIFT_MPS or fence.is_far((north, east), drift_mps * TURN_S)
+    return drift_mps < NO_DRIFT_MPS or fence.is_far((north, east), room_m)
 
 
 def _arrives(state: np.ndarray, refuge: Place) -> bool:
@@ -254,16 +268,18 @@ def _arrives(state: np.ndarray, refuge: Place) -> bool:
 
 
 def _surely_enough_m(
-    vessel: Vessel, state: State, weather: Weather, reaction_s: float, weaker_share: float
+    keeper: StationKeeper, state: State, weather: Weather, reaction_s: float
 ) -> float:
     """A distance that no braking needs: beyond it nothing has to be foreseen."""
+    vessel = keeper.vessel
     speed = math.hypot(state[3], state[4])
     held = reaction_s + STEP_S
     gained = held * 2 * vessel.thrust_max_n / vessel.m11_kg
     fastest = min(speed + gained, speed + vessel.speed_max_mps)
     drag = vessel.surge_drag_n(0.5 * fastest) if fastest > 0 else 0.0
-    force = -2 * weaker_share * vessel.thrust_min_n + drag
+    force = -2 * keeper.weaker_share * vessel.thrust_min_n + drag
     drift = math.hypot(weather.current_north_mps, weather.current_east_mps)
     wind = math.hypot(weather.wind_force_north_n, weather.wind_force_east_n)
     slowing = max(force - wind, 0.05 * vessel.thrust_max_n) / vessel.m11_kg
-    return fastest * held + fastest**2 / slowing + (drift + wind * 0.05) * TURN_ROUND_S + 0.5
+    away = (drift + wind * 0.05) * (ANSWER_S + keeper.turn_s)
+    return fastest * held + fastest**2 / slowing + away + 0.5
