@@ -29,6 +29,7 @@ from grebe.mission.lookout import LEAST_WAIT_S, Lookout
 from grebe.mission.patience import patience_s
 from grebe.mission.safety.fence import (
     FOLLOWED_DOUBT,
+    FOLLOWED_S,
     STEP_S,
     Escape,
     Fence,
@@ -252,7 +253,7 @@ class Guard:
             observation.state,
             ahead,
             weather,
-            reaction_s=self._settings.reaction_s + observation.age_s,
+            reaction_s=self._reaction_s + observation.age_s,
             doubt=FOLLOWED_DOUBT if self._by_motion else 0.0,
             foresees=foresees,
         )
@@ -309,9 +310,14 @@ class Guard:
             return None
         since, way_out = self._escape
         step = round((time_s - since) / STEP_S)
-        reaction = math.ceil(self._settings.reaction_s / STEP_S)
+        reaction = math.ceil(self._reaction_s / STEP_S)
         planned = len(way_out.thrusts) > reaction + 1
         return way_out.thrusts[step] if planned and step < len(way_out.thrusts) else None
+
+    @property
+    def _reaction_s(self) -> float:
+        """How long an order needs until the boat follows it, beside its model's own lags."""
+        return self._settings.reaction_s + (FOLLOWED_S if self._by_motion else 0.0)
 
     @property
     def _keeper(self) -> StationKeeper:

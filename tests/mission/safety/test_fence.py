@@ -10,8 +10,12 @@ from hypothesis import strategies as st
 
 from grebe.control.station import StationKeeper
 from grebe.core.dynamics import CALM, Weather
+from grebe.core.inner_loop import braking_share, held_motion, under_speed_control
 from grebe.core.vessel import PRESETS, vessel_named
 from grebe.mission.safety.fence import (
+    FOLLOWED_DOUBT,
+    FOLLOWED_S,
+    MOST_DOUBT_M,
     Fence,
     braking_distance_m,
     escape,
@@ -20,7 +24,8 @@ from grebe.mission.safety.fence import (
     reckoned,
 )
 from grebe.mission.safety.settings import CAREFUL
-from grebe.simulation.plant import Plant
+from grebe.simulation.autopilot import Autopilot, AutopilotSettings, Mode
+from grebe.simulation.plant import Plant, mismatched
 
 POND = Fence(water=shapely.box(-15, -15, 15, 15))
 SHARE, REACTION_S = CAREFUL.weaker_share, CAREFUL.reaction_s
@@ -138,3 +143,41 @@ def test_dead_reckoning_is_the_model():
     plant.command((3.0, 2.0))
     plant.advance(1.0)
     assert reckoned(boat, state, (3.0, 2.0), CALM, 1.0) == pytest.approx(plant.state, abs=1e-3)
+
+
+HULLS = pytest.mark.parametrize("name", ["spyboat", "blueboat", "heron", "otter"])
+
+
+@HULLS
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("speed_mps", [0.7, 1.5])
+def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_doubt(
+    name, speed_mps, seed
+):
+    """Hulls unlike their model by a fifth: the stand-in ramps its speed, turns first, and brakes
+    with what is left, of which Clearpath's Heron has hardly any astern.
+    """
+    hull = vessel_named(name)
+    model = under_speed_control(hull)
+    share = SHARE * braking_share(hull, model)
+    keeper = StationKeeper(vessel=model, weaker_share=share, by_motion=True)
+    plant = Plant(mismatched(hull, 0.2, seed), (0.0, 0.0, 0.0, speed_mps, 0.0, 0.0), CALM)
+    pilot = Autopilot(plant, AutopilotSettings(seed=seed), mode=Mode.GUIDED, armed=True)
+    for _ in range(30):
+        pilot.follow(speed_mps, 0.0)
+        pilot.advance(0.1)
+    here = tuple(plant.state)
+    lake = Fence(water=shapely.box(-100, -100, 100, 100))
+    each = 0.5 * model.surge_drag_n(speed_mps)
+    goes_on = [(each, each)] * round(10 * (REACTION_S + FOLLOWED_S))
+    refuge = (here[0] - 2.0, here[1])
+    way = foreseen(lake, keeper, here, goes_on, CALM, refuge)[:, 0] - here[0]
+    farthest = 0.0
+    for k in range(200):
+        state = pilot.estimate()
+        given = (each, each) if k < 10 * REACTION_S else keeper.keep(state, CALM, refuge)
+        pilot.follow(*held_motion(model, state, given, CALM))
+        pilot.advance(0.1)
+        farthest = max(farthest, plant.state[0] - here[0])
+    assert farthest < way.max() + min(FOLLOWED_DOUBT * way.max(), MOST_DOUBT_M)
+    assert plant.state[0] < here[0]

@@ -40,8 +40,10 @@ ROUNDING_M = 0.02
 # How far inside the fence the boat goes back to, the first that it can see [m].
 REFUGES_M = (2.0, 1.0, 0.5, 0.2, 0.0)
 # A boat whose thrusts an autopilot chooses strays from what is foreseen by this share of its way,
-# and by so much at most: what hulls unlike their model by a fifth were seen to do [m].
-FOLLOWED_DOUBT, MOST_DOUBT_M = 0.15, 0.8
+# and by so much at most: what hulls unlike their model by a fifth were seen to do [m]. And it goes
+# on for so long more [s]: the autopilot ramps the speed that it holds, by 1 m/s^2 (ArduRover's
+# own default), and follows the ramp with a lag.
+FOLLOWED_DOUBT, MOST_DOUBT_M, FOLLOWED_S = 0.3, 0.8, 1.0
 # Drift is given so long to be answered, beside a turn, where no foresight is asked for because the
 # fence is far [s].
 ANSWER_S = 4.0
