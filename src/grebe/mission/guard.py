@@ -7,26 +7,21 @@ out here; what it decides is told as an event, and done.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
-from typing import Protocol, cast
+from typing import Protocol
 
 import numpy as np
-import shapely
 
 from grebe.control.controller import Controller
-from grebe.control.rules.base import reached_count
 from grebe.control.station import StationKeeper
 from grebe.core.dynamics import Weather, drive_power_w
-from grebe.core.errors import PlanError
 from grebe.core.events import EndReason, State
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
-from grebe.mission.helm import AdaptableHelm, Helm
+from grebe.mission.helm import Helm
 from grebe.mission.lookout import LEAST_WAIT_S, Lookout
-from grebe.mission.patience import patience_s
 from grebe.mission.safety.fence import (
     FOLLOWED_DOUBT,
     FOLLOWED_S,
@@ -50,15 +45,11 @@ from grebe.mission.safety.machine import (
     in_traffic,
     without_way_home,
 )
-from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
-from grebe.planning.homeward import Homeward, homeward, transit_survey
+from grebe.mission.way_home import Pilot, UnderWay, WayHome
 
 Thrusts = tuple[float, float]
-Pilot = Callable[[Survey], Helm]
-# The way home is measured again so often; its length changes no faster than the boat moves [s].
-HOME_PERIOD_S = 5.0
 # A blind boat that is reckoned to be slower than this is not braked any more [m/s].
 LEAST_WAY_MPS = 0.05
 # What is known of a boat that has not said anything.
@@ -75,15 +66,6 @@ class Tells(Protocol):
         ...
 
 
-@dataclass(kw_only=True)
-class _WayHome:
-    """The way home that is being sailed."""
-
-    helm: Helm
-    survey: Survey
-    deadline_s: float
-
-
 def default_pilot(vessel: Vessel) -> Pilot:
     """Return what makes Grebe's controller for a way home."""
 
@@ -91,18 +73,6 @@ def default_pilot(vessel: Vessel) -> Pilot:
         return Controller(vessel, survey.sets, corridors=survey.corridors)
 
     return pilot
-
-
-def home_of(survey: Survey, settings: SafetySettings) -> Place:
-    """Return where home is (north, east): the place that was given, or the survey's start.
-
-    Raises `InputError` for one far from the water and `PlanError` for a survey without a start.
-    """
-    if settings.home is not None:
-        return survey.frame.place_near(survey.water, settings.home, "home")
-    if survey.start is None:
-        raise PlanError("The survey has no start, and no home was given.", settings=("home",))
-    return survey.start.north_m, survey.start.east_m
 
 
 class Guard:
@@ -138,11 +108,7 @@ class Guard:
         self._fence: Fence | None = None
         # A boat that is launched from land is fenced in once it is on the water.
         self._fenced = False
-        self._ways: Homeward | None = None
-        self._no_way = ""
-        self._home_cost: tuple[float, float] | None = None
-        self._home_asked_s = -math.inf
-        self._way: _WayHome | None = None
+        self._home = WayHome(survey, settings)
         self._escape: tuple[float, Escape] | None = None
         self._reckoned: tuple[float, State] | None = None
         self._began_s: float | None = None
@@ -174,7 +140,8 @@ class Guard:
     @property
     def helm(self) -> Helm | None:
         """Who steers the way home; None while the survey is steered, or nobody has to."""
-        return self._way.helm if self._way and self.state is SafetyState.RETURNING else None
+        way = self._way
+        return None if way is None else way.helm
 
     def look(
         self,
@@ -192,7 +159,8 @@ class Guard:
             self._begin(observation)
         self._reckoned = None
         self._spend(observation, thrusts)
-        self._follow_way(observation)
+        if self._way is not None:
+            self._home.follow(observation)
         facts = self._facts(observation, weather, thrusts, reached, status)
         asked, self._asked = self._asked, None
         self.depth_m = None
@@ -285,7 +253,7 @@ class Guard:
     def _next_place(self, reached: int) -> Place | None:
         """Where the boat goes, or would go on to; None where it has nowhere to go."""
         going = self._memory.resumes if self.state is SafetyState.HOLDING else self.state
-        way = self._way if going is SafetyState.RETURNING else None
+        way = self._home.under_way if going is SafetyState.RETURNING else None
         sets, done = (way.survey.sets, way.helm.reached) if way else (self._survey.sets, reached)
         if done >= len(sets):
             return None
@@ -369,7 +337,7 @@ class Guard:
         inside = self._fence is None or self._fence.holds(place)
         self._fenced = self._fenced or inside
         home_s, home_wh = self._cost_home(observation, weather, status)
-        way = self._way if self.state is SafetyState.RETURNING else None
+        way = self._way
         return Facts(
             time_s=observation.time_s,
             elapsed_s=observation.time_s - (self._began_s or 0.0),
@@ -400,48 +368,12 @@ class Guard:
         asks = asks or memory.against_s is not None or memory.tired_s is not None
         if not asks:
             return None, 0.0
-        if observation.time_s - self._home_asked_s >= HOME_PERIOD_S or self._home_cost is None:
-            self._home_asked_s = observation.time_s
-            self._home_cost = self._measured_home(observation, weather)
-        return self._home_cost
-
-    def _measured_home(self, observation: Observation, weather: Weather) -> tuple[float, float]:
-        ways = self._ways_home()
-        if ways is None:
-            return math.inf, math.inf
-        try:
-            way = ways.way_from((observation.state[0], observation.state[1]))
-        except PlanError as error:
-            self._no_way = str(error)
-            return math.inf, math.inf
-        return way_home_s(self._vessel, way, weather, self._homeward_mps)
+        return self._home.cost(observation, weather, self._vessel)
 
     @property
-    def _homeward_mps(self) -> float:
-        """How fast the boat goes home: as the survey's windows let it."""
-        fastest = max((one.speed_max_mps for one in self._survey.sets), default=1.0)
-        return min(fastest, 0.8 * self._vessel.speed_max_mps)
-
-    def _ways_home(self) -> Homeward | None:
-        """The ways home, worked out when they are first asked for; None where there is none."""
-        if self._ways is None and not self._no_way:
-            try:
-                home = home_of(self._survey, self._settings)
-                fence = fence_of(self._survey.water, self._survey.no_go, home)
-                self._ways = homeward(cast("shapely.Polygon", fence.water), home)
-            except PlanError as error:
-                self._no_way = str(error)
-        return self._ways
-
-    def _follow_way(self, observation: Observation) -> None:
-        """Count the transits that the boat has reached."""
-        way = self._way
-        if way is None or self.state is not SafetyState.RETURNING:
-            return
-        before = way.helm.reached
-        way.helm.reached = reached_count(way.survey.sets, before, observation.state)
-        if way.helm.reached > before:
-            way.deadline_s = self._patience(way.survey, way.helm.reached, observation)
+    def _way(self) -> UnderWay | None:
+        """The way home that is being sailed; None where the boat does something else."""
+        return self._home.under_way if self.state is SafetyState.RETURNING else None
 
     def _become(self, after: Memory, observation: Observation) -> None:
         """Take a new state; a boat that is sent home is given a way."""
@@ -462,27 +394,6 @@ class Guard:
             )
 
     def _set_out_for_home(self, observation: Observation) -> None:
-        ways = self._ways_home()
-        try:
-            survey = ways and transit_survey(
-                self._survey, ways, observation.state, self._homeward_mps
-            )
-        except PlanError as error:
-            survey, self._no_way = None, str(error)
-        if survey is None:
-            self._way = None
-            self._say(without_way_home(self._memory, observation.time_s, self._no_way))
-            return
-        helm = self._pilot(survey)
-        helm.reached = 0
-        if helm.vessel != self._vessel and isinstance(helm, AdaptableHelm):
-            helm.take_for(self._vessel)
-        self._way = _WayHome(
-            helm=helm, survey=survey, deadline_s=self._patience(survey, 0, observation)
-        )
-
-    @staticmethod
-    def _patience(survey: Survey, reached: int, observation: Observation) -> float:
-        if reached >= len(survey.targets):
-            return math.inf
-        return observation.time_s + patience_s(survey.targets[reached].set, observation.state)
+        if not self._home.set_out(observation, self._vessel, self._pilot):
+            no_way = self._home.no_way
+            self._say(without_way_home(self._memory, observation.time_s, no_way))

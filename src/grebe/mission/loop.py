@@ -51,7 +51,7 @@ from grebe.links.base import (
 )
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.gate import Gate, OverError
-from grebe.mission.guard import Guard, Pilot
+from grebe.mission.guard import Guard
 from grebe.mission.headings import unwrapped
 from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.lookout import Lookout
@@ -64,6 +64,7 @@ from grebe.mission.safety.states import SafetyState
 from grebe.mission.sampler import Sampler
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport, Statistics
+from grebe.mission.way_home import Pilot
 
 # Where a mission is that never had an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

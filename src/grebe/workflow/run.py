@@ -18,7 +18,6 @@ from grebe.links.base import BoatLink, Instruments, ModelledLink
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
-from grebe.mission.guard import Pilot
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
@@ -26,6 +25,7 @@ from grebe.mission.replanning import Replanner
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
+from grebe.mission.way_home import Pilot
 
 BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]

@@ -1,0 +1,137 @@
+"""The way home of one mission: how long it is from where the boat is, and who steers it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import cast
+
+import shapely
+
+from grebe.control.rules.base import reached_count
+from grebe.core.dynamics import Weather
+from grebe.core.errors import PlanError
+from grebe.core.survey import Survey
+from grebe.core.vessel import Vessel
+from grebe.links.base import Observation
+from grebe.mission.helm import AdaptableHelm, Helm
+from grebe.mission.patience import patience_s
+from grebe.mission.safety.fence import fence_of
+from grebe.mission.safety.reserve import way_home_s
+from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.safety.states import Place
+from grebe.planning.homeward import Homeward, homeward, transit_survey
+
+Pilot = Callable[[Survey], Helm]
+# The way home is measured again so often; its length changes no faster than the boat moves [s].
+HOME_PERIOD_S = 5.0
+
+
+def home_of(survey: Survey, settings: SafetySettings) -> Place:
+    """Return where home is (north, east): the place that was given, or the survey's start.
+
+    Raises `InputError` for one far from the water and `PlanError` for a survey without a start.
+    """
+    if settings.home is not None:
+        return survey.frame.place_near(survey.water, settings.home, "home")
+    if survey.start is None:
+        raise PlanError("The survey has no start, and no home was given.", settings=("home",))
+    return survey.start.north_m, survey.start.east_m
+
+
+@dataclass(kw_only=True)
+class UnderWay:
+    """The way home that is being sailed."""
+
+    helm: Helm
+    survey: Survey
+    deadline_s: float
+
+
+class WayHome:
+    """Measures the way home of a survey's boat, and sets out on it; `no_way` says why there is
+    none, empty where there is one or nobody has asked.
+    """
+
+    def __init__(self, survey: Survey, settings: SafetySettings) -> None:
+        self._survey, self._settings = survey, settings
+        self._ways: Homeward | None = None
+        self._cost: tuple[float, float] | None = None
+        self._asked_s = -math.inf
+        self.no_way = ""
+        self.under_way: UnderWay | None = None
+
+    def cost(
+        self, observation: Observation, weather: Weather, vessel: Vessel
+    ) -> tuple[float, float]:
+        """Time [s] and energy [Wh] home; both infinite where there is no way."""
+        if observation.time_s - self._asked_s >= HOME_PERIOD_S or self._cost is None:
+            self._asked_s = observation.time_s
+            self._cost = self._measured(observation, weather, vessel)
+        return self._cost
+
+    def set_out(self, observation: Observation, vessel: Vessel, pilot: Pilot) -> bool:
+        """Make a way home from here and somebody who steers it; whether there is one."""
+        ways = self._found()
+        try:
+            survey = ways and transit_survey(
+                self._survey, ways, observation.state, self._fastest_mps(vessel)
+            )
+        except PlanError as error:
+            survey, self.no_way = None, str(error)
+        if survey is None:
+            self.under_way = None
+            return False
+        helm = pilot(survey)
+        helm.reached = 0
+        if helm.vessel != vessel and isinstance(helm, AdaptableHelm):
+            helm.take_for(vessel)
+        deadline_s = _patience(survey, 0, observation)
+        self.under_way = UnderWay(helm=helm, survey=survey, deadline_s=deadline_s)
+        return True
+
+    def follow(self, observation: Observation) -> None:
+        """Count the transits that the boat has reached."""
+        way = self.under_way
+        if way is None:
+            return
+        before = way.helm.reached
+        way.helm.reached = reached_count(way.survey.sets, before, observation.state)
+        if way.helm.reached > before:
+            way.deadline_s = _patience(way.survey, way.helm.reached, observation)
+
+    def _measured(
+        self, observation: Observation, weather: Weather, vessel: Vessel
+    ) -> tuple[float, float]:
+        ways = self._found()
+        if ways is None:
+            return math.inf, math.inf
+        try:
+            way = ways.way_from((observation.state[0], observation.state[1]))
+        except PlanError as error:
+            self.no_way = str(error)
+            return math.inf, math.inf
+        return way_home_s(vessel, way, weather, self._fastest_mps(vessel))
+
+    def _fastest_mps(self, vessel: Vessel) -> float:
+        """How fast the boat goes home: as the survey's windows let it."""
+        fastest = max((one.speed_max_mps for one in self._survey.sets), default=1.0)
+        return min(fastest, 0.8 * vessel.speed_max_mps)
+
+    def _found(self) -> Homeward | None:
+        """The ways home, worked out when they are first asked for; None where there is none."""
+        if self._ways is None and not self.no_way:
+            try:
+                home = home_of(self._survey, self._settings)
+                fence = fence_of(self._survey.water, self._survey.no_go, home)
+                self._ways = homeward(cast("shapely.Polygon", fence.water), home)
+            except PlanError as error:
+                self.no_way = str(error)
+        return self._ways
+
+
+def _patience(survey: Survey, reached: int, observation: Observation) -> float:
+    if reached >= len(survey.targets):
+        return math.inf
+    return observation.time_s + patience_s(survey.targets[reached].set, observation.state)
