@@ -19,16 +19,10 @@ from grebe.core.dynamics import CALM, Weather
 from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
 from grebe.planning.costs import leg
+from grebe.planning.endurance import endurance_of
+from grebe.planning.fewest_trips import Lake, Trips, lake_of, ports_of, trips_within
 from grebe.planning.planner import planner_of
 from grebe.planning.region import Region
-from grebe.planning.sorties import (
-    Lake,
-    Trips,
-    endurance_of,
-    lake_of,
-    ports_of,
-    trips_within,
-)
 from grebe.planning.trips import Ports
 
 BOAT = PRESETS["blueboat"]

@@ -20,10 +20,11 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.planning.corridors import Waterways
+from grebe.planning.fewest_trips import lake_of
 from grebe.planning.planner import Draft, Planner, planner_of
 from grebe.planning.region import Region
 from grebe.planning.route import Route
-from grebe.planning.sorties import PlannedSorties, checked, lake_of, put_together
+from grebe.planning.sorties import PlannedSorties, checked, put_together
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
