@@ -14,7 +14,7 @@ from grebe.control.station import (
     reach_mps,
 )
 from grebe.core.dynamics import CALM, Weather
-from grebe.core.inner_loop import held_motion, under_speed_control
+from grebe.core.inner_loop import braking_share, held_motion, under_speed_control
 from grebe.core.vessel import PRESETS
 from grebe.mission.safety.settings import CAREFUL
 from grebe.simulation.plant import Plant
@@ -87,7 +87,7 @@ def test_under_an_autopilot_the_boat_is_braked_before_it_turns_and_no_noise_beco
     """
     model = under_speed_control(boat)
     keeper = StationKeeper(vessel=model, by_motion=True)
-    place = (-10.0, 0.5)
+    place = (1.0, 10.0)
 
     def orders(surge):
         state = (0.0, 0.0, 0.0, surge, 0.0, 0.0)
@@ -108,3 +108,14 @@ def test_what_lies_behind_is_turned_to_over_starboard():
     for east in (-0.5, 0.0, 0.5):
         port, starboard = keeper.keep((0.0,) * 6, CALM, (-10.0, east))
         assert port > starboard
+
+
+def test_under_an_autopilot_a_boat_goes_back_as_it_came_where_it_can_go_astern():
+    behind, still = (-10.0, 0.5), (0.0,) * 6
+    for name, backs in (("blueboat", True), ("heron", False)):
+        model = under_speed_control(PRESETS[name])
+        share = braking_share(PRESETS[name], model)
+        keeper = StationKeeper(vessel=model, weaker_share=share, by_motion=True)
+        surge, yaw_rate = held_motion(model, still, keeper.keep(still, CALM, behind), CALM)
+        assert (surge < -0.3) == backs
+        assert (abs(yaw_rate) < 0.1) == backs

@@ -22,6 +22,8 @@ APPROACH_PER_S, APPROACH_MPS = 0.25, 0.6
 STEER_SHARE = 0.9
 # So near is there [m]; a velocity through the water below this needs no heading [m/s].
 THERE_M, IDLE_MPS = 0.75, 0.15
+# A boat goes astern where it is faster so than what carries it, by this much [m/s].
+SPARE_MPS = 0.2
 # Off by more than this the boat turns where it is [rad].
 TURN_FIRST_RAD = math.radians(60)
 # What lies behind is turned to over starboard, from so much on the port side [rad].
@@ -54,6 +56,16 @@ class StationKeeper:
     def turn_s(self) -> float:
         """Time [s] that half a turn takes."""
         return math.pi / self._fastest_radps
+
+    @property
+    def _astern_mps(self) -> float:
+        """How fast the boat goes astern through the water; a boat that steers itself by its
+        thrusters turns instead.
+        """
+        if not self.by_motion:
+            return 0.0
+        force = -2 * self.weaker_share * self.vessel.thrust_min_n
+        return steady_rate(-self.vessel.x_u, -self.vessel.x_uu, force)
 
     @property
     def _fastest_radps(self) -> float:
@@ -90,6 +102,10 @@ class StationKeeper:
         if speed < IDLE_MPS:
             return self.brake(state, weather)
         turn = _turn_to(math.atan2(through_east, through_north), heading)
+        if abs(turn) > math.pi / 2 and self._astern_mps > math.hypot(*drift) + SPARE_MPS:
+            # As it came, so it goes: stern first, without the room and the time of half a turn.
+            turn = math.remainder(turn - math.pi, 2 * math.pi)
+            speed = -min(speed, self._astern_mps)
         if abs(turn) > TURN_FIRST_RAD:
             return self._braked_turn(state, weather, turn)
         wanted, ahead = speed * math.cos(turn), _along(*drift, heading)
