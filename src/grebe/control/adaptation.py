@@ -62,7 +62,7 @@ LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
 # weather explains how it moved, in weeds or on a tow, the fit's numbers are nobody's.
 MOST_LEFT = 4.0
 # What is left of a lag that is made up for, as a share of it: found by flying.
-LAG_LEFT = 0.3
+LAG_LEFT = 0.1
 # A correction is followed where it moved by more than this in any of its numbers.
 WORTH_A_CHANGE = np.array([0.08, 0.08, 0.12, 0.2, 0.12, 0.12, 0.1, 0.15, 0.03])
 

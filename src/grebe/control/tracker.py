@@ -43,7 +43,10 @@ Thrusts = tuple[float, float]
 # Roll-outs of the model that are done for the correction at one estimate: some 3 ms.
 WORK_PER_ESTIMATE = 12
 # Lags below this are ignored [s]; and the share of a longer one within which thrusters respond.
-LEAST_LAG_S, HURRY = 0.15, 0.45
+LEAST_LAG_S, HURRY = 0.15, 0.3
+# What thrusters were told so many lags ago is forgotten; and the pieces in which what they give is
+# taken as constant [s].
+FORGOTTEN_LAGS, LAG_PIECE_S = 6.0, 0.05
 # Ages below this are treated as zero: a link's clock is no better than that [s].
 LEAST_AGE_S = 0.02
 # Longer gaps between estimates are not learned from [s].
@@ -118,12 +121,16 @@ class Tracker:
         told = gives_n + (wanted_n - gives_n) / (1.0 - math.exp(-HURRY))
         return min(max(told, self.model.thrust_min_n), self.model.thrust_max_n)
 
+    def given(self, time_s: float, told: Thrusts) -> Thrusts:
+        """What the thrusters that were last told `told` give at a time, as far as it is known."""
+        return self._gives(time_s) if self.hurries else told
+
     def _gives(self, time_s: float) -> Thrusts:
-        """What thrusters with a lag give by now of what they were told, reckoned."""
+        """What thrusters with a lag give at a time of what they were told, reckoned."""
         lag_s, dead_s = self.correction.lag_s, self.correction.dead_s
         port, starboard, since_s = 0.0, 0.0, -math.inf
         told: Thrusts = (0.0, 0.0)
-        for order in self._orders:
+        for order in self._orders_since(time_s - dead_s - FORGOTTEN_LAGS * lag_s):
             at_s = min(order.time_s + dead_s, time_s)
             share = 1.0 - math.exp(-(at_s - since_s) / lag_s)
             port += share * (told[0] - port)
@@ -182,7 +189,11 @@ class Tracker:
         return _state(z)
 
     def _acting(self, from_s: float, until_s: float) -> list[tuple[float, float, Thrusts]]:
-        """The thrusts that act in a span, as they were sent so much earlier, piece by piece."""
+        """The thrusts that act in a span, piece by piece: as they were sent so much earlier, or
+        what thrusters with a lag make of them.
+        """
+        if self.hurries:
+            return self._acting_late(from_s, until_s)
         late_s, share = self.correction.late_s, (self.correction.port, self.correction.starboard)
         recent: list[tuple[float, Thrusts]] = []
         for order in reversed(self._orders):
@@ -196,6 +207,25 @@ class Tracker:
             port, starboard = sent[-1] if sent else (0.0, 0.0)
             pieces.append((left, right, (port * share[0], starboard * share[1])))
         return pieces
+
+    def _acting_late(self, from_s: float, until_s: float) -> list[tuple[float, float, Thrusts]]:
+        count = max(1, math.ceil((until_s - from_s) / LAG_PIECE_S))
+        edges = np.linspace(from_s, until_s, count + 1).tolist()
+        pieces: list[tuple[float, float, Thrusts]] = []
+        for left, right in pairwise(edges):
+            port, starboard = self._gives((left + right) / 2)
+            mine = (port * self.correction.port, starboard * self.correction.starboard)
+            pieces.append((left, right, mine))
+        return pieces
+
+    def _orders_since(self, time_s: float) -> list[_Order]:
+        """The orders since a time, and the one that held then."""
+        recent: list[_Order] = []
+        for order in reversed(self._orders):
+            recent.append(order)
+            if order.time_s <= time_s:
+                break
+        return recent[::-1]
 
     def _observe(self, before: tuple[float, State], after: tuple[float, State]) -> None:
         assert self._observer is not None

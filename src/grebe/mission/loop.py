@@ -210,7 +210,8 @@ class Mission:
         """Let the guard judge the estimate; what goes on after a change begins with a new step."""
         before = self._guard.state
         status, ahead = self._link.status(), self._ahead(observation)
-        self._guard.look(observation, self._weather, self._told, self._reached, status, ahead)
+        given = self._tracker.given(observation.time_s, self._told)
+        self._guard.look(observation, self._weather, given, self._reached, status, ahead)
         if self._guard.state is not before:
             self._next_step_s = observation.time_s
             self._give_patience(observation)
