@@ -175,16 +175,13 @@ def _wait_for_samples(path: Path):
 
 @needs_tracks
 @pytest.mark.slow
-def test_the_real_track_is_imported_mapped_and_flown(tmp_path):
-    """The paper's way: map what was measured by hand, then survey its hull on the same water."""
+def test_the_real_track_is_imported_and_flown(tmp_path):
+    """The paper's way: survey the hull of what was measured by hand, on the same water; what was
+    measured is mapped in `tests/mapping/test_quality.py`.
+    """
     done = grebe("import", CHINA, "-o", "track.gpkg", "--json", cwd=tmp_path, check=0)
     assert json.loads(done.stdout)["left_out"] == ["Turbidity"]
     assert "Turbidity" in done.stderr
-    done = grebe(
-        "map", "track.gpkg", "--out", "measured", "--resolution", 6, "--json", cwd=tmp_path, check=0
-    )
-    mapped = {one["quantity"] for one in json.loads(done.stdout)["maps"]}
-    assert mapped >= {"temperature_degc", "dissolved_oxygen_mgl", "ph", "chlorophyll_rfu"}
     grebe("plan", CHINA, "-o", "s.gpkg", "--cell", 30, cwd=tmp_path, check=0)
     run = grebe("run", "s.gpkg", "--water", CHINA, "--json", cwd=tmp_path, check=0)
     report = json.loads(run.stdout)
