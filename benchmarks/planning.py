@@ -14,6 +14,7 @@ from benchmarks.common import print_head, print_row
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import SHAPES, PlanSettings
+from grebe.core.taut import taut_way
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
 from grebe.planning.corridors import Waterways
@@ -22,7 +23,6 @@ from grebe.planning.network import connect
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.route import best_route, first_orders
-from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
 
 BOAT = PRESETS["spyboat"]

@@ -11,6 +11,7 @@ from grebe.control.controller import Controller
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings
+from grebe.core.taut import DRAWN_IN, taut_way
 from grebe.core.vessel import PRESETS
 from grebe.mission.trial import Conditions, fly
 from grebe.planning.costs import costs_of
@@ -18,7 +19,6 @@ from grebe.planning.mesh import mesh_water
 from grebe.planning.network import connect
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
-from grebe.planning.taut import DRAWN_IN, taut_way
 from grebe.planning.travel import travel_of
 
 BOAT = PRESETS["spyboat"]

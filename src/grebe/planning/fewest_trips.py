@@ -17,12 +17,12 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import PlanError
+from grebe.core.taut import taut_way
 from grebe.planning.corridors import Waterways
 from grebe.planning.costs import Costs, costs_of
 from grebe.planning.endurance import HOME_SLACK_S, Endurance
 from grebe.planning.planner import Draft, Planner
 from grebe.planning.polish import polished
-from grebe.planning.taut import taut_way
 from grebe.planning.travel import WANDER, Travel
 from grebe.planning.trips import Ports, comes_home, improved_trips, trip_s
 from grebe.planning.ways_home import WaysHome, around_the_tree, ways_home

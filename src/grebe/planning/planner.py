@@ -14,6 +14,7 @@ from grebe.core.errors import PlanError
 from grebe.core.plan_settings import PlanOutcome, PlanSettings, check_speed
 from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
 from grebe.core.survey import Pose, Survey, Target
+from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.check import PlanCheck, check_plan
@@ -22,7 +23,6 @@ from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
 from grebe.planning.region import Region, coarsened, navigable_water
 from grebe.planning.route import Route, best_route
-from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel, travel_of
 
 if TYPE_CHECKING:

@@ -21,13 +21,13 @@ from grebe.core.errors import PlanError
 from grebe.core.revision import PlanRevision, Reason, Sortie, numbered_on, revised, survey_of
 from grebe.core.sets import TargetSet, footprints_of, ring_vertices
 from grebe.core.survey import Survey, Target
+from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.corridors import REACH_CELLS, Stop, Waterways, corridors_of, widened
 from grebe.planning.costs import costs_of
 from grebe.planning.mesh import Cell
 from grebe.planning.network import ROUNDING_M, Network, connect
 from grebe.planning.polish import polished
-from grebe.planning.taut import taut_way
 from grebe.planning.travel import travel_of
 
 if TYPE_CHECKING:

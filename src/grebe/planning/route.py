@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.plan_settings import Pattern
+from grebe.core.taut import taut_way
 from grebe.planning.costs import Costs, costs_of, order_cost
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
 from grebe.planning.orders import greedy, spanning_tree_tour, sweeps
 from grebe.planning.polish import polished
-from grebe.planning.taut import taut_way
 from grebe.planning.travel import Travel
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.errors import PlanError
 from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.survey import Survey
+from grebe.core.taut import way_through
 from grebe.planning.check import check_plan
 from grebe.planning.homeward import Homeward, homeward, way_length_m
-from grebe.planning.taut import way_through
 from grebe.planning.travel import WANDER, ground_speed, travel_of
 
 # The guard's own reserves for a way home.

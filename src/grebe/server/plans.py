@@ -18,11 +18,11 @@ from grebe.core.errors import GrebeError, InputError, UsageError
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
+from grebe.core.taut import way_through
 from grebe.core.vessel import PRESETS, Vessel, vessel_named
 from grebe.io.store import SurveyFile
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
-from grebe.planning.taut import way_through
 from grebe.server.asked import NUMBER_MOST
 from grebe.server.library import geojson, rings
 from grebe.workflow.demo import NOTE, demo_survey

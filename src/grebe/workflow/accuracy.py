@@ -19,6 +19,7 @@ import shapely
 
 from grebe.core.errors import GrebeError, InputError, PlanError, UsageError
 from grebe.core.plan_settings import PATTERNS, PlanSettings
+from grebe.core.taut import way_through
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.mapping.covariance import PRACTICAL_RANGE, CovarianceModel
@@ -28,7 +29,6 @@ from grebe.mapping.methods.base import Readings
 from grebe.mapping.posterior import fit_rough
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region
-from grebe.planning.taut import way_through
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,8 +8,8 @@ from typing import Any
 
 from grebe.core.dynamics import CALM
 from grebe.core.sets import footprints_of
+from grebe.core.taut import taut_way
 from grebe.mission.departure import Departure
-from grebe.planning.taut import taut_way
 from grebe.planning.travel import travel_of
 
 

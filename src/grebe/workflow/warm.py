@@ -30,6 +30,8 @@ def sail_a_little() -> None:
     kernel is needed then that a mission may need, also in its middle.
     """
     from grebe.control.controller import Controller
+    from grebe.core.sets import footprints_of
+    from grebe.core.taut import taut_way
     from grebe.core.vessel import PRESETS
     from grebe.mission.trial import Conditions, fly, meander
 
@@ -38,4 +40,6 @@ def sail_a_little() -> None:
         boat=replace(model, thruster_lag_s=1.0), effectiveness=(0.5, 0.5), limit_s=30.0
     )
     fly(model, sets, Controller(model, sets), (-5.0, 2.0, 0, 0, 0, 0), late)
+    # Large cells alone ask for it.
+    taut_way((-5.0, 2.0), footprints_of(sets))
     kernels.note_compiled()

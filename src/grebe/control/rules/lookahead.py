@@ -26,7 +26,8 @@ from grebe.control.rules.base import (
     confine,
     progress,
 )
-from grebe.core.sets import TargetSet
+from grebe.core.sets import TargetSet, footprints_of
+from grebe.core.taut import taut_way
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,6 +47,13 @@ ENTRY_PENALTY = 100.0
 # worth so many times what it takes at the window's upper end, so that the boat goes on against a
 # current; and the surge is held so dearly that it does not race for it by more than this [m/s].
 FAR_WORTH, FAR_EXCESS_MPS = 10.0, 0.01
+# Of a set at the horizon's end: how many sets the taut way leads through that says where it is
+# entered, how near to that place it is asked to be, as a share of the set's side, and how large
+# the side must be, as a share of the horizon, for the boat to be told.
+SEEN_BEYOND, ENTRY_ROOM, LARGE_SHARE = 6, 0.05, 0.5
+# A place, unlike a whole set, may be reached only after a turn: it counts as so many times as far,
+# or the boat would race for what the horizon just does not hold.
+TURN_ROOM = 2.0
 # Land is worse than a missed set.
 CORRIDOR_PENALTY = 1000.0
 EFFORT = 0.005
@@ -111,23 +119,48 @@ class Lookahead:
         horizon.duration_bounds[:, 1] = LONGEST_STAGE_S
         horizon.time_weights[:] = 1.0
         horizon.effort_weights[:] = EFFORT
-        node, (price, hold) = 0, self._prices(situation, shape.stages)
-        for aim, target, count in zip(situation.aims, situation.ahead, stages, strict=False):
+        spans_m = shape.stages * LONGEST_STAGE_S * situation.aims[0].speed_max_mps
+        entries, away_m = _entries(situation, len(stages), spans_m)
+        node, (price, hold) = 0, self._prices(situation.aims[0], away_m < spans_m)
+        for entry, target, count in zip(entries, situation.ahead, stages, strict=False):
             horizon.duration_bounds[node : node + count, 0] = SHORTEST_LEG_S / count
             for stage in range(node, node + count):
                 horizon.attract(stage, pace_rows(target), hold)
             node += count
-            horizon.require(node, aim.halfspaces, price)
+            horizon.require(node, entry, price)
         return horizon
 
-    def _prices(self, situation: Situation, stages: int) -> tuple[float, float]:
-        """Prices of a unit of slack at an entry, and of the squared surge above the window."""
-        aim, (north, east) = situation.aims[0], situation.state[:2]
-        spans_m = stages * LONGEST_STAGE_S * aim.speed_max_mps
-        if aim.footprint_distance(north, east) < spans_m:
+    def _prices(self, aim: TargetSet, within: bool) -> tuple[float, float]:
+        """Prices of a unit of slack at an entry, and of the squared surge above the window, where
+        the entry is within the horizon or beyond it.
+        """
+        if within:
             return ENTRY_PENALTY, self.hold
         price = FAR_WORTH / max(aim.speed_max_mps, HOLD_MARGIN_MPS)
         return price, max(self.hold, price * LONGEST_STAGE_S / (2 * FAR_EXCESS_MPS))
+
+
+def _entries(situation: Situation, legs: int, spans_m: float) -> tuple[list[Array], float]:
+    """Half-spaces of the sets that the legs end in, and how far away the first of them is [m].
+
+    Where the horizon of `spans_m` ends at the first set, the boat would come in where it is nearest
+    and only then turn to the next. Of a large set it is told where the way through the sets beyond
+    lies instead: it is asked about the place where the taut way touches it.
+    """
+    aims = situation.aims
+    north, east = situation.state[0], situation.state[1]
+    shapes = footprints_of(aims[:SEEN_BEYOND])
+    side_m = math.sqrt(shapes[0].area)
+    if legs > 1 or len(aims) == 1 or side_m < LARGE_SHARE * spans_m:
+        entries = [aim.halfspaces for aim in aims[:legs]]
+        return entries, aims[0].footprint_distance(north, east)
+    way, room_m = taut_way((north, east), shapes), ENTRY_ROOM * side_m
+    rows = aims[0].halfspaces.copy()
+    normal = np.hypot(rows[:, 0], rows[:, 1])
+    about = rows[:, :2] @ way[1] + room_m * normal
+    rows[:, 3] = np.where(normal > 0, np.minimum(rows[:, 3], about), rows[:, 3])
+    away_m = math.hypot(way[1, 0] - north, way[1, 1] - east) - room_m
+    return [rows], TURN_ROOM * max(away_m, aims[0].footprint_distance(north, east))
 
 
 def pace_rows(target: TargetSet) -> Array:
