@@ -11,8 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from grebe.core.dynamics import Weather
+from grebe.core.inner_loop import yaw_rate_max_radps
 from grebe.core.vessel import Vessel, steady_rate
 
 Thrusts = tuple[float, float]
@@ -52,12 +54,12 @@ class StationKeeper:
     weaker_share: float = 1.0
     by_motion: bool = False
 
-    @property
+    @cached_property
     def turn_s(self) -> float:
         """Time [s] that half a turn takes."""
         return math.pi / self._fastest_radps
 
-    @property
+    @cached_property
     def _astern_mps(self) -> float:
         """How fast the boat goes astern through the water; a boat that steers itself by its
         thrusters turns instead.
@@ -67,11 +69,9 @@ class StationKeeper:
         force = -2 * self.weaker_share * self.vessel.thrust_min_n
         return steady_rate(-self.vessel.x_u, -self.vessel.x_uu, force)
 
-    @property
+    @cached_property
     def _fastest_radps(self) -> float:
-        vessel = self.vessel
-        most = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n)
-        return 0.7 * steady_rate(-vessel.n_r, -vessel.n_rr, most)
+        return 0.7 * yaw_rate_max_radps(self.vessel)
 
     def brake(self, state: Sequence[float], weather: Weather) -> Thrusts:
         """Return the thrusts (F_1, F_2) [N] that bring the surge over ground to rest.

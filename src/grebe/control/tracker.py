@@ -195,11 +195,8 @@ class Tracker:
         if self.hurries:
             return self._acting_late(from_s, until_s)
         late_s, share = self.correction.late_s, (self.correction.port, self.correction.starboard)
-        recent: list[tuple[float, Thrusts]] = []
-        for order in reversed(self._orders):
-            recent.insert(0, (order.time_s + late_s, order.thrusts))
-            if recent[0][0] <= from_s:
-                break
+        since = self._orders_since(from_s - late_s)
+        recent = [(order.time_s + late_s, order.thrusts) for order in since]
         edges = sorted({from_s, until_s, *(t for t, _ in recent if from_s < t < until_s)})
         pieces: list[tuple[float, float, Thrusts]] = []
         for left, right in pairwise(edges):

@@ -56,9 +56,6 @@ def braking_time_s(vessel: Vessel, astern_mps: float) -> float:
 def braking_share(hull: Vessel, model: Vessel) -> float:
     """The share of a model's thrust astern, of the hull under speed control, that slows it no
     faster at any speed ahead than full thrust astern slows the hull.
-
-    Where the push astern is small, and a turn takes it, an order is not followed by the braking
-    that the inner loop's lag would make of it.
     """
     surge_s = model.m11_kg / -model.x_u
     linear, quadratic, force = -hull.x_u, -hull.x_uu, -2 * hull.thrust_min_n
@@ -68,10 +65,6 @@ def braking_share(hull: Vessel, model: Vessel) -> float:
     most = min(surge_s * (force + hull.surge_drag_n(u)) / mass - u for u in (0.0, at, fastest))
     least = LEAST_ASTERN_SHARE * fastest
     return min(max(most, least) / (2 * model.thrust_min_n / model.x_u), 1.0)
-
-
-def _astern_mps(vessel: Vessel) -> float:
-    return steady_rate(-vessel.x_u, -vessel.x_uu, -2 * vessel.thrust_min_n)
 
 
 def yaw_time_s(vessel: Vessel) -> float:
@@ -109,7 +102,7 @@ def under_speed_control(
         if not value > 0:
             raise VesselError(f"Under speed control a {name} of {value:g} is impossible; give > 0.")
     ahead = min(hull.speed_max_mps, speed_max_mps)
-    astern = min(_astern_mps(hull), speed_max_mps)
+    astern = min(steady_rate(-hull.x_u, -hull.x_uu, -2 * hull.thrust_min_n), speed_max_mps)
     mass, x_u, n_r = hull.m11_kg, -hull.m11_kg / surge_s, -hull.m33_kgm2 / yaw_s
     thrust_max, thrust_min = -x_u * ahead / 2, x_u * astern / 2
     return replace(

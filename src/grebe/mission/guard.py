@@ -159,7 +159,7 @@ class Guard:
             self._begin(observation)
         self._reckoned = None
         self._spend(observation, thrusts)
-        if self._way is not None:
+        if self.state is SafetyState.RETURNING:
             self._home.follow(observation)
         facts = self._facts(observation, weather, thrusts, reached, status)
         asked, self._asked = self._asked, None

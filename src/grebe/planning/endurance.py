@@ -17,8 +17,6 @@ from grebe.planning.travel import WANDER, Travel, ground_speed
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Order = NDArray[np.int64]
-
 # A way home is reckoned longer by this share, and by so much: as the mission's guard does.
 HOME_SHARE, HOME_SLACK_S = 0.25, 30.0
 # A flown sortie may take so much longer than predicted before the guard calls the boat home.

@@ -15,6 +15,7 @@ import numpy as np
 
 from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.errors import PlanError
+from grebe.core.inner_loop import yaw_rate_max_radps
 from grebe.core.vessel import Vessel, steady_rate
 
 if TYPE_CHECKING:
@@ -79,8 +80,7 @@ def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> T
             "wait for better weather or lower the window."
         )
     pace = float(np.mean(speeds))
-    torque = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n)
-    rate = 0.5 * steady_rate(-vessel.n_r, -vessel.n_rr, torque)
+    rate = 0.5 * yaw_rate_max_radps(vessel)
     thrust = 0.5 * vessel.surge_drag_n(pace)
     return Travel(
         slowness=1.0 / speeds,

@@ -51,8 +51,8 @@ FAR_WORTH, FAR_EXCESS_MPS = 10.0, 0.01
 # entered, how near to that place it is asked to be, as a share of the set's side, and how large
 # the side must be, as a share of the horizon, for the boat to be told.
 SEEN_BEYOND, ENTRY_ROOM, LARGE_SHARE = 6, 0.015, 0.5
-# A place, unlike a whole set, may be reached only after a turn: it counts as so many times as far,
-# or the boat would race for what the horizon just does not hold.
+# A place, unlike a whole set, may be reached only after a turn: to be safe it counts as so many
+# times as far, for the boat races for what the horizon just does not hold.
 TURN_ROOM = 2.0
 # Land is worse than a missed set.
 CORRIDOR_PENALTY = 1000.0
@@ -149,18 +149,21 @@ def _entries(situation: Situation, legs: int, spans_m: float) -> tuple[list[Arra
     """
     aims = situation.aims
     north, east = situation.state[0], situation.state[1]
+    away_m = aims[0].footprint_distance(north, east)
+    as_they_are = [aim.halfspaces for aim in aims[:legs]], away_m
+    if legs > 1 or len(aims) == 1:
+        return as_they_are
     shapes = footprints_of(aims[:SEEN_BEYOND])
     side_m = math.sqrt(shapes[0].area)
-    if legs > 1 or len(aims) == 1 or side_m < LARGE_SHARE * spans_m:
-        entries = [aim.halfspaces for aim in aims[:legs]]
-        return entries, aims[0].footprint_distance(north, east)
+    if side_m < LARGE_SHARE * spans_m:
+        return as_they_are
     way, room_m = taut_way((north, east), shapes), ENTRY_ROOM * side_m
     rows = aims[0].halfspaces.copy()
     normal = np.hypot(rows[:, 0], rows[:, 1])
     about = rows[:, :2] @ way[1] + room_m * normal
     rows[:, 3] = np.where(normal > 0, np.minimum(rows[:, 3], about), rows[:, 3])
-    away_m = math.hypot(way[1, 0] - north, way[1, 1] - east) - room_m
-    return [rows], TURN_ROOM * max(away_m, aims[0].footprint_distance(north, east))
+    place_m = math.hypot(way[1, 0] - north, way[1, 1] - east) - room_m
+    return [rows], TURN_ROOM * max(place_m, away_m)
 
 
 def pace_rows(target: TargetSet) -> Array:

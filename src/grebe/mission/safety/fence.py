@@ -194,12 +194,13 @@ def foreseen(
     parameters = parameter_vector(vessel, wind)
     substeps = max(2, math.ceil(STEP_S * vessel.fastest_rate_hz))
     drift = drift_mps(vessel, weather)
+    room_m = drift * keeper.turn_s
     states = [np.asarray(state, dtype=float)]
     for k in range(len(thrusts) + round(LONGEST_S / STEP_S)):
         here = states[-1]
         if k < len(thrusts):
             inputs = thrusts[k]
-        elif _has_stopped(here, drift * keeper.turn_s, drift, fence) or _arrives(here, refuge):
+        elif _has_stopped(here, room_m, drift, fence) or _arrives(here, refuge):
             break
         else:
             inputs = keeper.keep(here.tolist(), weather, refuge)
@@ -250,7 +251,7 @@ def braking_distance_m(
 
 
 def _has_stopped(state: np.ndarray, room_m: float, drift_mps: float, fence: Fence) -> bool:
-    """Whether the boat lies still, with room to drift in until it has turned against the drift."""
+    """Whether the boat lies still, with `room_m` to drift in until it has turned against it."""
     north, east, _, surge, sway, _ = state.tolist()
     if abs(surge) > STOPPED_MPS or math.hypot(surge, sway) > STOPPED_MPS + drift_mps:
         return False
