@@ -114,7 +114,10 @@ def finish_map(
 
 
 def _draw_scale(axes: Axes) -> None:
-    """Above the map's right end a bar of a round length, and an arrow to the north."""
+    """Above the map's right end a bar of a round length, and an arrow to the north; above both the
+    title, which may be long.
+    """
+    axes.set_title(axes.get_title(loc="left"), loc="left", y=1.08)
     left, right = axes.get_xlim()
     width = right - left
     tens = 10.0 ** np.floor(np.log10(width / 4))
