@@ -26,6 +26,7 @@ from grebe.io.store import SurveyFile  # noqa: E402
 from grebe.server import library, maps, plans  # noqa: E402
 from grebe.server.asked import parsed  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
+from grebe.server.failures import NoMapError  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
 from grebe.server.live import Watch  # noqa: E402
 from grebe.server.security import Gate, Keys  # noqa: E402
@@ -206,7 +207,7 @@ OF_A_SERVER = """
 import asyncio, os, signal
 from grebe.server.worker import Worker
 if __name__ == "__main__":
-    print(asyncio.run(Worker().run(os.getpid)), flush=True)
+    print(asyncio.run(Worker("os").run("getpid")), flush=True)
     os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -232,19 +233,26 @@ def test_the_process_beside_a_server_that_is_killed_ends_with_it(tmp_path):
     assert not is_alive(worker)
 
 
-def test_a_worker_that_dies_is_replaced():
-    import os
+def test_the_server_leaves_to_its_processes_what_takes_long_to_import():
+    seen = "import sys, grebe.server.app; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", seen], check=True, capture_output=True, text=True)
+    imported = set(done.stdout.split())
+    assert "grebe.server.app" in imported
+    late = {"numba", "scipy", "grebe.mapping", "grebe.planning", "grebe.mission", "matplotlib"}
+    assert not late & imported
 
+
+def test_a_worker_that_dies_is_replaced():
     async def work():
-        worker = Worker()
+        worker = Worker("os")
         try:
             with pytest.raises(InputError, match="too much"):
-                await worker.run(os._exit, 1)
-            return await worker.run(max, 1, 2)
+                await worker.run("_exit", 1)
+            return await worker.run("fspath", "alive")
         finally:
             worker.close()
 
-    assert run(work()) == 2
+    assert run(work()) == "alive"
 
 
 def test_a_preview_covers_the_water_and_stays_in_it():
@@ -419,7 +427,7 @@ def test_a_map_is_read_where_there_is_water_alone(simulated_survey):
     there = maps.at(str(path), "ph", *survey.frame.to_wgs84(node).tolist(), forming=False)
     assert there["mean"] == pytest.approx(made.map.mean[row, column], rel=1e-6)
     assert there["sd"] == pytest.approx(made.map.sd[row, column], rel=1e-6)
-    with pytest.raises(maps.NoMapError):
+    with pytest.raises(NoMapError):
         maps.at(str(path), "ph", lon + 1.0, lat, forming=False)
     grid = maps.grid(str(path), "ph", "probability", read["mean"], "above", forming=False)
     assert grid["range"] == [0.0, 1.0]

@@ -126,7 +126,7 @@ def _serve(app: Any, door: socket.socket, tls: dict[str, Any], idle_minutes: flo
     """Answer until Ctrl-C, or until nobody has looked on for so long."""
     import uvicorn
 
-    from grebe.workflow.warm import compile_controller
+    from grebe.server.app import AFTER_PAINT_S
 
     settings = uvicorn.Config(
         app,
@@ -143,10 +143,18 @@ def _serve(app: Any, door: socket.socket, tls: dict[str, Any], idle_minutes: flo
             time.sleep(0.5)
         server.should_exit = True
 
-    threading.Thread(target=compile_controller, daemon=True).start()
+    later = threading.Timer(AFTER_PAINT_S, _make_ready)
+    later.daemon = True
+    later.start()
     if idle_minutes is not None:
         threading.Thread(target=end_when_idle, args=(idle_minutes,), daemon=True).start()
     server.run(sockets=[door])
+
+
+def _make_ready() -> None:
+    from grebe.workflow.warm import compile_controller
+
+    compile_controller()
 
 
 def _remote(

@@ -14,10 +14,11 @@ import numpy as np
 
 from grebe.core.errors import InputError
 from grebe.core.quantities import BUILTIN, Quantities
-from grebe.mapping.maps import QuantityMap
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from grebe.mapping.maps import QuantityMap
 
 FIELDS = ("quantity", "value", "sense", "label", "citation")
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
-import functools
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
@@ -22,13 +21,14 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from grebe.core.errors import GrebeError, UsageError
-from grebe.server import asked, choices, endpoints, library, maps, plans
+from grebe.server import asked, choices, endpoints, library
 from grebe.server.background import DEEPEST, Background
 from grebe.server.failures import ConflictError, failed, missing
 from grebe.server.library import Library, UnknownSurveyError
 from grebe.server.live import UNDER_WAY, Fleet
 from grebe.server.security import Gate, Keys
 from grebe.server.tabs import Tab
+from grebe.server.voyage import voyage_asked
 from grebe.server.worker import Worker
 
 REPORT_HEADERS = {
@@ -39,6 +39,9 @@ REPORT_HEADERS = {
 # A tile does not change as long as the server stands.
 TILE_HEADERS = {"cache-control": "private, max-age=86400"}
 
+# What is made ready for later waits until the first page has been drawn [s].
+AFTER_PAINT_S = 3.0
+
 
 @dataclass
 class App:
@@ -46,17 +49,9 @@ class App:
 
     fleet: Fleet
     surveys: Library
-    plan_pool: Worker
-    map_pool: Worker
+    plans: Worker
+    maps: Worker
     background: Background | None = None
-
-    async def plan(self, work: Callable[..., Any], *given: Any) -> Any:
-        """Run the work of a plan in its process."""
-        return await self.plan_pool.run(work, *given)
-
-    async def map(self, work: Callable[..., Any], *given: Any, **named: Any) -> Any:
-        """Run the work of a map in its process."""
-        return await self.map_pool.run(functools.partial(work, *given, **named))
 
     async def description(self, _: Request) -> Response:
         """What can be asked, for programs."""
@@ -118,20 +113,20 @@ class App:
         """Keep a file from outside as a survey."""
         async with asked.uploaded(request, self.surveys.folder) as path:
             to = self.surveys.free_path(Path(request.query_params["name"]).stem)
-            await self.plan(plans.receive, str(path), str(to))
+            await self.plans.run("receive", str(path), str(to))
         return await self._summary(to)
 
     async def outline(self, request: Request) -> Response:
         """The water of a file of outlines."""
         async with asked.uploaded(request, self.surveys.folder) as path:
-            found = await self.plan(plans.outline, str(path))
+            found = await self.plans.run("outline", str(path))
         found["name"] = Path(request.query_params["name"]).stem[:80]
         return JSONResponse(found)
 
     async def demo(self, _: Request) -> Response:
         """A new survey of the demo's hectare."""
         to = self.surveys.free_path("demo")
-        await self.plan(plans.keep_demo, str(to))
+        await self.plans.run("keep_demo", str(to))
         return await self._summary(to)
 
     async def _summary(self, path: Path) -> Response:
@@ -143,13 +138,13 @@ class App:
 
     async def preview(self, request: Request) -> Response:
         """What a survey would be."""
-        return JSONResponse(await self.plan(plans.preview, await asked.body_of(request)))
+        return JSONResponse(await self.plans.run("preview", await asked.body_of(request)))
 
     async def keep(self, request: Request) -> Response:
         """Plan a survey and keep it."""
         given = await asked.body_of(request)
         to = self.surveys.free_path(str(given.get("name", "survey")))
-        await self.plan(plans.keep, given, str(to))
+        await self.plans.run("keep", given, str(to))
         return await self._summary(to)
 
     # Missions.
@@ -164,7 +159,7 @@ class App:
         """Begin a mission, or go on with one."""
         given = await asked.body_of(request)
         watch = self.fleet.watch(request.path_params["id"])
-        voyage = choices.voyage(given)
+        voyage = voyage_asked(given)
         if voyage.link != "sim:" and given.get("confirm") is not True:
             raise UsageError("A real boat needs to be confirmed.", settings=("confirm",))
         tab = asked.tab_of(request)
@@ -219,8 +214,8 @@ class App:
         path, forming = await self._path_forming(request)
         given = request.query_params
         threshold = asked.number(given["threshold"], "threshold") if "threshold" in given else None
-        found = await self.map(
-            maps.grid, path, given.get("quantity", ""), given.get("layer", "mean"), threshold,
+        found = await self.maps.run(
+            "grid", path, given.get("quantity", ""), given.get("layer", "mean"), threshold,
             given.get("side", "above"), forming=forming,
         )  # fmt: skip
         return JSONResponse(found)
@@ -231,21 +226,21 @@ class App:
         given = request.query_params
         lon, lat = (asked.number(given.get(name, ""), name) for name in ("lon", "lat"))
         quantity = given.get("quantity", "")
-        return JSONResponse(await self.map(maps.at, path, quantity, lon, lat, forming=forming))
+        return JSONResponse(await self.maps.run("at", path, quantity, lon, lat, forming=forming))
 
     async def profile(self, request: Request) -> Response:
         """Values along a line."""
         path, forming = await self._path_forming(request)
         line = asked.line(request.query_params.get("line", ""))
         quantity = request.query_params.get("quantity", "")
-        return JSONResponse(await self.map(maps.profile, path, quantity, line, forming=forming))
+        return JSONResponse(await self.maps.run("profile", path, quantity, line, forming=forming))
 
     async def difference(self, request: Request) -> Response:
         """What changed between two surveys."""
         path = self.surveys.path(request.path_params["id"])
         other = self.surveys.path(request.query_params.get("other", ""))
         quantity = request.query_params.get("quantity", "")
-        return JSONResponse(await self.map(maps.difference, str(path), str(other), quantity))
+        return JSONResponse(await self.maps.run("difference", str(path), str(other), quantity))
 
     async def replay(self, request: Request) -> Response:
         """A recorded mission as columns."""
@@ -258,7 +253,7 @@ class App:
         language = (await asked.body_of(request)).get("language", "en")
         if language not in ("en", "fr"):
             raise UsageError("The report speaks en or fr.", settings=("language",))
-        await self.map(maps.report, str(path), language)
+        await self.maps.run("report", str(path), language)
         return JSONResponse({"made": datetime.now(UTC).isoformat()}, status_code=201)
 
     async def report(self, request: Request) -> Response:
@@ -309,16 +304,16 @@ def make_app(
     app = App(
         fleet=Fleet(surveys),
         surveys=surveys,
-        plan_pool=Worker(),
-        map_pool=Worker(),
+        plans=Worker("grebe.server.plans"),
+        maps=Worker("grebe.server.maps"),
         background=background,
     )
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncGenerator[None]:
-        app.map_pool.begin(maps.warm)
+        asyncio.get_running_loop().call_later(AFTER_PAINT_S, app.maps.begin, "warm")
         yield
-        for pool in (app.plan_pool, app.map_pool):
+        for pool in (app.plans, app.maps):
             pool.close()
 
     inner = Starlette(

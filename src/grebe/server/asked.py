@@ -45,6 +45,16 @@ def number(text: str, name: str) -> float:
     return value
 
 
+def setting_number(given: dict[str, Any], name: str, otherwise: float | None = None) -> float:
+    """A number of the settings that were sent."""
+    value = given.get(name, otherwise)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not abs(value) <= NUMBER_MOST:
+        shown = str(value)[:40]
+        raise UsageError(f"{name} is {shown}; give a finite number.", settings=(name,))
+    return float(value)
+
+
 def line(text: str) -> list[tuple[float, float]]:
     """The corners of a line of a query, longitude and latitude [deg]."""
     points = [point.split(",") for point in text.split(";")[:100]]

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import sys
 import time
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -19,26 +18,13 @@ from grebe.links.base import BoatLink, Observation
 from grebe.links.passing import PassingLink
 from grebe.mission.departure import Departure
 from grebe.server.ears import listened_to
+from grebe.server.voyage import Voyage
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 from grebe.workflow.steering import rule_named
 from grebe.workflow.warm import compile_controller
-
-
-@dataclass(frozen=True, kw_only=True)
-class Voyage:
-    """How a survey is to be sailed: over which `link`, by which `rule`; simulated water with
-    `weather`, `rate` times as fast as the clock; `resume` goes on, `force` begins anew.
-    """
-
-    link: str = "sim:"
-    rule: str = "lookahead"
-    rate: float = 1.0
-    weather: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    resume: bool = False
-    force: bool = False
 
 
 class Paced(PassingLink):

@@ -5,14 +5,13 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS
 from grebe.core.quantities import BUILTIN
-from grebe.server import library, plans
+from grebe.core.vessel import PRESETS
+from grebe.server import library
 from grebe.server.background import Background, shown
-from grebe.server.boat import Voyage
 
 
 def options(background: Background | None) -> dict[str, Any]:
@@ -38,7 +37,7 @@ def options(background: Background | None) -> dict[str, Any]:
         "version": version("grebe"),
         "vessels": [
             {"id": name, "label": both(name), "speed_max_mps": round(vessel.speed_max_mps, 2)}
-            for name, vessel in plans.vessels()
+            for name, vessel in sorted(PRESETS.items())
         ],
         "patterns": [{"id": name, "label": patterns[name]} for name in PATTERNS],
         "rules": [{"id": name, "label": label} for name, label in rules.items()],
@@ -69,27 +68,3 @@ def preflight(path: Path, link: str) -> list[dict[str, Any]]:
         }
         for line in found
     ]
-
-
-def voyage(given: dict[str, Any]) -> Voyage:
-    """How a survey is to be sailed, as it was asked."""
-    link = given.get("link", "simulated")
-    rate = given.get("rate", 1.0)
-    if not isinstance(link, str) or len(link) > 200:
-        raise UsageError("The link is no address.", settings=("link",))
-    if link.startswith("python:"):
-        raise UsageError("A boat of one's own is sailed from the command line.", settings=("link",))
-    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 200:
-        raise UsageError("The rate is a number from 0.1 to 200.", settings=("rate",))
-    given_weather = given.get("weather") or {}
-    if not isinstance(given_weather, dict):
-        raise UsageError("The weather has a current and a wind.", settings=("weather",))
-    resume = given.get("resume") is True
-    return Voyage(
-        link="sim:" if link == "simulated" else link,
-        rule=str(given.get("rule", "lookahead")),
-        rate=float(rate),
-        weather=plans.weather(cast("dict[str, Any]", given_weather)).as_tuple(),
-        resume=resume,
-        force=given.get("force") is True and not resume,
-    )

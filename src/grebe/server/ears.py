@@ -18,12 +18,15 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from grebe.io.store import SurveyFile
-from grebe.links.base import BoatLink
-from grebe.mission.departure import Departure
-from grebe.mission.loop import Mission
 from grebe.server.telling import Telling
+
+if TYPE_CHECKING:
+    from grebe.io.store import SurveyFile
+    from grebe.links.base import BoatLink
+    from grebe.mission.departure import Departure
+    from grebe.mission.loop import Mission
 
 # What happens is told this often [s].
 EACH_S = 0.1

@@ -7,15 +7,20 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from grebe.core.errors import GrebeError, LinkError, UsageError
-from grebe.server import asked, maps
+from grebe.core.errors import GrebeError, InputError, LinkError, UsageError
+from grebe.server import asked
 from grebe.server.library import UnknownSurveyError
 
-STATUS = {UnknownSurveyError: 404, maps.NoMapError: 404, LinkError: 409}
+
+class NoMapError(InputError):
+    """There is no map of that, or no water there."""
 
 
 class ConflictError(GrebeError):
     """Not now, or not by this page."""
+
+
+STATUS = {UnknownSurveyError: 404, NoMapError: 404, LinkError: 409}
 
 
 async def failed(_: Request, error: Exception) -> Response:

@@ -31,6 +31,7 @@ from grebe.mapping.methods.base import Readings
 from grebe.mapping.sequential import SequentialField, sequential
 from grebe.mapping.threads import one_blas_thread
 from grebe.mapping.validation import Z95
+from grebe.server.failures import NoMapError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,10 +42,6 @@ FORMING_NODES = 2_500
 FIT_AGAIN = 1.5
 KEPT, FORMING_KEPT = 24, 8
 PROFILE_POINTS = 200
-
-
-class NoMapError(InputError):
-    """There is no map of that, or no water there."""
 
 
 @dataclass(frozen=True, kw_only=True)

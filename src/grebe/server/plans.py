@@ -13,18 +13,18 @@ from typing import Any, cast
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from grebe.core.dynamics import Weather
 from grebe.core.errors import GrebeError, InputError, UsageError
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
 from grebe.core.taut import way_through
-from grebe.core.vessel import PRESETS, Vessel, vessel_named
+from grebe.core.vessel import vessel_named
 from grebe.io.store import SurveyFile
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
-from grebe.server.asked import NUMBER_MOST
+from grebe.server.asked import setting_number
 from grebe.server.library import geojson, rings
+from grebe.server.voyage import weather
 from grebe.workflow.demo import NOTE, demo_survey
 from grebe.workflow.files import write_survey
 
@@ -133,18 +133,9 @@ def _pair(given: Any) -> tuple[float, float]:
     return lon, lat
 
 
-def _number(given: dict[str, Any], name: str, otherwise: float | None = None) -> float:
-    value = given.get(name, otherwise)
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not abs(value) <= NUMBER_MOST:
-        shown = str(value)[:40]
-        raise UsageError(f"{name} is {shown}; give a finite number.", settings=(name,))
-    return float(value)
-
-
 def _settings(given: dict[str, Any], region: Region) -> PlanSettings:
     minutes = given.get("minutes")
-    cell_m = None if minutes is not None else _number(given, "cell_m", 10.0)
+    cell_m = None if minutes is not None else setting_number(given, "cell_m", 10.0)
     if cell_m is not None and cell_m > 0 and region.area_m2 > MOST_CELLS * cell_m**2:
         least = math.sqrt(region.area_m2 / MOST_CELLS)
         raise UsageError(
@@ -155,34 +146,12 @@ def _settings(given: dict[str, Any], region: Region) -> PlanSettings:
     return PlanSettings(
         cell_m=cell_m,
         pattern=cast("Any", str(given.get("pattern", "free"))),
-        speed_min_mps=_number(given, "speed_min_mps", 0.5),
-        speed_max_mps=_number(given, "speed_max_mps", 1.5),
-        shore_margin_m=_number(given, "shore_margin_m", 0.0),
+        speed_min_mps=setting_number(given, "speed_min_mps", 0.5),
+        speed_max_mps=setting_number(given, "speed_max_mps", 1.5),
+        shore_margin_m=setting_number(given, "shore_margin_m", 0.0),
         weather=weather(given),
-        minutes=None if minutes is None else _number(given, "minutes"),
+        minutes=None if minutes is None else setting_number(given, "minutes"),
     )
-
-
-def weather(given: dict[str, Any]) -> Weather:
-    """The weather of a request: a current [m/s] towards, a wind's force [N] from a direction."""
-    north, east = _vector(given.get("current"), "current", "speed_mps", "towards_deg")
-    from_north, from_east = _vector(given.get("wind"), "wind", "force_n", "from_deg")
-    return Weather(
-        current_north_mps=north,
-        current_east_mps=east,
-        wind_force_north_n=-from_north,
-        wind_force_east_n=-from_east,
-    )
-
-
-def _vector(given: Any, what: str, size: str, direction: str) -> tuple[float, float]:
-    if given is None:
-        return 0.0, 0.0
-    if not isinstance(given, dict):
-        raise UsageError(f"The {what} has a {size} and a {direction}.", settings=(what,))
-    table = cast("dict[str, Any]", given)
-    length, angle = _number(table, size), math.radians(_number(table, direction))
-    return round(length * math.cos(angle), 9), round(length * math.sin(angle), 9)
 
 
 def _shown(planned: Planned) -> dict[str, Any]:
@@ -244,8 +213,3 @@ def receive(path: str, to: str) -> None:
     from grebe.workflow.tracks import import_track
 
     import_track(source, Path(to))
-
-
-def vessels() -> list[tuple[str, Vessel]]:
-    """The boats that a plan can be made for."""
-    return sorted(PRESETS.items())

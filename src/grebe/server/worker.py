@@ -1,11 +1,16 @@
-"""One process beside the server for work that takes long; it is replaced when it dies."""
+"""One process beside the server for work that takes long; it is replaced when it dies.
+
+The module that does the work is imported there alone: the server is up before the first map could
+be made.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import functools
+import importlib
 import multiprocessing
 import os
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
@@ -15,9 +20,12 @@ from grebe.workflow.worker_processes import begin_worker
 
 
 class Worker:
-    """Does one piece of work after another in a process of its own."""
+    """Does one piece of work after another in a process of its own: what the functions of `module`
+    do.
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, module: str) -> None:
+        self._module = module
         self._pool = self._new()
 
     @staticmethod
@@ -26,15 +34,16 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(1, context, begin_worker, (os.getpid(),))
 
-    async def run(self, work: Callable[..., Any], *given: Any) -> Any:
-        """Do some work and return what it returns.
+    async def run(self, name: str, *given: Any, **named: Any) -> Any:
+        """Do the work of that name and return what it returns.
 
         Raises `InputError` where the process died of it, of a lack of memory for one; the next
         work has a new process.
         """
         pool = self._pool
+        work = functools.partial(_done, self._module, name, *given, **named)
         try:
-            return await asyncio.get_running_loop().run_in_executor(pool, work, *given)
+            return await asyncio.get_running_loop().run_in_executor(pool, work)
         except BrokenProcessPool:
             if self._pool is pool:
                 self._pool = self._new()
@@ -42,10 +51,14 @@ class Worker:
                 "This was too much for this computer (its process ended); ask for less."
             ) from None
 
-    def begin(self, work: Callable[[], None]) -> None:
+    def begin(self, name: str) -> None:
         """Begin with some work that nobody waits for."""
-        self._pool.submit(work)
+        self._pool.submit(_done, self._module, name)
 
     def close(self) -> None:
         """Let the process go, and what waits for it."""
         self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _done(module: str, name: str, *given: Any, **named: Any) -> Any:
+    return getattr(importlib.import_module(module), name)(*given, **named)

@@ -1,0 +1,71 @@
+"""How a survey is to be sailed, as a page or a script asks for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, cast
+
+from grebe.core.dynamics import Weather
+from grebe.core.errors import UsageError
+from grebe.server.asked import setting_number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Voyage:
+    """How a survey is to be sailed: over which `link`, by which `rule`; simulated water with
+    `weather`, `rate` times as fast as the clock; `resume` goes on, `force` begins anew.
+    """
+
+    link: str = "sim:"
+    rule: str = "lookahead"
+    rate: float = 1.0
+    weather: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    resume: bool = False
+    force: bool = False
+
+
+def voyage_asked(given: dict[str, Any]) -> Voyage:
+    """Read a voyage from what was sent; `UsageError` says what is wrong with it."""
+    link = given.get("link", "simulated")
+    rate = given.get("rate", 1.0)
+    if not isinstance(link, str) or len(link) > 200:
+        raise UsageError("The link is no address.", settings=("link",))
+    if link.startswith("python:"):
+        raise UsageError("A boat of one's own is sailed from the command line.", settings=("link",))
+    if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 200:
+        raise UsageError("The rate is a number from 0.1 to 200.", settings=("rate",))
+    given_weather = given.get("weather") or {}
+    if not isinstance(given_weather, dict):
+        raise UsageError("The weather has a current and a wind.", settings=("weather",))
+    resume = given.get("resume") is True
+    return Voyage(
+        link="sim:" if link == "simulated" else link,
+        rule=str(given.get("rule", "lookahead")),
+        rate=float(rate),
+        weather=weather(cast("dict[str, Any]", given_weather)).as_tuple(),
+        resume=resume,
+        force=given.get("force") is True and not resume,
+    )
+
+
+def weather(given: dict[str, Any]) -> Weather:
+    """The weather of a request: a current [m/s] towards, a wind's force [N] from a direction."""
+    north, east = _vector(given.get("current"), "current", "speed_mps", "towards_deg")
+    from_north, from_east = _vector(given.get("wind"), "wind", "force_n", "from_deg")
+    return Weather(
+        current_north_mps=north,
+        current_east_mps=east,
+        wind_force_north_n=-from_north,
+        wind_force_east_n=-from_east,
+    )
+
+
+def _vector(given: Any, what: str, size: str, direction: str) -> tuple[float, float]:
+    if given is None:
+        return 0.0, 0.0
+    if not isinstance(given, dict):
+        raise UsageError(f"The {what} has a {size} and a {direction}.", settings=(what,))
+    table = cast("dict[str, Any]", given)
+    length, angle = setting_number(table, size), math.radians(setting_number(table, direction))
+    return round(length * math.cos(angle), 9), round(length * math.sin(angle), 9)
