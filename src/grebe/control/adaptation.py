@@ -61,6 +61,10 @@ LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
 # What is left unexplained may be at most so many times what noise leaves: where neither boat nor
 # weather explains how it moved, in weeds or on a tow, the fit's numbers are nobody's.
 MOST_LEFT = 4.0
+# Lags below this are ignored [s].
+LEAST_LAG_S = 0.15
+# How far back what a lag remembers is looked for, and in how many steps.
+BEFORE_LAGS, BEFORE_STEPS = 4.0, 16
 # What is left of a lag that is made up for, as a share of it: found by flying.
 LAG_LEFT = 0.1
 # A correction is followed where it moved by more than this in any of its numbers.
@@ -126,6 +130,14 @@ class Correction:
 AS_MODELLED = Correction()
 
 
+def as_modelled(model: Vessel) -> Correction:
+    """The boat as its model says: its thrusters have the lag that is known of them, where that is
+    long enough to be made up for.
+    """
+    lag_s = model.thruster_lag_s
+    return AS_MODELLED if lag_s < LEAST_LAG_S else Correction(lag_s=lag_s)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Flown:
     """What is looked at: times (n,) [s], states (n, 6), and the integral over time of the thrusts
@@ -139,13 +151,20 @@ class Flown:
 
     def thrusts(self, dead_s: float, lag_s: float) -> Array:
         """Mean thrusts that acted between successive states, (n - 1, 2) [N]."""
-        acting = self.times - dead_s
+        if lag_s < LEAST_LAG_S / 10:
+            return self._told(self.times - dead_s)
+        # What the thrusters gave at the first state comes from what they were told before it.
+        before = np.linspace(-BEFORE_LAGS * lag_s, 0.0, BEFORE_STEPS, endpoint=False)
+        times = np.concatenate([self.times[0] + before, self.times])
+        told = self._told(times - dead_s)
+        return lagged(told, np.diff(times) / lag_s)[BEFORE_STEPS:]
+
+    def _told(self, times: Array) -> Array:
+        """Mean thrusts that were sent between successive times, (n - 1, 2) [N]."""
         impulse = np.column_stack(
-            [np.interp(acting, self.order_times, column) for column in self.impulses.T]
+            [np.interp(times, self.order_times, column) for column in self.impulses.T]
         )
-        steps = np.diff(self.times)
-        means = np.diff(impulse, axis=0) / steps[:, None]
-        return means if lag_s < 1e-3 else lagged(means, 1.0 - np.exp(-steps / lag_s))
+        return np.diff(impulse, axis=0) / np.diff(times)[:, None]
 
 
 Found = tuple[Correction, Weather]
@@ -164,12 +183,13 @@ def fitting(
     problem = _Problem.of(model, flown)
     if problem is None:
         return None
-    start = _in_weather(model, AS_MODELLED, weather)
+    modelled = as_modelled(model)
+    start = _in_weather(model, modelled, weather)
     plain, plain_cost = yield from problem.solve(start, WEATHER, enough=LEAST_GAIN)
     if plain_cost < LEAST_GAIN:
         return None
     best, cost, kept_cost = plain, plain_cost, plain_cost
-    if followed == AS_MODELLED:
+    if followed == modelled:
         starts = [(plain, dead_s) for dead_s in (0.0, *OTHER_STARTS_S)]
     else:
         start = _in_weather(model, followed, weather)
@@ -186,12 +206,12 @@ def fitting(
     if problem.is_better(plain_cost, cost) and problem.is_better(kept_cost, cost):
         return _correction(best), _weather(model, best)
     # What was followed has turned out to be worse than no correction at all.
-    return (AS_MODELLED, _weather(model, plain)) if kept_cost > plain_cost else None
+    return (modelled, _weather(model, plain)) if kept_cost > plain_cost else None
 
 
-def fitted(model: Vessel, flown: Flown, followed: Correction = AS_MODELLED) -> Found | None:
+def fitted(model: Vessel, flown: Flown, followed: Correction | None = None) -> Found | None:
     """Find the correction at once; see `fitting`."""
-    work = fitting(model, flown, followed)
+    work = fitting(model, flown, followed or as_modelled(model))
     while True:
         try:
             next(work)
@@ -248,7 +268,8 @@ class _Problem:
         times = self.flown.times
         ends = pieces_ends(p, numbers[DRIFT], times, states, thrusts, self.first, self.last)
         missed = (ends - states[self.last]) / END_SD
-        return np.concatenate([missed.ravel(), numbers / PRIOR_SD])
+        off = numbers - _numbers(as_modelled(self.model))
+        return np.concatenate([missed.ravel(), off / PRIOR_SD])
 
     def solve(
         self, start: Array, free: slice, enough: float = 0.0

@@ -26,6 +26,7 @@ from grebe.control.rules.base import (
     reached_count,
 )
 from grebe.control.rules.lookahead import Lookahead
+from grebe.control.slow_thrusters import SlowThrusters
 from grebe.control.solvers.base import Solution, Solver, SolverBuilder, Status
 from grebe.control.solvers.builders import Fast, Ipopt
 from grebe.core.dynamics import CALM, Weather, rates, rk4
@@ -164,6 +165,7 @@ class Controller:
         self._plan: Plan | None = None
         self._decision: Decision | None = None
         self._unsolved_in_a_row = 0
+        self._thrusters: SlowThrusters | None = None
 
     @property
     def step_s(self) -> float:
@@ -177,6 +179,10 @@ class Controller:
         self.shape = replace(self.shape, substeps=substeps)
         self._solver = self._builder.build(vessel, self.shape)
         self._second = None
+
+    def expect(self, thrusters: SlowThrusters | None) -> None:
+        """Plan the next step for thrusters that answer late, or at once."""
+        self._thrusters = thrusters
 
     @property
     def done(self) -> bool:
@@ -214,6 +220,8 @@ class Controller:
                 break
             proposal = self.rule.propose(attempt, self.shape)
             start = self.roll_out(z, weather) if proposal.start is None else proposal.start
+            if self._thrusters is not None:
+                proposal.horizon.thrust_bounds = self._thrusters.reach(start.durations)
             solution = solver().solve(z, proposal.horizon, wind, start)
             self._decision = proposal.decision
             if solution.status is not Status.NOT_CONVERGED:

@@ -55,7 +55,9 @@ class Horizon:
     `corridors` (N + 1, C, 4) and `corridor_penalty`;
     `effort_weights` (N,) of the squared thrusts in units of full thrust;
     `duration_bounds` (N, 2) [s], `time_weights` (N,) [1/s], and `duration_weights` (N,) [1/s^2]
-    of the squared distance from `duration_nominal` (N,) [s].
+    of the squared distance from `duration_nominal` (N,) [s];
+    `thrust_bounds` (2, N, 2) [N], least and largest of each stage's thrusts, or None where they are
+    the vessel's throughout.
     """
 
     shape: HorizonShape
@@ -70,6 +72,7 @@ class Horizon:
     time_weights: NDArray[np.float64] = field(init=False)
     duration_nominal: NDArray[np.float64] = field(init=False)
     duration_weights: NDArray[np.float64] = field(init=False)
+    thrust_bounds: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         n, rows = self.shape.stages, self.shape.set_rows

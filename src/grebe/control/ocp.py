@@ -83,6 +83,20 @@ class Problem:
             ]
         )
 
+    def bounds(self, horizon: Horizon) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper bounds of the variables: a horizon may narrow those of the thrusts."""
+        n, width = self.shape.stages, self.stage_width
+        lower, upper = self.lower_x.copy(), self.upper_x.copy()
+        for bound, thrusts in zip((lower, upper), self._thrust_bounds(horizon), strict=True):
+            bound[: n * width].reshape(n, width)[:, STATES : STATES + THRUSTS] = thrusts
+        return lower, upper
+
+    def _thrust_bounds(self, horizon: Horizon) -> NDArray[np.float64]:
+        if horizon.thrust_bounds is not None:
+            return horizon.thrust_bounds
+        limits = np.array([self.vessel.thrust_min_n, self.vessel.thrust_max_n])
+        return np.tile(limits[:, None, None], (1, self.shape.stages, THRUSTS))
+
     def guess(self, plan: Plan, horizon: Horizon) -> NDArray[np.float64]:
         """Lay out a plan as the solver's starting point."""
         n, width = self.shape.stages, self.stage_width
@@ -106,7 +120,7 @@ class Problem:
         thrusts = body[:, STATES : STATES + THRUSTS]
         return Plan(
             states=np.vstack([body[:, :STATES], last]),
-            thrusts=np.clip(thrusts, self.vessel.thrust_min_n, self.vessel.thrust_max_n),
+            thrusts=np.clip(thrusts, *self._thrust_bounds(horizon)),
             durations=low + np.clip(body[:, STATES + THRUSTS], 0.0, 1.0) * (high - low),
         )
 

@@ -14,14 +14,18 @@ SUBSTEPS_PER_S = 20.0
 
 
 @machine_code
-def lagged(thrusts, shares):
-    """Thrusts (n, 2) behind a first-order lag that goes `shares` (n,) of the way in each step."""
+def lagged(thrusts, lags):
+    """Mean thrusts (n, 2) in steps of `lags` (n,) time constants each, of thrusters that are told
+    `thrusts` (n, 2) and give the first of them when it begins.
+    """
     out = np.empty_like(thrusts)
-    port, starboard = thrusts[0]
+    now = thrusts[0].copy()
     for i in range(len(thrusts)):
-        port += shares[i] * (thrusts[i, 0] - port)
-        starboard += shares[i] * (thrusts[i, 1] - starboard)
-        out[i, 0], out[i, 1] = port, starboard
+        left = np.exp(-lags[i])
+        for j in range(2):
+            off = now[j] - thrusts[i, j]
+            out[i, j] = thrusts[i, j] + off * (1.0 - left) / lags[i]
+            now[j] = thrusts[i, j] + off * left
     return out
 
 

@@ -19,16 +19,19 @@ import numpy as np
 from grebe.control.adaptation import (
     AS_MODELLED,
     EVERY_S,
+    LEAST_LAG_S,
     LEAST_S,
     WINDOW_S,
     Flown,
     Found,
+    as_modelled,
     fitting,
     moved_enough,
     turned,
 )
 from grebe.control.observer import Observer
 from grebe.control.rollout import SUBSTEPS_PER_S
+from grebe.control.slow_thrusters import SlowThrusters
 from grebe.control.solvers.fast.model import advance, parameter_vector
 from grebe.core.dynamics import Weather
 from grebe.core.events import State
@@ -42,8 +45,8 @@ if TYPE_CHECKING:
 Thrusts = tuple[float, float]
 # Roll-outs of the model that are done for the correction at one estimate: some 3 ms.
 WORK_PER_ESTIMATE = 12
-# Lags below this are ignored [s]; and the share of a longer one within which thrusters respond.
-LEAST_LAG_S, HURRY = 0.15, 0.3
+# The share of a lag within which thrusters respond.
+HURRY = 0.3
 # What thrusters were told so many lags ago is forgotten; and the pieces in which what they give is
 # taken as constant [s].
 FORGOTTEN_LAGS, LAG_PIECE_S = 6.0, 0.05
@@ -78,7 +81,9 @@ class Tracker:
         holds_motion: bool = False,
     ) -> None:
         self.model = model
-        self.correction = AS_MODELLED
+        # An autopilot that holds a motion makes up for its thrusters itself.
+        self._modelled = AS_MODELLED if holds_motion else as_modelled(model)
+        self.correction = self._modelled
         self._corrects = corrects
         self._observer = Observer(model, by_sway=holds_motion) if observes else None
         self._orders: deque[_Order] = deque()
@@ -90,7 +95,12 @@ class Tracker:
     def vessel(self) -> Vessel:
         """The boat that is to be planned for."""
         correction = self.correction
-        return self.model if correction is AS_MODELLED else correction.vessel(self.model)
+        return self.model if correction is self._modelled else correction.vessel(self.model)
+
+    @property
+    def finding(self) -> str:
+        """What the boat has turned out to be, in a sentence."""
+        return str(AS_MODELLED if self.correction == self._modelled else self.correction)
 
     @property
     def weather(self) -> Weather:
@@ -109,8 +119,6 @@ class Tracker:
         inverse over `HURRY` of it); what they give is reckoned from what they were told.
         """
         correction = self.correction
-        if correction is AS_MODELLED:
-            return thrusts
         wanted = thrusts[0] / correction.port, thrusts[1] / correction.starboard
         if not self.hurries:
             return wanted
@@ -124,6 +132,22 @@ class Tracker:
     def given(self, time_s: float, told: Thrusts) -> Thrusts:
         """What the thrusters that were last told `told` give at a time, as far as it is known."""
         return self._gives(time_s) if self.hurries else told
+
+    def thrusters(self, time_s: float) -> SlowThrusters | None:
+        """The thrusters as an order of that time will find them; None where they are quick."""
+        if not self.hurries:
+            return None
+        correction, model = self.correction, self.model
+        shares = correction.port, correction.starboard
+        now = self._gives(time_s + correction.dead_s)
+        most = correction.vessel(model).thrust_max_n
+        least = correction.vessel(model).thrust_min_n
+        return SlowThrusters(
+            now_n=(shares[0] * now[0], shares[1] * now[1]),
+            least_n=(least, least),
+            most_n=(most, most),
+            lag_s=correction.lag_s,
+        )
 
     def _gives(self, time_s: float) -> Thrusts:
         """What thrusters with a lag give at a time of what they were told, reckoned."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from grebe.control.controller import Command
+from grebe.control.slow_thrusters import SlowThrusters
 from grebe.core.dynamics import Weather
 from grebe.core.events import State
 from grebe.core.vessel import Vessel
@@ -39,4 +40,13 @@ class AdaptableHelm(Protocol):
 
     def take_for(self, vessel: Vessel) -> None:
         """Plan for another boat from now on."""
+        ...
+
+
+@runtime_checkable
+class ForeseeingHelm(Protocol):
+    """Who can plan for thrusters that answer late."""
+
+    def expect(self, thrusters: SlowThrusters | None) -> None:
+        """Plan the next step for these thrusters; None for such as answer at once."""
         ...

@@ -53,7 +53,7 @@ from grebe.mission.broadcast import Broadcast
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard
 from grebe.mission.headings import unwrapped
-from grebe.mission.helm import AdaptableHelm, Helm
+from grebe.mission.helm import AdaptableHelm, ForeseeingHelm, Helm
 from grebe.mission.lookout import Lookout
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
@@ -356,7 +356,7 @@ class Mission:
         for one in (self._controller, self._guard.helm, self._guard):
             if isinstance(one, AdaptableHelm):
                 one.take_for(vessel)
-        message = str(self._tracker.correction)
+        message = self._tracker.finding
         self._tell(Warned, observation, code="model_corrected", message=message)
 
     def _visit(self, observation: Observation) -> None:
@@ -390,6 +390,8 @@ class Mission:
         elapsed = None if self._command is None else observation.time_s - self._command[0]
         then_s = observation.time_s - observation.age_s
         state = self._tracker.ahead(then_s, observation.time_s, observation.state)
+        if isinstance(helm, ForeseeingHelm):
+            helm.expect(self._tracker.thrusters(observation.time_s))
         command = helm.step(state, self._weather, elapsed)
         solve_ms = 1e3 * (self._stopwatch() - began)
         self._command = (observation.time_s, command)

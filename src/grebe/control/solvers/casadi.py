@@ -35,12 +35,7 @@ class CasadiSolver:
         self._problem = problem
         common = {"expand": True, "print_time": False, "error_on_fail": False}
         self._solver = ca.nlpsol("solver", plugin, problem.nlp, common | options)
-        self._bounds = {
-            "lbx": problem.lower_x,
-            "ubx": problem.upper_x,
-            "lbg": problem.lower_g,
-            "ubg": problem.upper_g,
-        }
+        self._bounds = {"lbg": problem.lower_g, "ubg": problem.upper_g}
 
     def solve(
         self,
@@ -51,9 +46,12 @@ class CasadiSolver:
     ) -> Solution:
         """Solve; see `Solver.solve`."""
         problem = self._problem
+        lower, upper = problem.bounds(horizon)
         answer = self._solver(
             x0=problem.guess(guess, horizon),
             p=problem.parameters(state, horizon, weather),
+            lbx=lower,
+            ubx=upper,
             **self._bounds,
         )
         x = np.asarray(answer["x"]).ravel()

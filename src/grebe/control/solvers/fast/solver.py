@@ -33,6 +33,7 @@ class FastSolver:
         self._shape = shape
         self._most_iterations = most_iterations
         self._limits = np.array([vessel.thrust_min_n, vessel.thrust_max_n])
+        self._bounds = np.tile(self._limits[:, None, None], (1, shape.stages, 2))
 
     def solve(
         self,
@@ -49,6 +50,9 @@ class FastSolver:
         share = np.where(span > 0, (guess.durations - low) / np.where(span > 0, span, 1.0), 0.5)
         inputs = np.column_stack([guess.thrusts, np.clip(share, 0.0, 1.0)])
         rows, count, price = _rows(horizon)
+        bounds = horizon.thrust_bounds
+        if bounds is None:
+            bounds = self._bounds
         terms = sqp.Terms(
             p=parameter_vector(self._vessel, weather),
             substeps=self._shape.substeps,
@@ -67,6 +71,7 @@ class FastSolver:
                 ]
             ),
             limits=self._limits,
+            bounds=bounds,
             regularisation=DURATION_REGULARISATION,
         )
         ended, iterations, cost = sqp.optimise(
@@ -74,7 +79,7 @@ class FastSolver:
         )
         plan = Plan(
             states=states,
-            thrusts=np.clip(inputs[:, :2], *self._limits),
+            thrusts=np.clip(inputs[:, :2], bounds[0], bounds[1]),
             durations=low + np.clip(inputs[:, 2], 0.0, 1.0) * span,
         )
         finite = bool(np.isfinite(states).all() and np.isfinite(inputs).all())

@@ -46,7 +46,8 @@ class Terms(NamedTuple):
     half-spaces by group (see `interior`) with `count` (3, N + 1) of them in use; `weight`
     (N + 1,) of the squared distance, `price` (3, N + 1) of slack, `effort` (N,) of a squared
     newton; `timing` (5, N): shortest duration, span of durations, price of a second, nominal
-    duration, price of its square; `limits` (2,) of a thrust; `regularisation` of the shares.
+    duration, price of its square; `limits` (2,) of a thrust, and `bounds` (2, N, 2), least and
+    largest, of each stage's thrusts within them; `regularisation` of the shares.
     """
 
     p: NDArray[np.float64]
@@ -58,6 +59,7 @@ class Terms(NamedTuple):
     effort: NDArray[np.float64]
     timing: NDArray[np.float64]
     limits: NDArray[np.float64]
+    bounds: NDArray[np.float64]
     regularisation: float
 
 
@@ -192,11 +194,11 @@ def _shoot(terms, states, inputs, shooting):
 
 @machine_code
 def _box(terms, inputs, low, high):
-    """Bounds of the inputs' change: thrusts between their limits, shares in [0, 1]."""
+    """Bounds of the inputs' change: thrusts between their bounds, shares in [0, 1]."""
     for k in range(inputs.shape[0]):
         for i in range(2):
-            low[k, i] = terms.limits[0] - inputs[k, i]
-            high[k, i] = terms.limits[1] - inputs[k, i]
+            low[k, i] = terms.bounds[0, k, i] - inputs[k, i]
+            high[k, i] = terms.bounds[1, k, i] - inputs[k, i]
         low[k, 2] = -inputs[k, 2]
         high[k, 2] = 1.0 - inputs[k, 2]
 
@@ -229,15 +231,15 @@ def _search(
 def _drive(terms, gain, states, inputs):
     """Replace a trial by what the boat does when it follows it with the gains: no gaps."""
     off, following = np.zeros(NX), np.empty(NX)
-    low, high = terms.limits
+    low, high = terms.bounds[0], terms.bounds[1]
     for k in range(inputs.shape[0]):
         for i in range(NW):
             answer = 0.0
             for j in range(NX):
                 answer += gain[k, i, j] * off[j]
             inputs[k, i] += answer
-        inputs[k, 0] = min(max(inputs[k, 0], low), high)
-        inputs[k, 1] = min(max(inputs[k, 1], low), high)
+        inputs[k, 0] = min(max(inputs[k, 0], low[k, 0]), high[k, 0])
+        inputs[k, 1] = min(max(inputs[k, 1], low[k, 1]), high[k, 1])
         inputs[k, 2] = min(max(inputs[k, 2], 0.0), 1.0)
         advance(
             terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following
