@@ -32,6 +32,14 @@ def machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments
     return cast("Callable[_Arguments, _Result]", kernel)
 
 
+def exact_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Like `machine_code`, but every sum in the order in which it is written: for kernels whose
+    rounding is part of the method.
+    """
+    kernel = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    return cast("Callable[_Arguments, _Result]", kernel)
+
+
 def inlined_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Like `machine_code`, copied into each kernel that calls it. For small kernels: handing
     over a record of arrays takes longer than they do.

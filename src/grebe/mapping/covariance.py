@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.kernels import machine_code
+from grebe.mapping.correlation import (
+    carried,
+    correlations_of,
+    covariances,
+    faded,
+    slopes_of,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,79 +38,19 @@ PRACTICAL_RANGE = {
 }
 
 
-@machine_code
-def correlation(code: int, x: float) -> float:
-    """Correlation at a distance of `x` ranges under model `KINDS[code]`."""
-    if code == 0:
-        return 1 - 1.5 * x + 0.5 * x * x * x if x < 1 else 0.0
-    if code == 1:
-        return math.exp(-x)
-    if code == 2:
-        t = math.sqrt(3.0) * x
-        return (1 + t) * math.exp(-t)
-    if code == 3:
-        t = math.sqrt(5.0) * x
-        return (1 + t + t * t / 3) * math.exp(-t)
-    return math.exp(-x * x)
-
-
-@machine_code
-def _correlations(code: int, x: Array) -> Array:
-    out = np.empty(x.size)
-    flat = x.ravel()
-    for i in range(flat.size):
-        out[i] = correlation(code, flat[i])
-    return out.reshape(x.shape)
-
-
-@machine_code
-def _covariances(code: int, sill: float, reach: float, a: Array, b: Array, below: bool) -> Array:
-    """Of each place of `a` with each of `b`; `below`: with those up to its own number alone."""
-    out = np.zeros((a.shape[0], b.shape[0]))
-    for i in range(a.shape[0]):
-        for j in range(i + 1 if below else b.shape[0]):
-            north, east = a[i, 0] - b[j, 0], a[i, 1] - b[j, 1]
-            x = math.sqrt(north * north + east * east) / reach
-            out[i, j] = sill * correlation(code, x)
-    return out
-
-
-@machine_code
-def _faded(variance: float, memory: float, a: Array, b: Array) -> Array:
-    out = np.empty((a.shape[0], b.shape[0]))
-    for i in range(a.shape[0]):
-        for j in range(b.shape[0]):
-            out[i, j] = variance * math.exp(-abs(a[i] - b[j]) / memory)
-    return out
-
-
-@machine_code
-def _carried(code: int, at: Array, places: Array, reach: float, weights: Array) -> Array:
-    out = np.zeros((at.shape[0], weights.shape[1]))
-    for i in range(at.shape[0]):
-        for j in range(places.shape[0]):
-            north, east = at[i, 0] - places[j, 0], at[i, 1] - places[j, 1]
-            share = correlation(code, math.sqrt(north * north + east * east) / reach)
-            for k in range(weights.shape[1]):
-                out[i, k] += share * weights[j, k]
-    return out
-
-
 def correlations(kind: str, x: Array) -> Array:
     """Correlation at distances of `x` ranges, any shape."""
-    return _correlations(KINDS.index(kind), np.ascontiguousarray(x, dtype=float))
+    flat = np.ascontiguousarray(x, dtype=float).ravel()
+    return correlations_of(KINDS.index(kind), flat).reshape(np.shape(x))
 
 
-def slopes(kind: str, x: Array) -> Array:
-    """By how much the correlation at distances of `x` ranges grows with the range's logarithm."""
-    if kind == "spherical":
-        return np.where(x < 1, 1.5 * (x - x**3), 0.0)
-    if kind == "exponential":
-        return x * np.exp(-x)
-    if kind == "gaussian":
-        return 2 * x**2 * np.exp(-(x**2))
-    t = x * np.sqrt(3.0 if kind == "matern32" else 5.0)
-    return t**2 * np.exp(-t) * (1.0 if kind == "matern32" else (1 + t) / 3)
+def slopes(kind: str, x: Array) -> tuple[Array, Array]:
+    """By how much correlations at distances of `x` ranges, any shape, grow with the range's
+    logarithm, and the correlations themselves.
+    """
+    flat = np.ascontiguousarray(x, dtype=float).ravel()
+    grown, found = slopes_of(KINDS.index(kind), flat)
+    return grown.reshape(np.shape(x)), found.reshape(np.shape(x))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,19 +83,19 @@ class CovarianceModel:
         """
         code = KINDS.index(self.kind)
         a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
-        return _covariances(code, self.sill, self.range_m, a, b, False)
+        return covariances(code, self.sill, self.range_m, a, b, False)
 
     def among(self, a: Array) -> Array:
         """As `between` of places (n, 2) and themselves, but below the diagonal and on it alone."""
         code, a = KINDS.index(self.kind), np.ascontiguousarray(a)
-        return _covariances(code, self.sill, self.range_m, a, a, True)
+        return covariances(code, self.sill, self.range_m, a, a, True)
 
     def carried(self, places: Array, weights: Array, at: Array) -> Array:
         """Sums (m, c) of the signal's covariances with `at` (m, 2) weighted by (n, c) at `places`
         (n, 2), both in coordinates without a direction: what a matrix product would give.
         """
         code = KINDS.index(self.kind)
-        return self.sill * _carried(
+        return self.sill * carried(
             code, np.ascontiguousarray(at), places, self.range_m, np.ascontiguousarray(weights)
         )
 
@@ -193,7 +139,7 @@ class Fleeting:
     def covariance(self, a: Array, b: Array) -> Array:
         """Covariance (n, m) between times (n,) and (m,) [s]."""
         a, b = np.ascontiguousarray(a, dtype=float), np.ascontiguousarray(b, dtype=float)
-        return _faded(self.variance, self.memory_s, a, b)
+        return faded(self.variance, self.memory_s, a, b)
 
     def carried(self, times: Array, weights: Array, at: Array) -> Array:
         """Sums (m, c) of covariances with `at` (m,) weighted by (n, c) at `times` (n,): what a

@@ -15,7 +15,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cholesky, get_lapack_funcs, solve_triangular
+from scipy.linalg import get_lapack_funcs
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
@@ -195,15 +195,19 @@ class Posterior:
         white = self._whitened(matrix)
         if white is None:
             return IMPOSSIBLE, np.zeros(len(at))
-        both = np.column_stack([white.ones, white.rest])
-        by_one, rest = solve_triangular(
-            white.factor, both, trans=1, lower=True, check_finite=False
-        ).T
-        outer = np.outer(rest, rest) + np.outer(by_one, by_one) / float(white.ones @ white.ones)
-        weight = outer - _inverse(white.factor)
-        slope = np.array([0.5 * np.vdot(weight, one) for one in slopes_])
+        by_one, rest = white.backward(np.stack([white.ones, white.rest]))
+        by_one = by_one / np.sqrt(float(white.ones @ white.ones))
+        inverse = white.inverse()
+        share = float(np.exp(at[2]))
+        # The noise's derivative is a multiple of the unit matrix.
+        of_noise = share * float(rest @ rest + by_one @ by_one - np.trace(inverse))
+        slope = [
+            float(rest @ one @ rest + by_one @ one @ by_one) - _product(inverse, one)
+            for one in slopes_
+        ]
         prior, prior_slope = self._prior(at)
-        return white.log_likelihood + prior, slope + prior_slope
+        all_slopes = 0.5 * np.array([*slope[:2], of_noise, *slope[2:]])
+        return white.log_likelihood + prior, all_slopes + prior_slope
 
     def log_density(self, at: Array) -> float:
         """Log posterior, but for a constant."""
@@ -214,28 +218,29 @@ class Posterior:
         return self._matrix(at)[0]
 
     def _matrix(self, at: Array, *, with_slopes: bool = False) -> tuple[Array, list[Array]]:
-        """The values' covariance, and on request its derivatives by `at`."""
+        """The values' covariance, and on request its derivatives by `at` but for that by the noise,
+        which is `noise` on the diagonal.
+        """
         share, sill, noise = np.exp(at[:3]).tolist()
         x = self.distance / (share * self.extent_m)
-        of_place = sill * correlations(self.kind, x)
-        every = np.eye(len(self.values))
-        parts = [of_place, (noise + 1e-9 * sill) * every]
-        changes = [
+        grown, of_place = slopes(self.kind, x) if with_slopes else (x, correlations(self.kind, x))
+        diagonal = np.diag_indices(len(x))
+        of_place *= sill
+        of_place[diagonal] += 1e-9 * sill
+        parts = [
             np.exp(log_share) * common
             for log_share, common in zip(at[3:].tolist(), self.common, strict=False)
         ]
         fading: list[Array] = []
         if self.apart_s is not None:
             ago = self.apart_s / (np.exp(at[-1]) * self.memory_s)
-            passes = np.exp(at[-2] - ago)
-            fading = [passes, passes * ago]
-        matrix = sum([*parts, *changes, *fading[:1]], np.zeros_like(self.distance))
-        if not with_slopes:
-            return matrix, []
-        return matrix, [
-            sill * slopes(self.kind, x), of_place + 1e-9 * sill * every, noise * every, *changes,
-            *fading,
-        ]  # fmt: skip
+            passes = np.exp(at[-2]) * correlations("exponential", ago)
+            parts, fading = [*parts, passes], [ago * passes]
+        matrix = of_place.copy()
+        for part in parts:
+            matrix += part
+        matrix[diagonal] += noise
+        return matrix, [sill * grown, of_place, *parts, *fading] if with_slopes else []
 
     def log_likelihood(self, at: Array) -> float:
         """Restricted log likelihood, but for a constant."""
@@ -244,14 +249,15 @@ class Posterior:
 
     def _whitened(self, matrix: Array) -> _Whitened | None:
         """The values under a covariance, which is lost; None for one that is none."""
-        try:
-            factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
-        except np.linalg.LinAlgError:
+        (factorise,) = get_lapack_funcs(("potrf",), (matrix,))
+        # By columns, as LAPACK has it, the transpose of a symmetric matrix needs no copy.
+        upper, failed = factorise(matrix.T, lower=0, overwrite_a=1, clean=1)
+        if failed:
             return None
-        both = np.column_stack([np.ones(len(self.values)), self.values])
-        ones, values = solve_triangular(factor, both, lower=True, check_finite=False).T
+        both = np.stack([np.ones(len(self.values)), self.values])
+        ones, values = _forward(upper, both)
         rest = values - float(ones @ values) / float(ones @ ones) * ones
-        return _Whitened(factor=factor, ones=ones, rest=rest)
+        return _Whitened(upper=upper, ones=ones, rest=rest)
 
     def _prior(self, at: Array) -> tuple[float, Array]:
         """Log prior and its derivatives: of log range and log standard deviation (penalised
@@ -294,24 +300,41 @@ class Posterior:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Whitened:
-    """Ones (n,) and the values less their mean (n,), both freed of a covariance by its Cholesky
-    `factor` (n, n).
+    """Ones (n,) and the values less their mean (n,), both freed of a covariance by Cholesky's
+    factor of it, `upper` (n, n).
     """
 
-    factor: Array
+    upper: Array
     ones: Array
     rest: Array
 
     @property
     def log_likelihood(self) -> float:
         """Restricted, but for a constant."""
-        log_det = 2 * float(np.sum(np.log(np.diag(self.factor))))
+        log_det = 2 * float(np.sum(np.log(np.diag(self.upper))))
         information = float(self.ones @ self.ones)
         return float(-0.5 * (float(self.rest @ self.rest) + log_det + np.log(information)))
 
+    def backward(self, rows: Array) -> Array:
+        """What (k, n) rows that are freed of the covariance are by its inverse, (k, n)."""
+        (solve,) = get_lapack_funcs(("trtrs",), (self.upper,))
+        return solve(self.upper, rows.T, lower=0)[0].T
 
-def _inverse(factor: Array) -> Array:
-    """The inverse of a matrix of which Cholesky's lower factor is given."""
-    (potri,) = get_lapack_funcs(("potri",), (factor,))
-    lower = np.tril(potri(factor, lower=1)[0])
-    return lower + np.tril(lower, -1).T
+    def inverse(self) -> Array:
+        """The covariance's inverse, above the diagonal and on it; nothing below."""
+        (invert,) = get_lapack_funcs(("potri",), (self.upper,))
+        return invert(self.upper, lower=0)[0]
+
+
+def _forward(upper: Array, rows: Array) -> Array:
+    """Rows (k, n) freed of a covariance, (k, n)."""
+    (solve,) = get_lapack_funcs(("trtrs",), (upper,))
+    return solve(upper, rows.T, lower=0, trans=1)[0].T
+
+
+def _product(upper: Array, other: Array) -> float:
+    """The sum of the products of two symmetric matrices' elements, of which the first has nothing
+    below its diagonal.
+    """
+    whole = 2 * np.vdot(upper.T, other)
+    return float(whole - np.diag(upper) @ np.diag(other))
