@@ -238,12 +238,14 @@ def run(*arguments):
 
 
 # Beside these the tracks have oxygen saturation, chlorophyll, depths and more.
+# One track of each lake is mapped; `benchmarks.holdout` maps them all, and judges them harder.
+MAPPED = {"China-catabot-20200915", "Sunapee-20200812-path-3"}
 FOUR = {"temperature_degc", "dissolved_oxygen_mgl", "ph", "conductivity_uscm"}
 
 
 @needs_tracks
 @pytest.mark.slow
-def test_every_real_track_is_imported_checked_mapped_and_validated(tmp_path):
+def test_every_real_track_is_imported_and_checked_and_those_mapped_are_validated(tmp_path):
     """The settling of the sonde is found where the record shows it, and only there."""
     header = TRACKS / "China-catabot-20200915.csv"
     settling = {}
@@ -254,6 +256,8 @@ def test_every_real_track_is_imported_checked_mapped_and_validated(tmp_path):
         found = json.loads(run("check", path, "--json"))["found"]
         settles = {key: sum(tests.get("settling", ())) for key, tests in found.items()}
         settling[track.stem] = {key for key in FOUR & set(settles) if settles[key] > 0}
+        if track.stem not in MAPPED:
+            continue
         maps = json.loads(run("map", path, "--out", tmp_path / track.stem, "--resolution", 4,
                               "--json"))["maps"]  # fmt: skip
         assert {one["quantity"] for one in maps} >= FOUR | {"chlorophyll_rfu"}

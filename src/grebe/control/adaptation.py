@@ -65,8 +65,6 @@ MOST_LEFT = 4.0
 LEAST_LAG_S = 0.15
 # How far back what a lag remembers is looked for, and in how many steps.
 BEFORE_LAGS, BEFORE_STEPS = 4.0, 16
-# What is left of a lag that is made up for, as a share of it: found by flying.
-LAG_LEFT = 0.1
 # A correction is followed where it moved by more than this in any of its numbers.
 WORTH_A_CHANGE = np.array([0.08, 0.08, 0.12, 0.2, 0.12, 0.12, 0.1, 0.15, 0.03])
 
@@ -89,13 +87,6 @@ class Correction:
     dead_s: float = 0.0
     lag_s: float = 0.0
     heading_rad: float = 0.0
-
-    @property
-    def late_s(self) -> float:
-        """How long it takes until an order has its effect [s], where thrusters with a lag are told
-        more than they are to give.
-        """
-        return self.dead_s + LAG_LEFT * self.lag_s
 
     def vessel(self, model: Vessel) -> Vessel:
         """Return the boat that a controller should plan for: what both thrusters can give."""

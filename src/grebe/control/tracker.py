@@ -46,7 +46,7 @@ Thrusts = tuple[float, float]
 # Roll-outs of the model that are done for the correction at one estimate: some 3 ms.
 WORK_PER_ESTIMATE = 12
 # The share of a lag within which thrusters respond.
-HURRY = 0.3
+HURRY = 0.2
 # What thrusters were told so many lags ago is forgotten; and the pieces in which what they give is
 # taken as constant [s].
 FORGOTTEN_LAGS, LAG_PIECE_S = 6.0, 0.05
@@ -201,7 +201,7 @@ class Tracker:
 
     def ahead(self, time_s: float, now_s: float, state: State) -> State:
         """Return the state that an order of now will meet, from the righted one at `time_s`."""
-        until_s = now_s + self.correction.late_s
+        until_s = now_s + self.correction.dead_s
         if until_s - time_s < LEAST_AGE_S or not self._orders:
             return state
         p = parameter_vector(self.vessel, np.array(self.weather.as_tuple()))
@@ -218,7 +218,7 @@ class Tracker:
         """
         if self.hurries:
             return self._acting_late(from_s, until_s)
-        late_s, share = self.correction.late_s, (self.correction.port, self.correction.starboard)
+        late_s, share = self.correction.dead_s, (self.correction.port, self.correction.starboard)
         since = self._orders_since(from_s - late_s)
         recent = [(order.time_s + late_s, order.thrusts) for order in since]
         edges = sorted({from_s, until_s, *(t for t, _ in recent if from_s < t < until_s)})

@@ -126,6 +126,11 @@ def difference_figure(one: QuantityMap, change: Difference) -> Figure:
     return figure
 
 
+def is_hatched(one: QuantityMap) -> bool:
+    """Whether the picture of a map's mean is hatched anywhere."""
+    return bool(_uncertain(one).max() > 0.5)
+
+
 def _uncertain(one: QuantityMap) -> NDArray:
     """1 where the 95 % error is larger than the map's range, from 5 to 95 % of its area."""
     low, high = np.nanpercentile(one.mean, [5, 95])

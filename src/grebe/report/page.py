@@ -66,6 +66,7 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         ],
         bathymetry=_bathymetry(data, texts),
         methods=[_method(one, texts) for one in data.maps],
+        hatched=[map_figures.is_hatched(one) for one in data.maps],
         classes=[_classes(one, texts) for one in data.maps],
         stations=stations(data),
         most_stations=MOST_STATIONS,
