@@ -276,12 +276,8 @@ class _Problem:
             if cost < enough:
                 break
             slopes = yield from self._slopes(numbers, residuals, which)
-            normal = slopes.T @ slopes
-            step = np.linalg.solve(
-                normal + damping * np.diag(np.diag(normal) + 1e-9), -slopes.T @ residuals
-            )
             tried = numbers.copy()
-            tried[which] += step
+            tried[which] += _step(slopes, residuals, numbers[which], damping, which)
             tried = np.clip(tried, LOW, HIGH)
             there = _bounded(self.residuals(tried))
             yield
@@ -307,6 +303,29 @@ class _Problem:
             slopes[:, column] = (_bounded(self.residuals(moved)) - residuals) / probe
             yield
         return slopes
+
+
+def _step(
+    slopes: Array, residuals: Array, numbers: Array, damping: float, which: NDArray[np.int64]
+) -> Array:
+    """A damped step of Gauss and Newton, (k,), of some numbers (k,), `which` of all.
+
+    A number at its end that would go beyond it stays, and the others step without it: a lag and a
+    dead time look alike where both are short, and neither can be negative.
+    """
+    normal, downhill = slopes.T @ slopes, -slopes.T @ residuals
+    normal = normal + damping * np.diag(np.diag(normal) + 1e-9)
+    moves = np.ones(len(numbers), dtype=bool)
+    step = np.zeros(len(numbers))
+    while moves.any():
+        step[:] = 0.0
+        step[moves] = np.linalg.solve(normal[np.ix_(moves, moves)], downhill[moves])
+        low, high = numbers <= LOW[which], numbers >= HIGH[which]
+        beyond = moves & ((low & (step < 0)) | (high & (step > 0)))
+        if not beyond.any():
+            break
+        moves &= ~beyond
+    return step
 
 
 def _bounded(residuals: Array) -> Array:
