@@ -35,6 +35,7 @@ BENCHMARKS = {
     "soak": "soak",
     "latency": "soak",
     "survival": "survival",
+    "fleet_survival": "survival",
     "campaigns": "campaign",
 }
 

@@ -1,4 +1,6 @@
-"""A hundred kills -9 and power cuts at random moments; the harness is `tests/killing.py`."""
+"""A hundred kills -9 and power cuts at random moments, and twenty of a fleet; the harness is
+`tests/killing.py`.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +15,7 @@ from benchmarks.common import print_head, print_row
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 # Kills of one mission before it is gone on with to its end.
 IN_A_ROW = 5
+BOATS = 3
 
 
 def survival(kills: int = 100, seed: int = 1) -> None:
@@ -52,3 +55,33 @@ def survival(kills: int = 100, seed: int = 1) -> None:
         print_row(how, times[how], len(found))
         for fault in found:
             print(f"  {fault}")
+
+
+def fleet_survival(kills: int = 20, seed: int = 2) -> None:
+    """Three boats of one process, which is killed in the middle, five times before it goes on to
+    its end.
+    """
+    sys.path.insert(0, str(TESTS))
+    from killing import Victim, fleet_faults, fleet_faults_at_the_end, kill
+    from mission.test_traffic import fleet_file
+
+    rng = random.Random(seed)
+    killed: list[str] = []
+    resumed: list[str] = []
+    with tempfile.TemporaryDirectory(prefix="bench-", dir=Path.cwd()) as name:
+        planned = fleet_file(Path(name) / "planned.gpkg", boats=BOATS, side=90.0)
+        for _ in range(kills // IN_A_ROW):
+            here = Path(name) / "here"
+            here.mkdir()
+            victim = Victim.of(here, planned, boats=BOATS)
+            for again in range(IN_A_ROW):
+                more = ["--resume"] if again else []
+                kill(victim, rng.randrange(1, 60), rng.uniform(0, 0.2), *more)
+                killed += fleet_faults(victim)
+            resumed += fleet_faults_at_the_end(victim)
+            shutil.rmtree(here)
+    print_head(f"A fleet of {BOATS} is cut off at random moments", "how", "times", "faults")
+    print_row("kill -9", kills, len(killed))
+    print_row("resumed to the end", kills // IN_A_ROW, len(resumed))
+    for fault in (*killed, *resumed):
+        print(f"  {fault}")

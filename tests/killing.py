@@ -14,6 +14,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections import Counter
 from contextlib import closing
 from pathlib import Path
 
@@ -63,14 +64,15 @@ RUN = "from grebe.cli.main import main; main()"
 class Victim:
     """A survey whose mission is killed, the boat that sails it, and the witness of its writes."""
 
-    def __init__(self, path: Path, witness: Path) -> None:
+    def __init__(self, path: Path, witness: Path, boats: int = 1) -> None:
         self.path, self.witness = path, witness
+        self.boats = boats
         self.kills = 0
 
     @classmethod
-    def of(cls, folder: Path, survey: Path, pace_s: float = 0.002) -> Victim:
-        """A copy of a planned survey in a folder, with a boat at a pace that can be killed."""
-        victim = cls(folder / "s.gpkg", folder / "witness")
+    def of(cls, folder: Path, survey: Path, pace_s: float = 0.002, boats: int = 1) -> Victim:
+        """A copy of a planned survey in a folder, with boats at a pace that can be killed."""
+        victim = cls(folder / "s.gpkg", folder / "witness", boats)
         shutil.copy(survey, victim.path)
         victim.boat.write_text(BOAT.format(witness=str(victim.witness), pace_s=pace_s))
         return victim
@@ -81,8 +83,8 @@ class Victim:
 
     def start(self, *more: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [sys.executable, "-c", RUN, "run", str(self.path), "--link", f"python:{self.boat}",
-             "--json", *more],
+            [sys.executable, "-c", RUN, "run", str(self.path),
+             *self.boats * ("--link", f"python:{self.boat}"), "--json", *more],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
 
@@ -181,3 +183,39 @@ def faults_at_the_end(victim: Victim) -> list[str]:
         f"it began elsewhere: {starts[-1]}, not at {count}": 0 < count < len(now) and not said,
     }
     return [what for what, is_so in wrong.items() if is_so]
+
+
+def fleet_faults(victim: Victim) -> list[str]:
+    """What is wrong with the file of a killed fleet, by what was said to be in it: several boats
+    write at the same times of their own.
+    """
+    kept = {}
+    with closing(sqlite3.connect(victim.path)) as connection:
+        sound = connection.execute("PRAGMA integrity_check").fetchone()[0]
+        for table in ("samples", "track"):
+            kept[table] = connection.execute(f"SELECT time, boat FROM {table}").fetchall()
+    with SurveyFile.open(victim.path) as file:
+        arrived = {
+            target.seq
+            for target, when in zip(file.survey.targets, file.progress().reached_at, strict=True)
+            if when
+        }
+    wrong = {f"integrity_check: {sound}": sound != "ok"}
+    for table, word in (("samples", "sample"), ("track", "step")):
+        said, times = Counter(victim.said(word)), Counter(time for time, _ in kept[table])
+        wrong[f"{table} lost: {said - times}"] = bool(said - times)
+        wrong[f"{table} doubled"] = len(kept[table]) != len(set(kept[table]))
+    lost = set(map(int, victim.said("reached"))) - arrived
+    wrong[f"arrivals lost: {lost}"] = bool(lost)
+    return [what for what, is_so in wrong.items() if is_so]
+
+
+def fleet_faults_at_the_end(victim: Victim) -> list[str]:
+    """Go on to the end, and say what is wrong then."""
+    with victim.start("--resume") as running:
+        out, err = running.communicate(timeout=600)
+    if running.returncode:
+        return [f"resuming ended with {running.returncode}: {err}"]
+    report = json.loads(out)
+    complete = report["reached"] == report["targets"]
+    return [*fleet_faults(victim), *([] if complete else [f"not complete: {report}"])]

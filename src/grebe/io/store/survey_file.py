@@ -393,12 +393,16 @@ class SurveyFile:
         return first, last
 
     def last_time(self) -> datetime | None:
-        """Return when the recorded mission was last heard of; None where there is none."""
+        """Return when the recorded mission was last heard of; None where there is none.
+
+        Of several boats the one that wrote last need not be the one whose time is latest.
+        """
         rows = self._query(
-            "SELECT max(reached_at) FROM targets UNION ALL "
+            "SELECT max(reached_at) FROM targets UNION ALL SELECT max(time) FROM events UNION ALL "
             + " UNION ALL ".join(
-                f"SELECT time FROM {table} WHERE fid = (SELECT max(fid) FROM {table})"
-                for table in ("track", "samples", "events")
+                f"SELECT time FROM {table} WHERE fid IN (SELECT max(fid) FROM {table} "
+                "GROUP BY boat)"
+                for table in ("track", "samples")
             )
         )
         return max((parse_time(text) for (text,) in rows if text), default=None)
