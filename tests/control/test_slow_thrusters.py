@@ -106,7 +106,7 @@ def test_a_lag_that_is_known_or_found_costs_little():
     base, known, found = sail(SPYBOAT, SPYBOAT), sail(late, late), sail(SPYBOAT, late)
     assert known.complete
     assert found.complete
-    # In the median of several starts 1.14 and 1.18, at most 1.49 and 1.40, where a set is missed once;
+    # In the median of several starts 1.14 and 1.18, at most 1.49 and 1.40, where a set is missed;
     # up to 2.18 where plans know nothing of the lag.
     assert known.duration_s < 1.6 * base.duration_s
     assert found.duration_s < 1.6 * base.duration_s
