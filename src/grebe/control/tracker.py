@@ -137,15 +137,14 @@ class Tracker:
         """The thrusters as an order of that time will find them; None where they are quick."""
         if not self.hurries:
             return None
-        correction, model = self.correction, self.model
+        correction = self.correction
         shares = correction.port, correction.starboard
         now = self._gives(time_s + correction.dead_s)
-        most = correction.vessel(model).thrust_max_n
-        least = correction.vessel(model).thrust_min_n
+        planned_for = correction.vessel(self.model)
         return SlowThrusters(
             now_n=(shares[0] * now[0], shares[1] * now[1]),
-            least_n=(least, least),
-            most_n=(most, most),
+            least_n=(planned_for.thrust_min_n, planned_for.thrust_min_n),
+            most_n=(planned_for.thrust_max_n, planned_for.thrust_max_n),
             lag_s=correction.lag_s,
         )
 
@@ -218,9 +217,9 @@ class Tracker:
         """
         if self.hurries:
             return self._acting_late(from_s, until_s)
-        late_s, share = self.correction.dead_s, (self.correction.port, self.correction.starboard)
-        since = self._orders_since(from_s - late_s)
-        recent = [(order.time_s + late_s, order.thrusts) for order in since]
+        dead_s, share = self.correction.dead_s, (self.correction.port, self.correction.starboard)
+        since = self._orders_since(from_s - dead_s)
+        recent = [(order.time_s + dead_s, order.thrusts) for order in since]
         edges = sorted({from_s, until_s, *(t for t, _ in recent if from_s < t < until_s)})
         pieces: list[tuple[float, float, Thrusts]] = []
         for left, right in pairwise(edges):
