@@ -24,7 +24,7 @@ from grebe.cli.main import grebe
 from grebe.core.errors import InputError
 from grebe.core.quantities import BUILTIN, LIMNOLOGICAL
 from grebe.core.samples import Flag
-from grebe.io.export.contours import contour_lines, write_contours
+from grebe.io.export.contours import contour_levels, contour_lines, write_contours
 from grebe.io.export.geotiff import write_geotiff
 from grebe.io.export.netcdf import write_netcdf
 from grebe.io.export.stac import Asset, write_stac_item
@@ -149,6 +149,27 @@ def test_ogr_reads_the_contours(oxygen, tmp_path):
     column = int(np.argmin(abs(oxygen.grid.east - east)))
     assert oxygen.mean[row, column] == pytest.approx(levels[0], abs=0.15)
     assert [one.name for one in tmp_path.iterdir()] == ["contours.gpkg"]
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.5, 2.0])
+def test_contours_are_further_apart_than_the_map_errs(tmp_path, noise):
+    rng = np.random.default_rng(1)
+    positions = rng.uniform(0, 100, (150, 2))
+    values = 5.0 + np.sin(positions[:, 0] / 30) + rng.normal(0, noise, 150)
+    flags = np.full(150, Flag.GOOD)
+    mapper = Mapper(WATER, make_grid(WATER, 5.0), MapSettings(method=KRIGING))
+    one = mapper.map_quantity(OXYGEN, positions, values, flags)
+    error = 1.96 * np.median(one.sd[one.grid.inside])
+    levels = contour_levels(one)
+    assert np.all(np.diff(levels) >= error)
+    assert len(levels) <= 12
+    if np.ptp(one.mean[one.grid.inside]) < error:
+        assert contour_lines(one) == []
+    # A layer is there even where nothing is drawn.
+    write_contours(tmp_path / "c.gpkg", [one], FRAME)
+    meta, _, blobs, _ = pyogrio.raw.read(tmp_path / "c.gpkg", layer=OXYGEN.key)
+    assert meta["crs"] == "EPSG:4326"
+    assert len(blobs) == len(contour_lines(one))
 
 
 def test_a_full_disk_leaves_nothing_behind(oxygen, tmp_path):

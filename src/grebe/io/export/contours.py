@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,8 +16,24 @@ from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
 from grebe.core.frames import LocalFrame
 from grebe.io.whole import written_whole
 from grebe.mapping.maps import QuantityMap
+from grebe.mapping.validation import Z95
 
 LEVELS = 10
+
+
+def contour_levels(one: QuantityMap) -> list[float]:
+    """Round values at most `LEVELS` of whose steps span the map; none where it is flat.
+
+    Two of them are further apart than the 95 % error of the median place: lines that are closer
+    draw what the map errs by as if it were water.
+    """
+    inside = one.mean[one.grid.inside]
+    low, high = float(inside.min()), float(inside.max())
+    error = Z95 * float(np.median(one.sd[one.grid.inside]))
+    steps = min(LEVELS, math.floor((high - low) / error)) if error > 0 else LEVELS
+    if steps < 1:
+        return []
+    return [float(level) for level in MaxNLocator(steps).tick_values(low, high)]
 
 
 def contour_lines(one: QuantityMap) -> list[tuple[float, shapely.LineString]]:
@@ -24,12 +41,10 @@ def contour_lines(one: QuantityMap) -> list[tuple[float, shapely.LineString]]:
     generator = contourpy.contour_generator(
         one.grid.east, one.grid.north, np.ma.masked_invalid(one.mean)
     )
-    inside = one.mean[one.grid.inside]
-    levels = MaxNLocator(LEVELS).tick_values(float(inside.min()), float(inside.max()))
     return [
-        (float(level), shapely.LineString(np.asarray(points)[:, ::-1]))
-        for level in levels
-        for points in generator.lines(float(level))
+        (level, shapely.LineString(np.asarray(points)[:, ::-1]))
+        for level in contour_levels(one)
+        for points in generator.lines(level)
         if len(points) > 1
     ]
 
