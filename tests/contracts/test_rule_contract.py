@@ -72,7 +72,7 @@ def arrays(value):
     return {
         field.name: np.asarray(getattr(value, field.name))
         for field in fields(value)
-        if field.name != "shape"
+        if field.name != "shape" and getattr(value, field.name) is not None
     }
 
 
@@ -113,6 +113,8 @@ def test_a_proposal_has_the_sizes_of_its_shape(rule, state, count):
     for name, array in arrays(proposal.horizon).items():
         assert array.shape == np.shape(getattr(blank, name)), name
         assert np.isfinite(array).all(), name
+    # What thrusters can give is the controller's to know, not the rule's.
+    assert proposal.horizon.thrust_bounds is None
     bounds = proposal.horizon.duration_bounds
     assert np.all((bounds[:, 0] > 0) & (bounds[:, 0] <= bounds[:, 1]))
     assert np.all(bounds[:, 1] <= rule.longest_stage_s)
