@@ -27,7 +27,7 @@ durations = st.lists(st.floats(0.05, 2.0), min_size=1, max_size=6).map(np.array)
 def slow(vessel, now_n, lag_s):
     """A boat's thrusters with a lag, between its own limits."""
     least, most = vessel.thrust_min_n, vessel.thrust_max_n
-    return SlowThrusters(now_n=now_n, least_n=(least,) * 2, most_n=(most,) * 2, lag_s=lag_s)
+    return SlowThrusters(now_n=now_n, least_n=least, most_n=most, lag_s=lag_s)
 
 
 @given(durations, st.floats(0.2, 2.0))

@@ -237,9 +237,9 @@ def run(*arguments):
     return done.stdout
 
 
-# Beside these the tracks have oxygen saturation, chlorophyll, depths and more.
 # One track of each lake is mapped; `benchmarks.holdout` maps them all, and judges them harder.
 MAPPED = {"China-catabot-20200915", "Sunapee-20200812-path-3"}
+# Beside these the tracks have oxygen saturation, chlorophyll, depths and more.
 FOUR = {"temperature_degc", "dissolved_oxygen_mgl", "ph", "conductivity_uscm"}
 
 

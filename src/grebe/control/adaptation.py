@@ -239,6 +239,11 @@ class _Problem:
         return plain_cost - cost > max(LEAST_GAIN * max(1.0, unit), LEAST_SHARE * plain_cost)
 
     @cached_property
+    def believed(self) -> Array:
+        """The numbers of a boat that is as its model says: the prior's mean."""
+        return _numbers(as_modelled(self.model))
+
+    @cached_property
     def noise(self) -> float:
         """The squared residual that noise leaves: 1 for estimates without any. By the median of
         second differences, which manoeuvres hardly move.
@@ -259,8 +264,7 @@ class _Problem:
         times = self.flown.times
         ends = pieces_ends(p, numbers[DRIFT], times, states, thrusts, self.first, self.last)
         missed = (ends - states[self.last]) / END_SD
-        off = numbers - _numbers(as_modelled(self.model))
-        return np.concatenate([missed.ravel(), off / PRIOR_SD])
+        return np.concatenate([missed.ravel(), (numbers - self.believed) / PRIOR_SD])
 
     def solve(
         self, start: Array, free: slice, enough: float = 0.0

@@ -88,6 +88,13 @@ class Horizon:
         self.duration_nominal = np.zeros(n)
         self.duration_weights = np.zeros(n)
 
+    def bounds_of_thrusts(self, least_n: float, most_n: float) -> NDArray[np.float64]:
+        """Least and largest thrusts of each stage (2, N, 2): its own, or the vessel's limits."""
+        if self.thrust_bounds is not None:
+            return self.thrust_bounds
+        limits = np.array([least_n, most_n])
+        return np.tile(limits[:, None, None], (1, self.shape.stages, 2))
+
     def attract(self, stage: int, rows: NDArray[np.float64], weight: float) -> None:
         """Let the cost of a stage measure the distance to a set."""
         self.cost_sets[stage] = padded(rows, self.shape.set_rows)

@@ -92,10 +92,7 @@ class Problem:
         return lower, upper
 
     def _thrust_bounds(self, horizon: Horizon) -> NDArray[np.float64]:
-        if horizon.thrust_bounds is not None:
-            return horizon.thrust_bounds
-        limits = np.array([self.vessel.thrust_min_n, self.vessel.thrust_max_n])
-        return np.tile(limits[:, None, None], (1, self.shape.stages, THRUSTS))
+        return horizon.bounds_of_thrusts(self.vessel.thrust_min_n, self.vessel.thrust_max_n)
 
     def guess(self, plan: Plan, horizon: Horizon) -> NDArray[np.float64]:
         """Lay out a plan as the solver's starting point."""

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class SlowThrusters:
     """Port and starboard give `now_n` and approach what they are told with a time constant of
-    `lag_s`; they can be told from `least_n` to `most_n`.
+    `lag_s`; both can be told from `least_n` to `most_n`.
     """
 
     now_n: tuple[float, float]
-    least_n: tuple[float, float]
-    most_n: tuple[float, float]
+    least_n: float
+    most_n: float
     lag_s: float
 
     def reach(self, durations: Array) -> Array:
@@ -32,5 +32,5 @@ class SlowThrusters:
         """
         ends = np.concatenate([[0.0], np.cumsum(durations)])
         left = -np.diff(np.exp(-ends / self.lag_s)) * self.lag_s / np.maximum(durations, 1e-9)
-        now, told = np.array(self.now_n), np.array([self.least_n, self.most_n])
-        return told[:, None, :] + left[None, :, None] * (now - told)[:, None, :]
+        told = np.array([self.least_n, self.most_n])[:, None, None]
+        return told + left[None, :, None] * (np.array(self.now_n) - told)

@@ -137,14 +137,13 @@ class Tracker:
         """The thrusters as an order of that time will find them; None where they are quick."""
         if not self.hurries:
             return None
-        correction = self.correction
+        correction, boat = self.correction, self.vessel
         shares = correction.port, correction.starboard
         now = self._gives(time_s + correction.dead_s)
-        planned_for = correction.vessel(self.model)
         return SlowThrusters(
             now_n=(shares[0] * now[0], shares[1] * now[1]),
-            least_n=(planned_for.thrust_min_n, planned_for.thrust_min_n),
-            most_n=(planned_for.thrust_max_n, planned_for.thrust_max_n),
+            least_n=boat.thrust_min_n,
+            most_n=boat.thrust_max_n,
             lag_s=correction.lag_s,
         )
 

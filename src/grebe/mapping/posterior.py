@@ -191,7 +191,7 @@ class Posterior:
 
     def density_and_slope(self, at: Array) -> tuple[float, Array]:
         """Log posterior, but for a constant, and its derivatives by `at`."""
-        matrix, slopes_ = self._matrix(at, with_slopes=True)
+        matrix, slopes_ = self._matrix(at)
         white = self._whitened(matrix)
         if white is None:
             return IMPOSSIBLE, np.zeros(len(at))
@@ -217,13 +217,13 @@ class Posterior:
         """Covariance of the values, (n, n)."""
         return self._matrix(at)[0]
 
-    def _matrix(self, at: Array, *, with_slopes: bool = False) -> tuple[Array, list[Array]]:
-        """The values' covariance, and on request its derivatives by `at` but for that by the noise,
-        which is `noise` on the diagonal.
+    def _matrix(self, at: Array) -> tuple[Array, list[Array]]:
+        """The values' covariance, and its derivatives by `at` but for that by the noise, which is
+        `noise` on the diagonal.
         """
         share, sill, noise = np.exp(at[:3]).tolist()
         x = self.distance / (share * self.extent_m)
-        grown, of_place = slopes(self.kind, x) if with_slopes else (x, correlations(self.kind, x))
+        grown, of_place = slopes(self.kind, x)
         diagonal = np.diag_indices(len(x))
         of_place *= sill
         of_place[diagonal] += 1e-9 * sill
@@ -240,7 +240,7 @@ class Posterior:
         for part in parts:
             matrix += part
         matrix[diagonal] += noise
-        return matrix, [sill * grown, of_place, *parts, *fading] if with_slopes else []
+        return matrix, [sill * grown, of_place, *parts, *fading]
 
     def log_likelihood(self, at: Array) -> float:
         """Restricted log likelihood, but for a constant."""

@@ -20,17 +20,19 @@ class ConflictError(GrebeError):
     """Not now, or not by this page."""
 
 
-STATUS = {UnknownSurveyError: 404, NoMapError: 404, LinkError: 409}
+STATUS = {
+    UnknownSurveyError: 404,
+    NoMapError: 404,
+    LinkError: 409,
+    ConflictError: 409,
+    asked.TooLargeError: 413,
+}
 
 
 async def failed(_: Request, error: Exception) -> Response:
     """Say what was wrong with a request."""
     status = next((code for kind, code in STATUS.items() if isinstance(error, kind)), 400)
-    if isinstance(error, ConflictError):
-        status = 409
-    elif isinstance(error, asked.TooLargeError):
-        status = 413
-    elif isinstance(error, GrebeError) and status == 400 and not isinstance(error, UsageError):
+    if isinstance(error, GrebeError) and status == 400 and not isinstance(error, UsageError):
         status = 422
     body: dict[str, Any] = {
         "code": type(error).__name__.removesuffix("Error"),

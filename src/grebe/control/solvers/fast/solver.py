@@ -33,7 +33,6 @@ class FastSolver:
         self._shape = shape
         self._most_iterations = most_iterations
         self._limits = np.array([vessel.thrust_min_n, vessel.thrust_max_n])
-        self._bounds = np.tile(self._limits[:, None, None], (1, shape.stages, 2))
 
     def solve(
         self,
@@ -50,9 +49,7 @@ class FastSolver:
         share = np.where(span > 0, (guess.durations - low) / np.where(span > 0, span, 1.0), 0.5)
         inputs = np.column_stack([guess.thrusts, np.clip(share, 0.0, 1.0)])
         rows, count, price = _rows(horizon)
-        bounds = horizon.thrust_bounds
-        if bounds is None:
-            bounds = self._bounds
+        bounds = horizon.bounds_of_thrusts(*self._limits)
         terms = sqp.Terms(
             p=parameter_vector(self._vessel, weather),
             substeps=self._shape.substeps,
