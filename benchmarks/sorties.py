@@ -20,7 +20,8 @@ from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
 from grebe.planning.costs import leg
 from grebe.planning.endurance import endurance_of
-from grebe.planning.fewest_trips import Lake, Trips, lake_of, ports_of, trips_within
+from grebe.planning.fewest_trips import Trips, trips_within
+from grebe.planning.lake import Lake, lake_of, ports_of
 from grebe.planning.planner import planner_of
 from grebe.planning.region import Region
 from grebe.planning.trips import Ports

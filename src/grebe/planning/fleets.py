@@ -20,7 +20,7 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.planning.corridors import Waterways
-from grebe.planning.fewest_trips import lake_of
+from grebe.planning.lake import lake_of
 from grebe.planning.planner import Draft, Planner, planner_of
 from grebe.planning.region import Region
 from grebe.planning.route import Route

@@ -20,7 +20,8 @@ from grebe.core.survey import Survey, Target, covered_share, overlap_m2
 from grebe.core.vessel import Vessel
 from grebe.planning.check import PlanCheck, check_plan
 from grebe.planning.endurance import endurance_of
-from grebe.planning.fewest_trips import Lake, Trips, lake_of, trips_within
+from grebe.planning.fewest_trips import Trips, trips_within
+from grebe.planning.lake import Lake, lake_of
 from grebe.planning.planner import Draft, Planned, planner_of
 from grebe.planning.region import Region
 from grebe.planning.route import Route

@@ -62,31 +62,54 @@ def ways_home(
     return WaysHome(place=place, cell=cell, ways_m=ways, before=before, bends=bends)
 
 
-def around_the_tree(network: Network, ways: WaysHome, wanted: NDArray[np.bool_]) -> list[int]:
-    """Return the wanted cells as a walk around the tree of shortest ways meets them.
+def around_the_harbour(
+    network: Network, ways: WaysHome, wanted: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return the wanted cells as a ray that turns around the harbour meets them.
 
-    The branches at each cell follow each other clockwise, so that a stretch of the walk is a
-    wedge of the water with its tip at the harbour.
+    Where the ways bend around land it turns around each bend in the same manner, so that a stretch
+    of this order is a wedge of the water with its tip at the harbour (the sweep of Gillett and
+    Miller 1974, around land).
     """
-    branches: list[list[int]] = [[] for _ in range(len(network))]
-    for i, behind in enumerate(ways.before.tolist()):
-        if behind >= 0:
-            branches[behind].append(i)
-    found: list[int] = []
-    waiting = [ways.cell]
-    while waiting:
-        here = waiting.pop()
-        if wanted[here]:
-            found.append(here)
-        behind = int(ways.before[here])
-        came = network.centres[here] - network.centres[behind] if behind >= 0 else np.ones(2)
-        waiting += sorted(
-            branches[here], key=lambda b: _bearing(network.centres[b] - network.centres[here], came)
-        )
-    return found
+    bearings: dict[int, tuple[float, ...]] = {-1: ()}
+    first = _first_bearing(network, ways, wanted)
+
+    def of(cell: int) -> tuple[float, ...]:
+        """Bearings of the bends on the way to a cell, and of the cell from the last of them."""
+        chain = [cell]
+        while chain[-1] not in bearings:
+            chain.append(int(ways.bends[chain[-1]]))
+        for one in reversed(chain[:-1]):
+            bend = int(ways.bends[one])
+            bearings[one] = (*bearings[bend], _bearing(network, ways, bend, one, first))
+        return bearings[cell]
+
+    members = np.flatnonzero(wanted & np.isfinite(ways.ways_m)).tolist()
+    return np.array(
+        sorted(members, key=lambda cell: (of(cell), float(ways.ways_m[cell]))), dtype=np.int64
+    )
 
 
-def _bearing(way: NDArray[np.float64], came: NDArray[np.float64]) -> float:
-    """Angle from the direction in which one came to a way, in (-pi, pi]."""
-    cross = came[0] * way[1] - came[1] * way[0]
-    return float(np.arctan2(cross, came @ way))
+def _first_bearing(network: Network, ways: WaysHome, wanted: NDArray[np.bool_]) -> float:
+    """The middle of the widest gap between the cells in sight of the harbour: land, most often."""
+    way = (network.centres - np.array(ways.place))[wanted & (ways.bends < 0)]
+    if len(way) < 2:
+        return 0.0
+    bearings = np.sort(np.arctan2(way[:, 1], way[:, 0]))
+    gaps = np.diff(bearings, append=bearings[0] + 2 * np.pi)
+    widest = int(np.argmax(gaps))
+    return float(bearings[widest] + 0.5 * gaps[widest])
+
+
+def _bearing(network: Network, ways: WaysHome, bend: int, cell: int, first: float) -> float:
+    """Bearing of a cell from the bend of the way before it, [rad]; at the harbour clockwise from
+    the first, at a bend from the way there.
+    """
+    if bend < 0:
+        way = network.centres[cell] - np.array(ways.place)
+        return float((np.arctan2(way[1], way[0]) - first) % (2 * np.pi))
+    way = network.centres[cell] - network.centres[bend]
+    behind = int(ways.bends[bend])
+    before = network.centres[behind] if behind >= 0 else np.array(ways.place)
+    came = network.centres[bend] - before
+    return float(np.arctan2(came[0] * way[1] - came[1] * way[0], came @ way))
