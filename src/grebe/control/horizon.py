@@ -95,8 +95,8 @@ class Horizon:
         limits = np.array([least_n, most_n])
         return np.tile(limits[:, None, None], (1, self.shape.stages, 2))
 
-    def attract(self, stage: int, rows: NDArray[np.float64], weight: float) -> None:
-        """Let the cost of a stage measure the distance to a set."""
+    def attract(self, stage: int | slice, rows: NDArray[np.float64], weight: float) -> None:
+        """Let the cost of a stage, or of several, measure the distance to a set."""
         self.cost_sets[stage] = padded(rows, self.shape.set_rows)
         self.cost_weights[stage] = weight
 
@@ -124,12 +124,14 @@ def padded(rows: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 class Plan:
     """A predicted trajectory, the result of a solve.
 
-    `states` (N + 1, 6), `thrusts` (N, 2) [N], `durations` (N,) [s].
+    `states` (N + 1, 6), `thrusts` (N, 2) [N], `durations` (N,) [s]; `costates` (N + 1, 6) what
+    the rest of the plan would cost more for a unit of each state, where the solver tells.
     """
 
     states: NDArray[np.float64]
     thrusts: NDArray[np.float64]
     durations: NDArray[np.float64]
+    costates: NDArray[np.float64] | None = None
 
     @property
     def first_input(self) -> tuple[float, float]:
@@ -149,7 +151,12 @@ class Plan:
         """
         moments = np.concatenate([[0.0], np.cumsum(self.durations)]) + step_s
         states, thrusts = self.sampled(moments)
-        return Plan(states=states, thrusts=thrusts, durations=self.durations)
+        return Plan(
+            states=states,
+            thrusts=thrusts,
+            durations=self.durations,
+            costates=self.costates_at(moments),
+        )
 
     def sampled(self, moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Return states (m, 6) at `moments` (m,) [s] and the thrusts (m - 1, 2) half-way
@@ -157,8 +164,20 @@ class Plan:
         """
         ends = np.concatenate([[0.0], np.cumsum(self.durations)])
         at = np.clip(moments, 0.0, ends[-1])
-        states = np.column_stack([np.interp(at, ends, column) for column in self.states.T])
-        return states, self.thrusts[self._stage_at(0.5 * (moments[1:] + moments[:-1]))]
+        return _between(at, ends, self.states), self.thrusts[
+            self._stage_at(0.5 * (moments[1:] + moments[:-1]))
+        ]
+
+    def costates_at(self, moments: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the costates (m, 6) at `moments` (m,) [s], where they are known; nothing is
+        planned to cost anything beyond the plan's end.
+        """
+        if self.costates is None:
+            return None
+        ends = np.concatenate([[0.0], np.cumsum(self.durations)])
+        costates = _between(moments, ends, self.costates)
+        costates[moments > ends[-1] + 1e-9] = 0.0
+        return costates
 
     def thrusts_at(self, moment_s: float) -> tuple[float, float]:
         """Thrusts planned at a moment [s]; beyond the plan's end its last ones."""
@@ -168,6 +187,16 @@ class Plan:
     def _stage_at(self, moments: NDArray[np.float64]) -> NDArray[np.int64]:
         ends = np.cumsum(self.durations)
         return np.minimum(np.searchsorted(ends, moments, side="right"), len(ends) - 1)
+
+
+def _between(
+    moments: NDArray[np.float64], ends: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Rows of `values` (n, 6) at the times `ends` (n,), interpolated to `moments` (m,)."""
+    after = np.clip(np.searchsorted(ends, moments), 1, len(ends) - 1)
+    span = ends[after] - ends[after - 1]
+    share = np.clip((moments - ends[after - 1]) / np.where(span > 0, span, 1.0), 0.0, 1.0)
+    return values[after - 1] + share[:, None] * (values[after] - values[after - 1])
 
 
 def rows_needed(sides: Sequence[int]) -> int:

@@ -49,8 +49,8 @@ class Observer:
 
     def __init__(self, vessel: Vessel, first: Weather = CALM, *, by_sway: bool = False) -> None:
         self._vessel = vessel
-        # Which of surge and sway are learned from.
-        self._told = slice(1, 2) if by_sway else slice(0, 2)
+        # The first of surge and sway that is learned from.
+        self._first = 1 if by_sway else 0
         force = 2 * vessel.thrust_max_n
         sd = np.array([CURRENT_SD, CURRENT_SD, WIND_SHARE_SD * force, WIND_SHARE_SD * force])
         drift = np.array([CURRENT_DRIFT] * 2 + [WIND_SHARE_DRIFT * force] * 2)
@@ -85,16 +85,33 @@ class Observer:
         predicted, jacobian = _velocities(
             self._boat, self._estimate, self._probe, start, inputs, duration_s, substeps
         )
-        self._covariance = self._covariance + duration_s * self._drift
-        predicted, jacobian = predicted[self._told], jacobian[self._told]
-        # Both ends of the pair are measured: their errors add up.
-        noise = 2 * VELOCITY_SD**2 * np.eye(len(predicted))
-        gain = self._covariance @ jacobian.T
-        gain = gain @ np.linalg.inv(jacobian @ gain + noise)
-        surprise = np.asarray(after, dtype=float)[3:5][self._told] - predicted
-        self._learn(np.clip(self._estimate + gain @ surprise, -self._limit, self._limit))
-        keep = np.eye(4) - gain @ jacobian
-        self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
+        self._covariance += duration_s * self._drift
+        change = np.zeros(4)
+        # One after the other, for their errors are independent.
+        for i in range(self._first, 2):
+            _correct(change, self._covariance, jacobian[i], after[3 + i] - predicted[i])
+        self._learn(np.clip(self._estimate + change, -self._limit, self._limit))
+
+
+@machine_code
+def _correct(change, covariance, slopes, surprise):
+    """One measurement of a Kalman filter: `change` (4,) of the estimate so far and the covariance,
+    in place, by how much it differs from what was predicted with no change, and the prediction's
+    derivatives `slopes` (4,).
+    """
+    spread = np.zeros(4)
+    # Both ends of the pair are measured: their errors add up.
+    variance = 2 * VELOCITY_SD**2
+    for i in range(4):
+        for j in range(4):
+            spread[i] += covariance[i, j] * slopes[j]
+    for i in range(4):
+        variance += slopes[i] * spread[i]
+        surprise -= slopes[i] * change[i]
+    for i in range(4):
+        change[i] += spread[i] * surprise / variance
+        for j in range(4):
+            covariance[i, j] -= spread[i] * spread[j] / variance
 
 
 @machine_code

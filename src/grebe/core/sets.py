@@ -114,12 +114,15 @@ class TargetSet:
         """Distance [m] of a position from the footprint, zero inside."""
         if self.covers(north_m, east_m):
             return 0.0
-        points = np.asarray(self.vertices)
-        edge = np.roll(points, -1, axis=0) - points
-        to_point = np.array([north_m, east_m]) - points
-        along = np.sum(to_point * edge, axis=1) / np.sum(edge * edge, axis=1)
-        gap = to_point - np.clip(along, 0.0, 1.0)[:, None] * edge
-        return float(np.min(np.hypot(gap[:, 0], gap[:, 1])))
+        nearest = math.inf
+        for (x, y), (to_x, to_y) in zip(
+            self.vertices, (*self.vertices[1:], self.vertices[0]), strict=True
+        ):
+            edge_x, edge_y, off_x, off_y = to_x - x, to_y - y, north_m - x, east_m - y
+            along = (off_x * edge_x + off_y * edge_y) / (edge_x * edge_x + edge_y * edge_y)
+            along = min(max(along, 0.0), 1.0)
+            nearest = min(nearest, math.hypot(off_x - along * edge_x, off_y - along * edge_y))
+        return nearest
 
     def speed_excess(self, surge_mps: float) -> float:
         """How far [m/s] a surge lies outside the window, zero inside."""

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
-# Rounds of the exchange between trips, for each cell and at most; the share of them that tells
-# whether a number of trips can hold all cells, with the share of the cells that may be left then;
-# and the share that trips take which are nearly good.
-ROUNDS_EACH, MOST_ROUNDS = 250, 1_500_000
+# Rounds of the exchange between trips, for each cell, at least for each cell, and at most; the
+# share of them that tells whether a number of trips can hold all cells, with the share of the cells
+# that may be left then; and the share that trips take which are nearly good.
+ROUNDS_EACH, LEAST_EACH, MOST_ROUNDS = 250, 5, 1_500_000
 TRIAL_SHARE, MOST_ABSENT_SHARE = 0.15, 0.03
 WARM_SHARE = 0.15
 # How full trips may be: nothing can be exchanged between full ones.
@@ -80,7 +80,7 @@ def _factor(lake: Lake, endurance: Endurance, rounds: int) -> float:
     are cut: what it is for trips after a short exchange.
     """
     ports = ports_of(lake, endurance, _first_factor(lake))
-    trips = _Search(lake, ports, max(1, int(TRIAL_SHARE * rounds))).first()
+    trips = _Search(lake, ports, int(TRIAL_SHARE * rounds)).first()
     return float(_predicted_s(lake, trips).sum()) / max(trips.legs_s, lake.pitch_s)
 
 
@@ -177,7 +177,7 @@ class _Search:
     def _exchanged(
         self, orders: list[Order], harbours: NDArray[np.int64], share: float, hot: float
     ) -> tuple[list[Order], Order]:
-        rounds = max(1, int(share * self.rounds))
+        rounds = max(LEAST_EACH * int(self.lake.wanted.sum()), int(share * self.rounds))
         return improved_trips(self.lake.costs, self.ports, orders, harbours, rounds, hot)
 
     def _seconds(self, orders: Sequence[Order], harbours: NDArray[np.int64]) -> list[float]:

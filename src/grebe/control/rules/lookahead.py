@@ -123,9 +123,9 @@ class Lookahead:
         entries, away_m = _entries(situation, len(stages), spans_m)
         node, (price, hold) = 0, self._prices(situation.aims[0], away_m < spans_m)
         for entry, target, count in zip(entries, situation.ahead, stages, strict=False):
-            horizon.duration_bounds[node : node + count, 0] = SHORTEST_LEG_S / count
-            for stage in range(node, node + count):
-                horizon.attract(stage, pace_rows(target), hold)
+            leg = slice(node, node + count)
+            horizon.duration_bounds[leg, 0] = SHORTEST_LEG_S / count
+            horizon.attract(leg, pace_rows(target), hold)
             node += count
             horizon.require(node, entry, price)
         return horizon
@@ -239,7 +239,9 @@ def _start(situation: Situation, arrivals: Sequence[float], stages: Sequence[int
     moments = np.asarray(times)
     states, thrusts = _sample(situation, moments, ends)
     states[0] = situation.state
-    return Plan(states=states, thrusts=thrusts, durations=np.diff(moments))
+    plan, later = situation.plan, moments + situation.elapsed_s
+    costates = None if plan is None else plan.costates_at(later)
+    return Plan(states=states, thrusts=thrusts, durations=np.diff(moments), costates=costates)
 
 
 def _sample(situation: Situation, moments: Array, ends: Array) -> tuple[Array, Array]:

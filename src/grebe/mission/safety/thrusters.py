@@ -73,17 +73,22 @@ def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
     now = _moments(vessel, facts)
     moments = tuple(old + share * (new - old) for old, new in zip(before.moments, now, strict=True))
     port, starboard, drag, coupling = moments
-    row = np.array([port, starboard, drag, seen - coupling])
-    products = keep * np.array(before.products) + (1 - keep) * np.outer(row, row).ravel()
-    side = _dead_side(products.reshape(4, 4), vessel)
+    products = _averaged(before.products, (port, starboard, drag, seen - coupling), keep)
+    side = _dead_side(np.array(products).reshape(4, 4), vessel)
     return Turning(
         time_s=facts.time_s,
         yaw_rate=before.yaw_rate + share * (yaw_rate - before.yaw_rate),
         moments=(port, starboard, drag, coupling),
-        products=tuple(products.tolist()),
+        products=products,
         side=side,
         since_s=before.since_s if side == before.side else facts.time_s,
     )
+
+
+def _averaged(before: tuple[float, ...], row: Four, keep: float) -> tuple[float, ...]:
+    """Averages of the products of a row of moments, row by row, with one more row."""
+    products = (a * b for a in row for b in row)
+    return tuple(keep * old + (1 - keep) * new for old, new in zip(before, products, strict=True))
 
 
 def dead_thruster(turning: Turning) -> Finding | None:

@@ -48,6 +48,8 @@ class FastSolver:
         states[0] = state
         share = np.where(span > 0, (guess.durations - low) / np.where(span > 0, span, 1.0), 0.5)
         inputs = np.column_stack([guess.thrusts, np.clip(share, 0.0, 1.0)])
+        known = guess.costates
+        costates = np.zeros_like(states) if known is None else known.copy()
         rows, count, price = _rows(horizon)
         bounds = horizon.bounds_of_thrusts(*self._limits)
         terms = sqp.Terms(
@@ -72,12 +74,13 @@ class FastSolver:
             regularisation=DURATION_REGULARISATION,
         )
         ended, iterations, cost = sqp.optimise(
-            terms, states, inputs, self._most_iterations, TOLERANCE
+            terms, states, inputs, costates, self._most_iterations, TOLERANCE
         )
         plan = Plan(
             states=states,
             thrusts=np.clip(inputs[:, :2], bounds[0], bounds[1]),
             durations=low + np.clip(inputs[:, 2], 0.0, 1.0) * span,
+            costates=costates if np.isfinite(costates).all() else None,
         )
         finite = bool(np.isfinite(states).all() and np.isfinite(inputs).all())
         status = _STATUS[ended] if finite else Status.NOT_CONVERGED

@@ -37,6 +37,9 @@ COST_SHARE = 1e-2
 SUFFICIENT = 1e-4
 QP_TOLERANCE = 1e-5
 SMALL_GAP = 0.05
+# Where steps shrink at least so much the next is foreseen from the last two, and not taken where
+# it would be so small a share of the tolerance.
+SHRINKING, NEGLIGIBLE = 0.25, 0.1
 
 
 class Terms(NamedTuple):
@@ -75,8 +78,9 @@ class Shooting(NamedTuple):
 
 
 @machine_code
-def optimise(terms, states, inputs, most_iterations, tolerance):
-    """Improve `states` (N + 1, 6) and `inputs` (N, 3) in place.
+def optimise(terms, states, inputs, costate, most_iterations, tolerance):
+    """Improve `states` (N + 1, 6), `inputs` (N, 3) and `costate` (N + 1, 6), the multipliers of the
+    dynamics into each node, in place.
 
     Returns how it ended (CONVERGED, FEASIBLE or FAILED), the iterations, and the cost.
     """
@@ -99,10 +103,10 @@ def optimise(terms, states, inputs, most_iterations, tolerance):
     low, high = np.empty((n, NW)), np.empty((n, NW))
     dx, dw = np.zeros((n + 1, NX)), np.zeros((n, NW))
     gain = np.zeros((n, NW, NX))
-    costate, new_costate = np.zeros((n + 1, NX)), np.zeros((n + 1, NX))
+    new_costate = np.zeros((n + 1, NX))
     trial_x, trial_w = np.empty((n + 1, NX)), np.empty((n, NW))
     history = np.full(MEMORY, -np.inf)
-    penalty, damping = 1.0, 0.0
+    penalty, damping, step = 1.0, 0.0, np.inf
     first_cost, first_gaps = -np.inf, 0.0
     # Without curvature a problem of minimum time is linear: Gauss-Newton would not do.
     free = np.max(terms.timing[1]) > 0.0
@@ -144,13 +148,21 @@ def optimise(terms, states, inputs, most_iterations, tolerance):
         states[:] = trial_x
         inputs[:] = trial_w
         costate += alpha * (new_costate - costate)
+        before = step if alpha == 1.0 else np.inf
         step = _step_size(dx, dw, terms.limits, terms.timing)
         idle = np.max(history) - np.min(history) < IDLE * abs(history[0])
-        if (alpha == 1.0 and step < tolerance) or (idle and step < 10 * tolerance):
+        small = step < tolerance or _next_is_negligible(before, step, tolerance)
+        if (alpha == 1.0 and small) or (idle and step < 10 * tolerance):
             return CONVERGED, iteration + 1, _cost(terms, states, inputs)
     return _unfinished(
         terms, gain, states, inputs, first_cost + penalty * first_gaps, iteration + 1
     )
+
+
+@machine_code
+def _next_is_negligible(before, step, tolerance):
+    shrinks = np.isfinite(before) and step < SHRINKING * before
+    return shrinks and step * step / before < NEGLIGIBLE * tolerance
 
 
 @machine_code
