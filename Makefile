@@ -10,6 +10,9 @@ STAMP := $(VENV)/.made
 INSTALL := $(BIN)/uv pip install --quiet --python $(BIN)/python -c constraints.txt -e
 PIP_INSTALL := $(BIN)/pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e
 
+# Compiled modules are kept, whatever the environment says: each process would compile a thousand.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: help demo test check bench docs arm64 clean
 
 help:  ## what there is to make

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -49,6 +49,11 @@ HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 3.0, 3.0, 0.5, 0.5
 PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
 COUNT = len(PRIOR_SD)
 BOAT, WEATHER, DRIFT, ALL = slice(0, 9), slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)
+# Which of the boat's numbers in the equations of motion the factors on its drag and its inertia
+# multiply, in the order m33, x_u, y_v, n_r, x_uu, y_vv, n_rr, and which factor each.
+FACTORS_OF, FACTORS = np.array([2, 3, 4, 5, 6, 7, 8]), np.array([4, 2, 3, 5, 2, 3, 5])
+# Runge-Kutta steps within the time in which the boat's fastest motion decays.
+STEPS_PER_RATE = 2.5
 ITERATIONS = 6
 # Of a search for the weather alone, whose end decides whether the model is rejected at all: one
 # that stops short makes a boat of a current that rises.
@@ -216,6 +221,7 @@ class _Problem:
     flown: Flown
     first: NDArray[np.int64]
     last: NDArray[np.int64]
+    acted: dict[tuple[float, float], Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, model: Vessel, flown: Flown) -> _Problem | None:
@@ -239,6 +245,24 @@ class _Problem:
         return plain_cost - cost > max(LEAST_GAIN * max(1.0, unit), LEAST_SHARE * plain_cost)
 
     @cached_property
+    def boat(self) -> Array:
+        """The model's numbers in the equations of motion, without weather."""
+        return parameter_vector(self.model, np.zeros(0))
+
+    @cached_property
+    def units(self) -> Array:
+        """Of the weather among the numbers: currents [m/s], and full thrust [N]."""
+        full = 2 * self.model.thrust_max_n
+        return np.array([1.0, 1.0, full, full])
+
+    def _thrusts(self, dead_s: float, lag_s: float) -> Array:
+        """Mean thrusts between states; most numbers are probed at the same lateness."""
+        if (dead_s, lag_s) not in self.acted:
+            self.acted.clear()
+            self.acted[dead_s, lag_s] = self.flown.thrusts(dead_s, lag_s)
+        return self.acted[dead_s, lag_s]
+
+    @cached_property
     def believed(self) -> Array:
         """The numbers of a boat that is as its model says: the prior's mean."""
         return _numbers(as_modelled(self.model))
@@ -255,14 +279,15 @@ class _Problem:
 
     def residuals(self, numbers: Array) -> Array:
         """What the pieces' ends miss, in standard deviations, and the prior's pull."""
-        correction, weather = _correction(numbers), _weather(self.model, numbers)
-        boat = replace(correction.vessel(self.model), name="")
-        thrusts = self.flown.thrusts(correction.dead_s, correction.lag_s)
-        thrusts = thrusts * (correction.port, correction.starboard)
-        states = turned(self.flown.states, -correction.heading_rad)
-        p = parameter_vector(boat, np.array(weather.as_tuple()))
-        times = self.flown.times
-        ends = pieces_ends(p, numbers[DRIFT], times, states, thrusts, self.first, self.last)
+        factors = np.exp(numbers[:6])
+        thrusts = self._thrusts(*numbers[6:8].tolist()) * factors[:2]
+        states = turned(self.flown.states, -float(numbers[8]))
+        p = np.concatenate([self.boat, numbers[9:13] * self.units])
+        p[FACTORS_OF] *= factors[FACTORS]
+        ends = pieces_ends(
+            p, numbers[DRIFT], self.flown.times, states, thrusts, self.first, self.last,
+            STEPS_PER_RATE * self.model.fastest_rate_hz,
+        )  # fmt: skip
         missed = (ends - states[self.last]) / END_SD
         return np.concatenate([missed.ravel(), (numbers - self.believed) / PRIOR_SD])
 

@@ -30,10 +30,10 @@ def lagged(thrusts, lags):
 
 
 @machine_code
-def pieces_ends(p, drift, times, states, thrusts, first, last):
+def pieces_ends(p, drift, times, states, thrusts, first, last, per_second):
     """Where the model ends, (k, 6), from `states[first]` at `times[last]`, under the mean thrusts
     (n - 1, 2) between successive times. The current of `p` is that of the last time, and `drift`
-    (2,) how it has changed until then.
+    (2,) how it has changed until then; `per_second` Runge-Kutta steps a second at least.
     """
     ends = np.empty((len(first), 6))
     z = np.empty(6)
@@ -45,7 +45,7 @@ def pieces_ends(p, drift, times, states, thrusts, first, last):
         q[12] = p[12] - before * drift[1]
         for i in range(first[k], last[k]):
             duration = times[i + 1] - times[i]
-            substeps = max(2, int(np.ceil(duration * SUBSTEPS_PER_S)))
+            substeps = max(1, int(np.ceil(duration * per_second - 1e-6)))
             advance(q, z, thrusts[i], duration, substeps, ends[k])
             z[:] = ends[k]
     return ends

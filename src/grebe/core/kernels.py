@@ -60,6 +60,16 @@ def is_compiled() -> bool:
         return False
 
 
+def forget_compiled() -> None:
+    """Remove the machine code of another source. A kernel holds those that it calls, and numba
+    looks at its own file alone: one that calls a changed kernel would be run as it was.
+    """
+    for folder in _PACKAGE.rglob("__pycache__"):
+        for old in (*folder.glob("*.nbi"), *folder.glob("*.nbc")):
+            with suppress(OSError):
+                old.unlink()
+
+
 def note_compiled() -> None:
     """Note that all of it is compiled; where the package cannot be written, nothing is noted."""
     with suppress(OSError):

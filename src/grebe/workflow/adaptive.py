@@ -13,17 +13,20 @@ from grebe.core.dynamics import CALM
 from grebe.core.errors import InputError, PlanError, UsageError
 from grebe.core.revision import PlanRevision
 from grebe.core.samples import Samples
-from grebe.core.sets import TargetSet, drawn_in, polygons_of, rings_of
+from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
 from grebe.core.survey import Survey, Target
+from grebe.core.taut import taut_way
 from grebe.mapping.grid import make_grid
-from grebe.mapping.maps import Mapper
+from grebe.mapping.local_variation import local_variation
+from grebe.mapping.maps import Mapper, QuantityMap
 from grebe.mapping.sequential import sequential
 from grebe.mapping.threads import one_blas_thread
 from grebe.planning.adapt import Worth, chosen_places
 from grebe.planning.mesh import mesh_water, target_footprint
+from grebe.planning.place_ways import PlaceWays, place_ways
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, OpenWater, put_in_order
-from grebe.planning.travel import travel_of
+from grebe.planning.travel import Travel, travel_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,8 +39,11 @@ Goal = Literal["accuracy", "threshold", "hot-spot"]
 GOALS: tuple[Goal, ...] = ("accuracy", "threshold", "hot-spot")
 # Places that can be gone to, about so many; a target is drawn in to this share of its cell.
 PLACES, CORE = 900, 0.6
-# What is looked for beside the way takes a little longer than straight legs.
-WAY_SHARE = 0.85
+# The time is used from so much on, in so many trials.
+FULL, FITTINGS = 0.93, 5
+# The sampler's interval [s]; and how far apart readings on the way are that tell different things,
+# of the practical range.
+READING_EACH_S, APART_SHARE = 1.0, 0.5
 # A hot spot is what may lie above so high a share of the map's values.
 HOT_SHARE = 0.95
 
@@ -98,13 +104,23 @@ def adapted(
         raise InputError(f"The survey has no quantity {wish.quantity!r}.")
     open_ = _open_water(survey, revision.highest_seq)
     places = np.array([target.set.centre for target in open_.targets])
-    worth = _worth(survey, samples, quantities, places, wish)
     window = (settings.speed_min_mps, settings.speed_max_mps)
     travel = travel_of(vessel, window, settings.weather)
-    pace = WAY_SHARE / float(np.mean(travel.slowness))
-    route, left = chosen_places(
-        worth, place, 60 * wish.minutes, pace, 0.5 * math.pi * travel.turn_s_per_rad
-    )
+    pace = 1 / float(np.mean(travel.slowness))
+    worth = _worth(survey, samples, quantities, places, wish, open_.cell_m / pace)
+    ways = place_ways(places, open_.cell_m, open_.water)
+    nearest = int(np.argmin(np.hypot(*(places - np.array(place)).T)))
+    turn_m = travel.turn_s_per_rad * pace
+    route: list[int] = []
+    left, most_s, allowed_s = np.diag(worth.covariance), 60 * wish.minutes, 60 * wish.minutes
+    for _ in range(FITTINGS):
+        found, then = chosen_places(worth, ways, nearest, allowed_s, pace, turn_m)
+        takes_s = _predicted_s(open_, ways, travel, place, [nearest, *found])
+        if takes_s <= most_s and len(found) >= len(route):
+            route, left = found, then
+        if FULL * most_s <= takes_s <= most_s:
+            break
+        allowed_s *= 0.5 * (1 + FULL) * most_s / max(takes_s, 1.0)
     if not route:
         raise PlanError(
             f"No place that is worth a reading lies within {wish.minutes:g} minutes; give more.",
@@ -125,6 +141,20 @@ def adapted(
         note=f"{len(route)} places more for {_said(wish)}, in {wish.minutes:g} minutes",
     )
     return Adapted(revision=new, before_sd=before, expected_sd=after, places=len(route))
+
+
+def _predicted_s(
+    open_: OpenWater,
+    ways: PlaceWays,
+    travel: Travel,
+    place: tuple[float, float],
+    way: list[int],
+) -> float:
+    """What the way through some places is predicted to take: taut, and around land."""
+    taut = taut_way(place, footprints_of([open_.targets[one].set for one in way[1:]]))
+    straight = np.hypot(*np.diff(ways.places[way], axis=0).T)
+    around_m = float((ways.lengths_m[way[:-1], way[1:]] - straight).sum())
+    return travel.path_s(taut) + around_m * float(np.mean(travel.slowness))
 
 
 def _said(wish: Wish) -> str:
@@ -163,9 +193,14 @@ def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
 
 
 def _worth(
-    survey: Survey, samples: Samples, quantities: Quantities, places: Array, wish: Wish
+    survey: Survey,
+    samples: Samples,
+    quantities: Quantities,
+    places: Array,
+    wish: Wish,
+    pass_s: float,
 ) -> Worth:
-    """What places are worth by the map of what was measured so far."""
+    """What places are worth by the map of what was measured so far; to pass one takes `pass_s`."""
     key = wish.quantity
     grid = make_grid(survey.water, math.sqrt(survey.water.area / PLACES))
     mapped = Mapper(survey.water, grid).map_quantity(
@@ -180,14 +215,32 @@ def _worth(
         )
     mean, covariance = field.mean(places), field.covariance(places)
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    weights = np.ones(len(places))
+    cell_m = math.sqrt(survey.water.area / PLACES)
+    weights = _variation(mapped, places, survey.water.area, cell_m)
     if wish.goal == "threshold":
         assert wish.threshold is not None
         weights = norm.pdf((wish.threshold - mean) / sd)
     elif wish.goal == "hot-spot":
         weights = norm.sf((np.quantile(mean, HOT_SHARE) - mean) / sd)
     weights = np.maximum(weights / max(float(weights.sum()), 1e-300), 1e-9)
-    return Worth(places=places, covariance=covariance, noise=mapped.model.nugget, weights=weights)
+    range_m = mapped.model.practical_range_m or 0.0
+    return Worth(
+        places=places,
+        covariance=covariance,
+        noise=mapped.model.nugget / max(pass_s / READING_EACH_S, 1.0),
+        weights=weights,
+        apart_m=max(cell_m, APART_SHARE * range_m),
+    )
+
+
+def _variation(mapped: QuantityMap, places: Array, area_m2: float, cell_m: float) -> Array:
+    """How much the water varies about each place, told by readings two cells apart at most, over
+    about the distance between two passes.
+    """
+    positions = mapped.positions
+    passed = len(np.unique(np.floor(positions / cell_m), axis=0))
+    between_m = area_m2 / max(passed * cell_m, 1.0)
+    return local_variation(places, positions, mapped.values, 2 * cell_m, max(between_m, cell_m))
 
 
 def _weighted_sd(variance: Array, weights: Array) -> float:

@@ -21,6 +21,7 @@ _COMMAND = "from grebe.workflow.warm import sail_a_little; sail_a_little()"
 def compile_controller() -> bool:
     """Fill the cache where it is not full and can be written; return whether it is full now."""
     if not kernels.is_compiled() and os.access(Path(kernels.__file__).parent, os.W_OK):
+        kernels.forget_compiled()
         subprocess.run([sys.executable, "-c", _COMMAND], check=False, capture_output=True)
     return kernels.is_compiled()
 

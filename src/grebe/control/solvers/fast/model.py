@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.kernels import machine_code
+from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -44,9 +44,33 @@ def parameter_vector(vessel: Vessel, weather: NDArray[np.float64]) -> NDArray[np
     return np.concatenate([np.array(boat), weather])
 
 
+@inlined_machine_code
+def _rates(p, psi, u, v, r, port, starboard):
+    """Right-hand side: six numbers."""
+    c, s = np.cos(psi), np.sin(psi)
+    u_c = c * p[_CN] + s * p[_CE]
+    v_c = c * p[_CE] - s * p[_CN]
+    wind_x = c * p[_FN] + s * p[_FE]
+    wind_y = c * p[_FE] - s * p[_FN]
+    u_r, v_r = u - u_c, v - v_c
+    m11, m22 = p[_M11], p[_M22]
+    drag_u = (p[_XU] + p[_XUU] * abs(u_r)) * u_r
+    drag_v = (p[_YV] + p[_YVV] * abs(v_r)) * v_r
+    drag_r = (p[_NR] + p[_NRR] * abs(r)) * r
+    return (
+        u * c - v * s,
+        u * s + v * c,
+        r,
+        (port + starboard + wind_x + m22 * v_r * r + drag_u) / m11 + r * v_c,
+        (wind_y - m11 * u_r * r + drag_v) / m22 - r * u_c,
+        (p[_ARM] * (port - starboard) + p[_YAW] * u_r * v_r + drag_r) / p[_M33],
+    )
+
+
 @machine_code
 def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     """Right-hand side `f` (6,) and its Jacobian `jac` (6, 6) in (psi, u, v, r, F_1, F_2)."""
+    f[0], f[1], f[2], f[3], f[4], f[5] = _rates(p, psi, u, v, r, port, starboard)
     c, s = np.cos(psi), np.sin(psi)
     u_c = c * p[_CN] + s * p[_CE]
     v_c = c * p[_CE] - s * p[_CN]
@@ -54,15 +78,6 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     wind_y = c * p[_FE] - s * p[_FN]
     u_r, v_r = u - u_c, v - v_c
     m11, m22, m33, arm, yaw = p[_M11], p[_M22], p[_M33], p[_ARM], p[_YAW]
-    f[0] = u * c - v * s
-    f[1] = u * s + v * c
-    f[2] = r
-    drag_u = (p[_XU] + p[_XUU] * abs(u_r)) * u_r
-    drag_v = (p[_YV] + p[_YVV] * abs(v_r)) * v_r
-    drag_r = (p[_NR] + p[_NRR] * abs(r)) * r
-    f[3] = (port + starboard + wind_x + m22 * v_r * r + drag_u) / m11 + r * v_c
-    f[4] = (wind_y - m11 * u_r * r + drag_v) / m22 - r * u_c
-    f[5] = (arm * (port - starboard) + yaw * u_r * v_r + drag_r) / m33
     slope_u = p[_XU] + 2 * p[_XUU] * abs(u_r)
     slope_v = p[_YV] + 2 * p[_YVV] * abs(v_r)
     jac[:] = 0.0
@@ -132,24 +147,28 @@ def curvature(p, psi, u, v, r, mu, hess):
 @machine_code
 def advance(p, z, thrusts, duration, substeps, out):
     """Integrate one stage from `z` (6,) into `out` (6,): RK4 without derivatives."""
-    h = duration / substeps
-    f = np.empty(6)
-    jac = np.empty((6, 6))
-    point = np.empty(6)
-    total = np.empty(6)
-    out[:] = z
+    # In plain numbers, for the search does little else: small arrays cost more than they hold.
+    h, half = duration / substeps, 0.5 * duration / substeps
+    port, starboard = thrusts[0], thrusts[1]
+    x, y, psi, u, v, r = z[0], z[1], z[2], z[3], z[4], z[5]
     for _ in range(substeps):
-        point[:] = out
-        total[:] = 0.0
-        for stage in range(4):
-            evaluate(p, point[2], point[3], point[4], point[5], thrusts[0], thrusts[1], f, jac)
-            weight = 2.0 if stage in (1, 2) else 1.0
-            lead = 1.0 if stage == 2 else 0.5
-            for i in range(6):
-                total[i] += weight * f[i]
-                point[i] = out[i] + lead * h * f[i]
-        for i in range(6):
-            out[i] += h / 6 * total[i]
+        a0, a1, a2, a3, a4, a5 = _rates(p, psi, u, v, r, port, starboard)
+        b0, b1, b2, b3, b4, b5 = _rates(
+            p, psi + half * a2, u + half * a3, v + half * a4, r + half * a5, port, starboard
+        )
+        c0, c1, c2, c3, c4, c5 = _rates(
+            p, psi + half * b2, u + half * b3, v + half * b4, r + half * b5, port, starboard
+        )
+        d0, d1, d2, d3, d4, d5 = _rates(
+            p, psi + h * c2, u + h * c3, v + h * c4, r + h * c5, port, starboard
+        )
+        x += h / 6 * (a0 + 2 * b0 + 2 * c0 + d0)
+        y += h / 6 * (a1 + 2 * b1 + 2 * c1 + d1)
+        psi += h / 6 * (a2 + 2 * b2 + 2 * c2 + d2)
+        u += h / 6 * (a3 + 2 * b3 + 2 * c3 + d3)
+        v += h / 6 * (a4 + 2 * b4 + 2 * c4 + d4)
+        r += h / 6 * (a5 + 2 * b5 + 2 * c5 + d5)
+    out[0], out[1], out[2], out[3], out[4], out[5] = x, y, psi, u, v, r
 
 
 @machine_code
