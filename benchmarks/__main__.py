@@ -37,6 +37,10 @@ BENCHMARKS = {
     "survival": "survival",
     "fleet_survival": "survival",
     "campaigns": "campaign",
+    "adaptive": "adaptive",
+    "commands": "commands",
+    "missions_a_second": "commands",
+    "first_run": "commands",
 }
 
 

@@ -187,25 +187,24 @@ def corridors_of(
     hulls = joint_hulls(begins, ends)
     x0, y0, x1, y1 = shapely.bounds(hulls).T
     boxes = shapely.box(x0 - reach_m, y0 - reach_m, x1 + reach_m, y1 + reach_m)
-    corridors = boxes.copy()
-    near_land = np.flatnonzero(~shapely.covers(allowed, boxes))
-    lands = shapely.difference(boxes[near_land], water)
-    for k, land in zip(near_land.tolist(), lands, strict=True):
-        corridors[k] = _cut(hulls[k], boxes[k], land)
-    return corridors.tolist()
+    free = shapely.covers(allowed, boxes)
+    return [
+        box if is_free else _cut(hull, box, water)
+        for hull, box, is_free in zip(hulls, boxes, free.tolist(), strict=True)
+    ]
 
 
-def _cut(hull: shapely.Polygon, box: shapely.Polygon, land: shapely.Geometry) -> shapely.Polygon:
-    """Cut the land in a box around a hull off it, nearest first, each time along the line through
+def _cut(hull: shapely.Polygon, box: shapely.Polygon, water: shapely.Polygon) -> shapely.Polygon:
+    """Cut land off a box around a hull, nearest first, each time along the line through
     the land's nearest point that leaves the hull whole. Falls back to the hull.
     """
     region = box
     for _ in range(MOST_CUTS):
+        land = shapely.difference(region, water)
         pieces = [part for part in shapely.get_parts(land) if part.area > SPECK_M2]
         if not pieces:
             return region if len(region.exterior.coords) <= MOST_SIDES + 1 else hull
         region = _clipped(region, *_separator(hull, shapely.union_all(pieces)))
-        land = shapely.intersection(land, region)
     return hull
 
 
