@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -183,7 +184,12 @@ def command(
         surest = plan_surest(asked, water, boat, settings, start, no_go, quiet=as_json)
         planned = surest.best.planned
     else:
-        planned = plan_region(water, boat, settings, start_lonlat=start, no_go=no_go)
+        searches = settings.sorties is not None
+        with output.Countdown("rounds", 1, quiet=as_json) if searches else nullcontext() as bar:
+            on_done = bar.update if bar is not None else None
+            planned = plan_region(
+                water, boat, settings, start_lonlat=start, no_go=no_go, on_done=on_done
+            )
     picture = write_plan(planned, path, quantities_file=quantities_file, force=force)
     for text in (*planned.notes, *plan_warnings(planned.survey)):
         output.note(f"note: {text}")

@@ -7,7 +7,7 @@ them; then the shortest is dissolved into the others for as long as they can tak
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 ROUNDS_EACH, LEAST_EACH, MOST_ROUNDS = 250, 5, 1_500_000
 TRIAL_SHARE, MOST_ABSENT_SHARE = 0.15, 0.03
 WARM_SHARE = 0.15
+# How many times the rounds of one exchange all of them take together, as a rule.
+EXPECTED = 2.5
 # How full trips may be: nothing can be exchanged between full ones.
 FULLEST = 0.99
 MOST_SORTIES = 200
@@ -51,15 +53,22 @@ class Trips:
     limit_s: float
 
 
-def trips_within(lake: Lake, endurance: Endurance, rounds: int | None = None) -> Trips:
+def trips_within(
+    lake: Lake,
+    endurance: Endurance,
+    rounds: int | None = None,
+    on_done: Callable[[int, int], None] | None = None,
+) -> Trips:
     """Return the fewest trips that hold all cells, each within the endurance as it is predicted
-    to be sailed. `rounds` of the exchange between them (None: by the number of cells).
+    to be sailed. `rounds` of the exchange between them (None: by the number of cells). `on_done`
+    hears how many rounds are done, and how many there will be, as far as is known.
     """
     count = int(lake.wanted.sum())
     rounds = min(ROUNDS_EACH * count, MOST_ROUNDS) if rounds is None else rounds
-    factor, trips, best = _factor(lake, endurance, rounds), None, None
+    effort = _Effort(rounds, on_done)
+    factor, trips, best = _factor(lake, endurance, effort), None, None
     for _ in range(FITTINGS):
-        search = _Search(lake, ports_of(lake, endurance, factor), rounds)
+        search = _Search(lake, ports_of(lake, endurance, factor), rounds, effort)
         trips = search.fewer(search.first() if trips is None else search.fitted(trips))
         seconds = _predicted_s(lake, trips)
         longest = float(seconds.max()) / (endurance.limit_s - HOME_SLACK_S)
@@ -75,12 +84,27 @@ def trips_within(lake: Lake, endurance: Endurance, rounds: int | None = None) ->
     return best
 
 
-def _factor(lake: Lake, endurance: Endurance, rounds: int) -> float:
+class _Effort:
+    """How many rounds were done, of how many."""
+
+    def __init__(self, rounds: int, on_done: Callable[[int, int], None] | None) -> None:
+        self.rounds, self._on_done = rounds, on_done
+        self._done = 0
+
+    def spend(self, rounds: int) -> None:
+        """Hear of rounds that were done."""
+        self._done += rounds
+        if self._on_done is not None:
+            most = max(EXPECTED * self.rounds, self._done + WARM_SHARE * self.rounds)
+            self._on_done(self._done, int(most))
+
+
+def _factor(lake: Lake, endurance: Endurance, effort: _Effort) -> float:
     """How much longer trips take than their legs through the centres, for turns and corners that
     are cut: what it is for trips after a short exchange.
     """
     ports = ports_of(lake, endurance, _first_factor(lake))
-    trips = _Search(lake, ports, int(TRIAL_SHARE * rounds)).first()
+    trips = _Search(lake, ports, int(TRIAL_SHARE * effort.rounds), effort).first()
     return float(_predicted_s(lake, trips).sum()) / max(trips.legs_s, lake.pitch_s)
 
 
@@ -128,6 +152,7 @@ class _Search:
     lake: Lake
     ports: Ports
     rounds: int
+    effort: _Effort
 
     def first(self) -> Trips:
         """Trips that hold all cells, their number as small as a short exchange has it."""
@@ -178,7 +203,9 @@ class _Search:
         self, orders: list[Order], harbours: NDArray[np.int64], share: float, hot: float
     ) -> tuple[list[Order], Order]:
         rounds = max(LEAST_EACH * int(self.lake.wanted.sum()), int(share * self.rounds))
-        return improved_trips(self.lake.costs, self.ports, orders, harbours, rounds, hot)
+        found = improved_trips(self.lake.costs, self.ports, orders, harbours, rounds, hot)
+        self.effort.spend(rounds)
+        return found
 
     def _seconds(self, orders: Sequence[Order], harbours: NDArray[np.int64]) -> list[float]:
         return [

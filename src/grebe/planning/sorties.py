@@ -6,7 +6,7 @@ and all of them one revision of the plan.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -53,10 +53,11 @@ def plan_sorties(
     settings: PlanSettings,
     start_lonlat: tuple[float, float] | None = None,
     no_go: Sequence[shapely.Polygon] = (),
+    on_done: Callable[[int, int], None] | None = None,
 ) -> PlannedSorties:
     """Plan a survey of a region in sorties; `PlanError` says why there is none.
 
-    Without a harbour the sorties begin and end at the start.
+    Without a harbour the sorties begin and end at the start. `on_done` hears how far the search is.
     """
     sorties = settings.sorties
     if sorties is None:
@@ -66,7 +67,8 @@ def plan_sorties(
     draft = planner.first_draft(quick=True)
     places = [region.frame.place_near(region.water, one, "harbour") for one in sorties.harbours]
     lake = lake_of(planner, draft, places or [draft.start])
-    trips = trips_within(lake, endurance_of(vessel, settings, planner.travel))
+    endurance = endurance_of(vessel, settings, planner.travel)
+    trips = trips_within(lake, endurance, on_done=on_done)
     planned = _laid_out(lake, trips, notes)
     return planned if settings.fleet is None else dealt(planned, settings.fleet.boats)
 

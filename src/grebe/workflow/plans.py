@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,11 +55,14 @@ def plan_region(
     *,
     start_lonlat: tuple[float, float] | None = None,
     no_go: Sequence[Path] = (),
+    on_done: Callable[[int, int], None] | None = None,
 ) -> Planned:
-    """Plan a survey of a region, out of the zones that some files hold."""
+    """Plan a survey of a region, out of the zones that some files hold; `on_done` hears how far the
+    search for sorties is, which takes minutes on a large lake.
+    """
     zones = read_zones(no_go, region)
     if settings.sorties is not None:
-        return plan_sorties(region, vessel, settings, start_lonlat, zones)
+        return plan_sorties(region, vessel, settings, start_lonlat, zones, on_done)
     if settings.fleet is not None:
         return plan_fleet(region, vessel, settings, zones)
     return plan(region, vessel, settings, start_lonlat, zones)

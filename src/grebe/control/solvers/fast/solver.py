@@ -44,12 +44,8 @@ class FastSolver:
         """Solve; see `Solver.solve`."""
         low, high = horizon.duration_bounds.T
         span = high - low
-        states = guess.states.astype(float)
-        states[0] = state
         share = np.where(span > 0, (guess.durations - low) / np.where(span > 0, span, 1.0), 0.5)
-        inputs = np.column_stack([guess.thrusts, np.clip(share, 0.0, 1.0)])
-        known = guess.costates
-        costates = np.zeros_like(states) if known is None else known.copy()
+        shares = np.clip(share, 0.0, 1.0)
         rows, count, price = _rows(horizon)
         bounds = horizon.bounds_of_thrusts(*self._limits)
         terms = sqp.Terms(
@@ -73,9 +69,17 @@ class FastSolver:
             bounds=bounds,
             regularisation=DURATION_REGULARISATION,
         )
-        ended, iterations, cost = sqp.optimise(
-            terms, states, inputs, costates, self._most_iterations, TOLERANCE
-        )
+        # The costates of another problem may mislead: then it is solved as if nothing were known.
+        for known in (guess.costates, None):
+            states = guess.states.astype(float)
+            states[0] = state
+            inputs = np.column_stack([guess.thrusts, shares])
+            costates = np.zeros_like(states) if known is None else known.copy()
+            ended, iterations, cost = sqp.optimise(
+                terms, states, inputs, costates, self._most_iterations, TOLERANCE
+            )
+            if known is None or ended != sqp.FAILED:
+                break
         plan = Plan(
             states=states,
             thrusts=np.clip(inputs[:, :2], bounds[0], bounds[1]),
