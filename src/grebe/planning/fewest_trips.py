@@ -26,16 +26,18 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
-# Rounds of the exchange between trips, for each cell, at least for each cell, and at most; the
-# share of them that tells whether a number of trips can hold all cells, with the share of the cells
-# that may be left then; and the share that trips take which are nearly good.
-ROUNDS_EACH, LEAST_EACH, MOST_ROUNDS = 250, 5, 1_500_000
+# Rounds of the exchange between trips, for each cell, at least and at most, and how many a share of
+# them is at least for each cell; the share of them that tells whether a number of trips can hold
+# all cells, with the share of the cells that may be left then; and the share that trips take which
+# are nearly good.
+ROUNDS_EACH, LEAST_ROUNDS, MOST_ROUNDS, LEAST_EACH = 250, 200_000, 1_500_000, 5
 TRIAL_SHARE, MOST_ABSENT_SHARE = 0.15, 0.03
 WARM_SHARE = 0.15
 # How many times the rounds of one exchange all of them take together, as a rule.
 EXPECTED = 2.5
-# How full trips may be: nothing can be exchanged between full ones.
-FULLEST = 0.99
+# A trip fewer is tried where the others would be so full at most: what trips take over their legs
+# differs by some per cent. Of a small lake, with no more rounds than this, it is searched for anew.
+FULLEST, SMALL_ROUNDS = 1.1, 400_000
 MOST_SORTIES = 200
 FITTINGS = 5
 
@@ -64,7 +66,8 @@ def trips_within(
     hears how many rounds are done, and how many there will be, as far as is known.
     """
     count = int(lake.wanted.sum())
-    rounds = min(ROUNDS_EACH * count, MOST_ROUNDS) if rounds is None else rounds
+    if rounds is None:
+        rounds = min(max(ROUNDS_EACH * count, LEAST_ROUNDS), MOST_ROUNDS)
     effort = _Effort(rounds, on_done)
     factor, trips, best = _factor(lake, endurance, effort), None, None
     for _ in range(FITTINGS):
@@ -76,7 +79,7 @@ def trips_within(
             if best is not None and len(trips.orders) >= len(best.orders):
                 return best
             best = trips
-            if len(best.orders) <= math.ceil(seconds.sum() / endurance.limit_s):
+            if seconds.sum() > FULLEST * (len(best.orders) - 1) * endurance.limit_s:
                 return best
         factor *= 1.005 * longest
     if best is None:
@@ -154,6 +157,11 @@ class _Search:
     rounds: int
     effort: _Effort
 
+    @property
+    def _again(self) -> tuple[float, float]:
+        """The share of the rounds, and the first temperature, for trips that are nearly good."""
+        return (1.0, HOT) if self.rounds <= SMALL_ROUNDS else (WARM_SHARE, WARM)
+
     def first(self) -> Trips:
         """Trips that hold all cells, their number as small as a short exchange has it."""
         _refuse_unreachable(self.lake, self.ports)
@@ -171,7 +179,7 @@ class _Search:
         """Trips of another limit within this one."""
         _refuse_unreachable(self.lake, self.ports)
         orders = _all_trimmed(self.lake, self.ports, trips.harbours, trips.orders)
-        return self._with_all(orders, trips.harbours, WARM_SHARE, WARM)
+        return self._with_all(orders, trips.harbours, *self._again)
 
     def fewer(self, trips: Trips) -> Trips:
         """Dissolve the shortest trip for as long as the others can take its cells."""
@@ -179,7 +187,7 @@ class _Search:
             shortest = int(np.argmin(self._seconds(trips.orders, trips.harbours)))
             orders = [order for i, order in enumerate(trips.orders) if i != shortest]
             harbours = np.delete(trips.harbours, shortest)
-            found, absent = self._exchanged(orders, harbours, WARM_SHARE, WARM)
+            found, absent = self._exchanged(orders, harbours, *self._again)
             if len(absent):
                 break
             trips = self._trips(found, harbours)
@@ -196,7 +204,7 @@ class _Search:
             nearest = np.argmin(self.ports.out[:, absent], axis=0)
             harbours = np.append(harbours, np.bincount(nearest).argmax())
             orders = [*orders, np.zeros(0, dtype=np.int64)]
-            share, hot = WARM_SHARE, WARM
+            share, hot = self._again
         raise _too_many()
 
     def _exchanged(
