@@ -1,5 +1,7 @@
 """The fast path: derivatives, Riccati recursion, and agreement with the oracle."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -141,6 +143,66 @@ def test_free_durations_agree_with_the_oracle():
     assert exact.solved
     assert fast.cost == pytest.approx(exact.cost, rel=1e-3)
     assert fast.plan.duration_s == pytest.approx(exact.plan.duration_s, rel=1e-2)
+
+
+def lookahead_problem(state):
+    """A solver and a problem of legs from a state, which is always the same but for that."""
+    vessel, shape = PRESETS["benchmark"], HorizonShape(stages=24)
+    cells = [rectangle((5 * i, 5 * i + 5), (0, 5), (1, 2)) for i in range(6)]
+    situation = Situation(
+        state=(-6.0, 2.0, 0.1, 1.2, 0, 0), target=0, ahead=cells, aims=cells, cruise_thrust_n=15
+    )
+    proposal = Lookahead().propose(situation, shape)
+    solver = Fast().build(vessel, shape)
+
+    def solved(start):
+        return solver.solve(np.array(state, dtype=float), proposal.horizon, np.zeros(4), start)
+
+    return solved, proposal.start
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_costates_are_what_a_departure_costs(axis):
+    """The envelope theorem: between the optimal cost's derivatives to either side, by the state
+    that it begins in. For sway and yaw rate they differ: the cost has a kink there.
+    """
+    state, step = np.array([-6.0, 2.0, 0.1, 1.2, 0, 0]), 0.02
+    solved, start = lookahead_problem(state)
+    first = solved(solved(start).plan)
+    slopes = []
+    for way in (-step, step):
+        moved = state.copy()
+        moved[axis] += way
+        once = lookahead_problem(moved)[0]
+        slopes.append((once(once(first.plan).plan).cost - first.cost) / way)
+    low, high = min(slopes), max(slopes)
+    assert low - 0.05 <= first.plan.costates[0, axis] <= high + 0.05
+    if axis not in (4, 5):
+        assert high - low < 0.2
+
+
+def test_with_costates_a_problem_nearby_takes_fewer_iterations():
+    state = np.array([-6.0, 2.0, 0.1, 1.2, 0, 0])
+    solved, start = lookahead_problem(state)
+    first = solved(start)
+    assert solved(first.plan).iterations == 1
+    rng, counts = np.random.default_rng(3), []
+    for _ in range(12):
+        nearby = lookahead_problem(state + rng.normal(0, [0.1, 0.1, 0.02, 0.05, 0.02, 0.02]))[0]
+        known, unknown = nearby(first.plan), nearby(replace(first.plan, costates=None))
+        assert known.cost == pytest.approx(unknown.cost, rel=0.01)
+        counts.append((known.iterations, unknown.iterations))
+    assert np.mean(counts, axis=0)[0] < 0.9 * np.mean(counts, axis=0)[1]
+
+
+@pytest.mark.parametrize("scale", [1e3, 1e8, np.inf])
+def test_costates_of_another_problem_do_not_keep_it_from_being_solved(scale):
+    solved, start = lookahead_problem((-6.0, 2.0, 0.1, 1.2, 0, 0))
+    first = solved(start)
+    wrong = scale * np.random.default_rng(1).normal(size=first.plan.states.shape)
+    found = solved(replace(start, costates=wrong))
+    assert found.solved
+    assert found.cost == pytest.approx(first.cost, rel=0.02)
 
 
 def test_a_hopeless_start_is_a_status_and_not_an_exception():

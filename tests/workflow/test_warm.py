@@ -63,3 +63,9 @@ def test_another_source_is_compiled_anew(tmp_path, monkeypatch):
     assert kernels.is_compiled()
     source.write_text("another")
     assert not kernels.is_compiled()
+    # A kernel in a file that stayed the same may hold one that did not.
+    old = tmp_path / "mission" / "__pycache__" / "loop.step-1.py311.1.nbc"
+    old.parent.mkdir(parents=True)
+    old.write_bytes(b"machine code")
+    kernels.forget_compiled()
+    assert not old.exists()

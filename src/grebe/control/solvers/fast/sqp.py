@@ -129,6 +129,13 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
                 break
         if solved < 0:
             break
+        before, step = step, _step_size(dx, dw, terms.limits, terms.timing)
+        if damping == 0.0 and step < tolerance:
+            # The solution, but for what no penalty function resolves.
+            states += dx
+            inputs += dw
+            costate[:] = new_costate
+            return CONVERGED, iteration + 1, _cost(terms, states, inputs)
         penalty = max(1.1 * np.max(np.abs(new_costate[1:])), 0.5 * penalty)
         cost, gaps = _cost(terms, states, inputs), np.sum(np.abs(shooting.gap))
         if iteration == 0:
@@ -143,17 +150,17 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
             if damping > MOST_DAMPING:
                 break
             damping = max(10.0 * damping, FIRST_DAMPING * max(1.0, COST_SHARE * np.max(history)))
+            step = np.inf
             continue
         damping = _eased(damping, alpha)
         states[:] = trial_x
         inputs[:] = trial_w
         costate += alpha * (new_costate - costate)
-        before = step if alpha == 1.0 else np.inf
-        step = _step_size(dx, dw, terms.limits, terms.timing)
         idle = np.max(history) - np.min(history) < IDLE * abs(history[0])
         small = step < tolerance or _next_is_negligible(before, step, tolerance)
         if (alpha == 1.0 and small) or (idle and step < 10 * tolerance):
             return CONVERGED, iteration + 1, _cost(terms, states, inputs)
+        step = step if alpha == 1.0 else np.inf
     return _unfinished(
         terms, gain, states, inputs, first_cost + penalty * first_gaps, iteration + 1
     )
