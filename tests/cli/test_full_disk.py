@@ -1,6 +1,7 @@
 """On a full disk every command ends with one sentence, and what was there before is whole."""
 
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -23,6 +24,8 @@ def on_a_disk_of(room, *words, cwd):
     return subprocess.run(
         [*GREBE, *map(str, words)],
         cwd=cwd,
+        # Python would cut its compiled modules short too, and trip over them ever after.
+        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
         check=False,

@@ -115,6 +115,8 @@ def adapted(
     left, most_s, allowed_s = np.diag(worth.covariance), 60 * wish.minutes, 60 * wish.minutes
     for _ in range(FITTINGS):
         found, then = chosen_places(worth, ways, nearest, allowed_s, pace, turn_m)
+        if not found:
+            break
         takes_s = _predicted_s(open_, ways, travel, place, [nearest, *found])
         if takes_s <= most_s and len(found) >= len(route):
             route, left = found, then

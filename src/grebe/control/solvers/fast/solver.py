@@ -15,6 +15,8 @@ from grebe.core.vessel import Vessel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    Array = NDArray[np.float64]
+
 # Largest change in the last step: metres, radians, shares of the thrust range.
 TOLERANCE = 1e-2
 
@@ -69,17 +71,10 @@ class FastSolver:
             bounds=bounds,
             regularisation=DURATION_REGULARISATION,
         )
-        # The costates of another problem may mislead: then it is solved as if nothing were known.
-        for known in (guess.costates, None):
-            states = guess.states.astype(float)
-            states[0] = state
-            inputs = np.column_stack([guess.thrusts, shares])
-            costates = np.zeros_like(states) if known is None else known.copy()
-            ended, iterations, cost = sqp.optimise(
-                terms, states, inputs, costates, self._most_iterations, TOLERANCE
-            )
-            if known is None or ended != sqp.FAILED:
-                break
+        start = guess.states.astype(float)
+        start[0] = state
+        found = self._optimised(terms, start, np.column_stack([guess.thrusts, shares]), guess)
+        ended, iterations, cost, states, inputs, costates = found
         plan = Plan(
             states=states,
             thrusts=np.clip(inputs[:, :2], bounds[0], bounds[1]),
@@ -89,6 +84,27 @@ class FastSolver:
         finite = bool(np.isfinite(states).all() and np.isfinite(inputs).all())
         status = _STATUS[ended] if finite else Status.NOT_CONVERGED
         return Solution(plan=plan, status=status, cost=float(cost), iterations=int(iterations))
+
+    def _optimised(
+        self, terms: sqp.Terms, start: Array, inputs: Array, guess: Plan
+    ) -> tuple[int, int, float, Array, Array, Array]:
+        """How the better of two optimisations ended, with its iterations, cost, states, inputs and
+        costates: the costates of another problem may mislead, and where it does not converge with
+        them it is solved as if nothing were known.
+        """
+        best: tuple[int, int, float, Array, Array, Array] | None = None
+        for known in (guess.costates, None) if guess.costates is not None else (None,):
+            states, tried = start.copy(), inputs.copy()
+            costates = np.zeros_like(states) if known is None else known.copy()
+            ended, iterations, cost = sqp.optimise(
+                terms, states, tried, costates, self._most_iterations, TOLERANCE
+            )
+            if best is None or (ended, cost) < (best[0], best[2]):
+                best = ended, iterations, cost, states, tried, costates
+            if ended == sqp.CONVERGED:
+                break
+        assert best is not None
+        return best
 
 
 def _rows(
