@@ -69,3 +69,13 @@ def test_another_source_is_compiled_anew(tmp_path, monkeypatch):
     old.write_bytes(b"machine code")
     kernels.forget_compiled()
     assert not old.exists()
+
+
+def test_what_is_compiled_before_the_first_mission_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernels, "_PACKAGE", tmp_path)
+    monkeypatch.setattr(kernels, "_STAMP", tmp_path / "core" / "__pycache__" / "stamp")
+    fresh = tmp_path / "mapping" / "__pycache__" / "tiles.py311.1.nbc"
+    fresh.parent.mkdir(parents=True)
+    fresh.write_bytes(b"machine code")
+    kernels.forget_compiled()
+    assert fresh.exists()

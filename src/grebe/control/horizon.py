@@ -147,16 +147,12 @@ class Plan:
         """Return the plan as it looks `step_s` later, its last thrusts held at the end.
 
         For stages of equal duration `step_s` this drops the first stage and repeats the
-        last; states are moved along by linear interpolation in time.
+        last; states are moved along by linear interpolation in time. Costates are left behind: the
+        last sets of the paper's problems move on with the horizon, and what they cost with them.
         """
         moments = np.concatenate([[0.0], np.cumsum(self.durations)]) + step_s
         states, thrusts = self.sampled(moments)
-        return Plan(
-            states=states,
-            thrusts=thrusts,
-            durations=self.durations,
-            costates=self.costates_at(moments),
-        )
+        return Plan(states=states, thrusts=thrusts, durations=self.durations)
 
     def sampled(self, moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Return states (m, 6) at `moments` (m,) [s] and the thrusts (m - 1, 2) half-way

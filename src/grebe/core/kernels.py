@@ -62,8 +62,11 @@ def is_compiled() -> bool:
 
 def forget_compiled() -> None:
     """Remove the machine code of another source. A kernel holds those that it calls, and numba
-    looks at its own file alone: one that calls a changed kernel would be run as it was.
+    looks at its own file alone: one that calls a changed kernel would be run as it was. What was
+    compiled before anything was noted is of the source that there is.
     """
+    if not _STAMP.exists():
+        return
     for folder in _PACKAGE.rglob("__pycache__"):
         for old in (*folder.glob("*.nbi"), *folder.glob("*.nbc")):
             with suppress(OSError):
