@@ -90,14 +90,19 @@ class _Choice:
         self._read(start)
 
     @property
+    def _way(self) -> NDArray[np.int64]:
+        """The places of the way, the start with them."""
+        return np.array([self._start, *self.route])
+
+    @property
     def length_m(self) -> float:
         """How long the way is."""
-        way = np.array([self._start, *self.route])
+        way = self._way
         return float(self._ways.lengths_m[way[:-1], way[1:]].sum())
 
     def insertions(self) -> tuple[Array, NDArray[np.int64]]:
         """How much longer the way is with each place at the best position of it, and that."""
-        way = np.array([self._start, *self.route])
+        way = self._way
         away = self._ways.lengths_m[:, way]
         legs = self._ways.lengths_m[way[:-1], way[1:]]
         added = np.column_stack([away[:, :-1] + away[:, 1:] - legs[None, :], away[:, -1]])
@@ -109,7 +114,7 @@ class _Choice:
         last [rad].
         """
         places = self._worth.places
-        way = np.array([self._start, *self.route])
+        way = self._way
         last = at == len(way) - 1
         corner = np.where(last, way[at], np.arange(len(places)))
         came_from = np.where(last, way[np.maximum(at - 1, 0)], way[at])
@@ -124,7 +129,7 @@ class _Choice:
         """
         worth = self._worth
         one = worth.weights @ self._covariance**2 / (np.diag(self._covariance) + worth.noise)
-        way = np.array([self._start, *self.route])
+        way = self._way
         last = at == len(way) - 1
         gains = one + self._on_leg(one, way[at])
         after = way[np.minimum(at + 1, len(way) - 1)]
@@ -158,7 +163,7 @@ class _Choice:
     def shorten(self) -> None:
         """Turn stretches of the way round for as long as that makes it shorter (2-opt)."""
         lengths = self._ways.lengths_m
-        way = np.array([self._start, *self.route])
+        way = self._way
         found = True
         while found:
             found = False

@@ -45,13 +45,24 @@ def parameter_vector(vessel: Vessel, weather: NDArray[np.float64]) -> NDArray[np
 
 
 @inlined_machine_code
+def _in_hull_axes(p, psi):
+    """Cosine and sine of the heading, and current and wind force ahead and to starboard."""
+    c, s = np.cos(psi), np.sin(psi)
+    current, wind = (p[_CN], p[_CE]), (p[_FN], p[_FE])
+    return (
+        c,
+        s,
+        c * current[0] + s * current[1],
+        c * current[1] - s * current[0],
+        c * wind[0] + s * wind[1],
+        c * wind[1] - s * wind[0],
+    )
+
+
+@inlined_machine_code
 def _rates(p, psi, u, v, r, port, starboard):
     """Right-hand side: six numbers."""
-    c, s = np.cos(psi), np.sin(psi)
-    u_c = c * p[_CN] + s * p[_CE]
-    v_c = c * p[_CE] - s * p[_CN]
-    wind_x = c * p[_FN] + s * p[_FE]
-    wind_y = c * p[_FE] - s * p[_FN]
+    c, s, u_c, v_c, wind_x, wind_y = _in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
     m11, m22 = p[_M11], p[_M22]
     drag_u = (p[_XU] + p[_XUU] * abs(u_r)) * u_r
@@ -71,11 +82,7 @@ def _rates(p, psi, u, v, r, port, starboard):
 def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     """Right-hand side `f` (6,) and its Jacobian `jac` (6, 6) in (psi, u, v, r, F_1, F_2)."""
     f[0], f[1], f[2], f[3], f[4], f[5] = _rates(p, psi, u, v, r, port, starboard)
-    c, s = np.cos(psi), np.sin(psi)
-    u_c = c * p[_CN] + s * p[_CE]
-    v_c = c * p[_CE] - s * p[_CN]
-    wind_x = c * p[_FN] + s * p[_FE]
-    wind_y = c * p[_FE] - s * p[_FN]
+    c, s, u_c, v_c, wind_x, wind_y = _in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
     m11, m22, m33, arm, yaw = p[_M11], p[_M22], p[_M33], p[_ARM], p[_YAW]
     slope_u = p[_XU] + 2 * p[_XUU] * abs(u_r)
@@ -105,11 +112,7 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
 @machine_code
 def curvature(p, psi, u, v, r, mu, hess):
     """Hessian `hess` (4, 4) of mu f in (psi, u, v, r); f is linear in the thrusts."""
-    c, s = np.cos(psi), np.sin(psi)
-    u_c = c * p[_CN] + s * p[_CE]
-    v_c = c * p[_CE] - s * p[_CN]
-    wind_x = c * p[_FN] + s * p[_FE]
-    wind_y = c * p[_FE] - s * p[_FN]
+    c, s, u_c, v_c, wind_x, wind_y = _in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
     a4, a5, a6 = mu[3] / p[_M11], mu[4] / p[_M22], mu[5] / p[_M33]
     yaw = p[_YAW]
