@@ -155,7 +155,7 @@ def test_a_stopped_run_keeps_its_data_and_can_be_resumed(tmp_path, sign, code):
         _wait_for_samples(tmp_path / "s.gpkg")
         running.send_signal(sign)
         _, complaint = running.communicate(timeout=60)
-    assert running.returncode == code
+    assert running.returncode == code, complaint
     assert "kept" in complaint
     before = json.loads(grebe("show", "s.gpkg", "--json", cwd=tmp_path, check=0).stdout)
     assert before["samples"] > 0

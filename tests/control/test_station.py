@@ -45,6 +45,19 @@ def test_a_place_is_held_against_a_current_within_the_stated_radius(boat, bearin
 
 
 @BOATS
+@pytest.mark.parametrize("share", [0.5, 0.65, 0.8])
+@pytest.mark.parametrize("heading", [0.0, 1.5, 3.1, -1.5])
+def test_a_place_is_held_in_any_current_that_the_boat_is_faster_than(boat, share, heading):
+    """Whichever way it lay: it is carried off while it turns, for some seconds, and comes back. A
+    law that braked first, and drove on with its bow off the current, was carried away from 0.65 on.
+    """
+    current = share * reach_mps(boat, CALM)
+    away = held(boat, Weather(current_north_mps=current), 90, (0.0, 0.0, heading, 0.0, 0.0, 0.0))
+    assert away[-100:].max() < 1.5
+    assert away.max() < 12.0 * current
+
+
+@BOATS
 def test_a_boat_returns_to_the_place_that_it_holds(boat):
     away = held(boat, CALM, 90, (8.0, -6.0, 1.0, 0.0, 0.0, 0.0))
     # Nearer than this no speed is wanted that needs a heading.

@@ -6,6 +6,7 @@ import threading
 from dataclasses import replace
 from datetime import timedelta
 
+import numpy as np
 import pytest
 import shapely
 from conftest import NOON, region_of, simulate
@@ -17,11 +18,12 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import IDLE, Reading
-from grebe.links.simulated import SimulatedLink
+from grebe.links.simulated import EstimateErrors, SimulatedLink
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
 from grebe.mission.safety.settings import CAREFUL, NO_FENCE, SafetySettings
 from grebe.mission.settings import MissionSettings
+from grebe.mission.trial import Conditions, fly, meander
 from grebe.planning.planner import plan_survey
 from grebe.simulation.faults import NO_FAULTS, Faults, FaultyPlant
 from grebe.simulation.plant import Plant
@@ -141,12 +143,12 @@ def test_without_a_fence_the_same_helm_leaves_the_water():
         ({"safety": SafetySettings(max_s=70.0)}, "time_short"),
         ({"safety": SafetySettings(until=NOON + timedelta(seconds=70))}, "daylight_short"),
         ({"asks": [(30.0, lambda mission: mission.come_home("rain"))]}, "asked_to_come_home"),
-        (
-            {"faults": Faults(rising=(0.03, 0.0), rises_at_s=0.0, rises_until_s=55.0)},
-            "current_too_strong",
+        *(
+            ({"faults": Faults(rising=way, rises_until_s=48.0)}, "current_too_strong")
+            for way in ((0.03, 0.0), (-0.03, 0.0), (0.0, -0.03))
         ),
     ],
-    ids=["battery", "battery_wh", "time", "daylight", "asked", "current"],
+    ids=["battery", "battery_wh", "time", "daylight", "asked", "north", "south", "west"],
 )
 def test_the_boat_comes_home_along_the_water_in_time(what, code):
     one = Sailed(**what)
@@ -196,6 +198,31 @@ def test_a_boat_whose_thruster_dies_ends_its_mission_with_the_reason(side):
     assert side in one.report.message
     assert one.report.duration_s < 120.0
     assert one.stayed_in
+
+
+@pytest.mark.parametrize("seed", [3, 15, 31])
+def test_no_thruster_is_called_dead_for_a_current_that_is_not_known_yet(seed):
+    """A hull that is driven across an unknown current holds its course against a whole thruster:
+    the coupling of surge and sway, Eq. (9), makes as much moment as the thruster has.
+    """
+    rng = np.random.default_rng(seed)
+    around, where, heading, wind_from = rng.uniform(0, 2 * np.pi, 4)
+    radius, boat = 100 * np.sqrt(rng.uniform()), PRESETS["benchmark"]
+    weather = Weather(
+        current_north_mps=0.5 * np.cos(around),
+        current_east_mps=0.5 * np.sin(around),
+        wind_force_north_n=10.0 * np.cos(wind_from),
+        wind_force_east_n=10.0 * np.sin(wind_from),
+    )
+    noisy = EstimateErrors(velocity_mps=0.02)
+    flight = fly(
+        boat,
+        cells := meander(rows=4),
+        Controller(boat, cells),
+        (radius * np.cos(where), radius * np.sin(where), heading, 0, 0, 0),
+        Conditions(weather=weather, errors=noisy, seed=seed, limit_s=40.0),
+    )
+    assert flight.report.ended is EndReason.OUT_OF_TIME
 
 
 def test_a_current_beyond_reach_ends_the_mission_soon():

@@ -2,8 +2,9 @@
 
 Both are feedback laws without memory, functions of a state: what is foreseen with them is what is
 done. `brake` takes the way off without turning. `keep` brakes where the boat is fast and not on
-its way to the place, then points its bow along the velocity through the water that brings it
-there, which in a current is against the current, and makes it.
+its way to the place, unless it is carried off whatever it gives astern, then points its bow along
+the velocity through the water that brings it there, which in a current is against the current, and
+makes it.
 """
 
 from __future__ import annotations
@@ -110,16 +111,38 @@ class StationKeeper:
             return self._braked_turn(state, weather, turn)
         wanted, ahead = speed * math.cos(turn), _along(*drift, heading)
         push = self._push(wanted, wanted + ahead - surge)
-        return _allocated(self.vessel, push, self._moment(turn, yaw_rate))
+        moment = self._moment(turn, yaw_rate) - self._coupling(state, weather)
+        return _allocated(self.vessel, push, moment)
 
     def _braked_turn(self, state: Sequence[float], weather: Weather, turn: float) -> Thrusts:
         """Thrusts of a boat that is to turn far off: its way is taken off, and it turns the more
         the slower it is.
         """
+        carried = self._carried(state[2], weather)
         each, _ = self.brake(state, weather)
-        share = (FAST_MPS - abs(state[3])) / (FAST_MPS - SLOW_MPS)
+        share = max((FAST_MPS - abs(state[3])) / (FAST_MPS - SLOW_MPS), carried)
         moment = self._moment(turn, state[5], min(max(share, 0.0), 1.0))
-        return _allocated(self.vessel, each, moment)
+        return _allocated(
+            self.vessel, (1 - carried) * each, moment - self._coupling(state, weather)
+        )
+
+    def _carried(self, heading: float, weather: Weather) -> float:
+        """How vain it is to brake against current and wind before the boat turns: 0 where half of
+        what it has holds it over ground, 1 where all does not.
+        """
+        vessel = self.vessel
+        needed = vessel.surge_drag_n(-_along(*_with_wind(vessel, weather), heading))
+        each = vessel.thrust_min_n if needed < 0 else vessel.thrust_max_n
+        return min(max(needed / (self.weaker_share * each) - 1, 0.0), 1.0)
+
+    def _coupling(self, state: Sequence[float], weather: Weather) -> float:
+        """Moment [N m] of surge and sway through the water, Eq. (9), which turns a hull across
+        what it is driven against.
+        """
+        _, _, heading, surge, sway, _ = state
+        north, east = weather.current_north_mps, weather.current_east_mps
+        aside = math.cos(heading) * east - math.sin(heading) * north
+        return self.vessel.yaw_coupling_kg * (surge - _along(north, east, heading)) * (sway - aside)
 
     def _push(self, wanted_mps: float, missing_mps: float) -> float:
         """What each thruster gives [N] for a speed through the water, `missing_mps` from it."""
@@ -183,12 +206,14 @@ def _along(north: float, east: float, heading: float) -> float:
 
 
 def _allocated(vessel: Vessel, common: float, moment: float) -> tuple[float, float]:
-    """Thrusts within their limits. The push before the turn, but for a share of the thrust: a boat
-    that turns with all it has is pushed ahead, for it has less astern.
+    """Thrusts within their limits. The turn before a push ahead, for a hull that is driven against
+    a current with its bow off it is thrown across; the push before the turn where there is little
+    or none, but for a share of the thrust: a boat that turns with all it has is pushed ahead, for
+    it has less astern.
     """
     low, high = vessel.thrust_min_n, vessel.thrust_max_n
-    push = min(max(common, low), high)
-    room = max(min(high - push, push - low), LEAST_TURN_SHARE * (high - low))
+    span, push = high - low, min(max(common, low), high)
+    room = max(min(0.5 * span, push - low), LEAST_TURN_SHARE * span)
     half = min(max(moment / (2 * vessel.arm_m), -room), room)
     middle = min(max(push, low + abs(half)), high - abs(half))
     return middle + half, middle - half

@@ -44,6 +44,9 @@ REFUGES_M = (2.0, 1.0, 0.5, 0.2, 0.0)
 # on for so long more [s]: the autopilot ramps the speed that it holds, by 1 m/s^2 (ArduRover's
 # own default), and follows the ramp with a lag.
 FOLLOWED_DOUBT, MOST_DOUBT_M, FOLLOWED_S = 0.3, 0.8, 1.0
+# Drift beyond this share of the boat's speed is not known to this share of itself; what it carries
+# the boat astray so, at most [m].
+MILD_DRIFT_SHARE, DRIFT_DOUBT, MOST_UNSURE_M = 0.2, 0.15, 1.5
 # Drift is given so long to be answered, beside a turn, where no foresight is asked for because the
 # fence is far [s].
 ANSWER_S = 4.0
@@ -95,18 +98,16 @@ class Fence:
         """Whether a place is inside."""
         return bool(shapely.intersects_xy(self._allowed, *place))
 
-    def holds_way(self, places: np.ndarray, doubt: float = 0.0) -> bool:
-        """Whether a way (n, 2) stays inside, also where the boat strays from it by a share `doubt`
-        of what it has gone, at most `MOST_DOUBT_M`.
+    def holds_way(self, places: np.ndarray, strays_m: np.ndarray | None = None) -> bool:
+        """Whether a way (n, 2) stays inside, also where the boat strays from it by `strays_m` (n,)
+        in any direction.
         """
         if not shapely.covers(self._allowed, shapely.linestrings(places)):
             return False
-        if doubt == 0.0:
+        if strays_m is None or not strays_m.any():
             return True
-        gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
-        strays = np.minimum(doubt * gone, MOST_DOUBT_M)
         away = shapely.distance(self._line, shapely.points(places))
-        return bool((away >= strays).all())
+        return bool((away >= strays_m).all())
 
     def is_far(self, place: Place, distance_m: float) -> bool:
         """Whether the fence is farther than this from a place inside it."""
@@ -162,8 +163,8 @@ def escape(
 
     `ahead` are the thrusts that it is about to have. It could brake after the reaction time; or, in
     the middle of a turn along the shore, after it has followed its plan for a little longer. From
-    what is foreseen it may stray by a share `doubt` of the way (`Fence.holds_way`). With
-    `foresees` its way is foreseen also where the fence is far.
+    what is foreseen it may stray by a share `doubt` of the way (`_strays`). With `foresees` its way
+    is foreseen also where the fence is far.
     """
     place = (state[0], state[1])
     reaction = math.ceil((reaction_s + keeper.vessel.thruster_lag_s) / STEP_S - 1e-9)
@@ -174,9 +175,29 @@ def escape(
     for steps in (reaction, *(reaction + round(s / STEP_S) for s in PLANS_S)):
         thrusts = tuple(ahead(STEP_S * min(k, steps)) for k in range(steps))
         way = foreseen(fence, keeper, state, thrusts, weather, refuge)
-        if fence.holds_way(way[:, :2], doubt):
+        if fence.holds_way(way[:, :2], _strays(way, keeper.vessel, weather, doubt)):
             return Escape(thrusts=thrusts, refuge=refuge, way=way[:, :2])
     return None
+
+
+def _strays(way: np.ndarray, vessel: Vessel, weather: Weather, doubt: float) -> np.ndarray:
+    """How far (n,) a boat may stray [m] from a way that is foreseen: by a share `doubt` of what it
+    has gone, and where it is carried along fast by a share of that.
+    """
+    strays = np.zeros(len(way))
+    if doubt > 0:
+        gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T))])
+        strays += np.minimum(doubt * gone, MOST_DOUBT_M)
+    seconds = STEP_S * np.arange(len(way))
+    return strays + np.minimum(_unsure_mps(vessel, weather) * seconds, MOST_UNSURE_M)
+
+
+def _unsure_mps(vessel: Vessel, weather: Weather) -> float:
+    """How unsure a strong drift is [m/s]: estimated late where it rises, and felt by a hull as its
+    model says only where it lies along it.
+    """
+    strong = drift_mps(vessel, weather) - MILD_DRIFT_SHARE * vessel.speed_max_mps
+    return DRIFT_DOUBT * max(strong, 0.0)
 
 
 def foreseen(
@@ -285,4 +306,5 @@ def _surely_enough_m(
     wind = math.hypot(weather.wind_force_north_n, weather.wind_force_east_n)
     slowing = max(force - wind, 0.05 * vessel.thrust_max_n) / vessel.m11_kg
     away = (drift + wind * 0.05) * (ANSWER_S + keeper.turn_s)
-    return fastest * held + fastest**2 / slowing + away + 0.5
+    unsure = MOST_UNSURE_M if _unsure_mps(vessel, weather) > 0 else 0.0
+    return fastest * held + fastest**2 / slowing + away + unsure + 0.5

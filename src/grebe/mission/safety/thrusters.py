@@ -1,11 +1,12 @@
 """A thruster that gives nothing: found by how the boat turns.
 
-The moment about the vertical axis, last row of Eq. (9), is the sum of what either thruster makes
-and of the drag. How much of each the boat shows is found by least squares over the last seconds,
-with a prior at the boat as it is said to be. A thruster is dead when its share is nothing, whatever
-the drag may be and the other thruster gives: a boat with twice the drag, or a weak thruster, goes
-on. All goes through one low-pass filter, so that the yaw rate need not be differentiated and
-neither a lag nor noise is mistaken for a fault.
+The moment about the vertical axis, last row of Eq. (9), is the sum of what either thruster makes,
+of the drag, and of surge and sway through the water. How much of each the boat shows is found by
+least squares over the last seconds, with a prior at the boat as it is said to be and at the current
+as it is estimated: one that is not known yet can hold against a whole thruster. A thruster is dead
+when its share is nothing, whatever the drag and the current may be and the other thruster gives: a
+boat with twice the drag, or a weak thruster, goes on. All goes through one low-pass filter, so that
+the yaw rate need not be differentiated and neither a lag nor noise is mistaken for a fault.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -30,32 +31,35 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 # Time constants of the filter and of the least squares [s].
-FILTER_S, AVERAGE_S = 1.5, 8.0
-# Of the shares of port, starboard and drag, before anything is seen.
-AS_SAID, PRIOR_SD = np.ones(3), np.array([0.5, 0.5, 1.0])
+FILTER_S, AVERAGE_S = 1.5, 10.0
+# How unsure the shares of port, starboard and drag are before anything is seen, and an estimate of
+# the current that has not moved for long, north and east [m/s].
+SHARES_SD, CURRENT_SD_MPS = (0.5, 0.5, 1.0), 0.15
 # Smallest root mean square that counts, as a share of one thruster's full moment.
 FLOOR_SHARE = 0.04
 # A dead thruster surely gives less than the first of its order, by so many standard deviations, and
 # the other seems to give more than the second, for so long [s].
-DEAD, SURE, ALIVE, PERSIST_S = 0.3, 2.0, 0.5, 3.0
+DEAD, SURE, ALIVE, PERSIST_S = 0.35, 2.0, 0.5, 3.0
 SIDES = ("", "port", "starboard")
 
-# Filtered moments [N m]: port's, starboard's, the drag's, what remains of the hull's coupling and
-# inertia.
-Four = tuple[float, float, float, float]
-NONE: Four = (0.0, 0.0, 0.0, 0.0)
+# Filtered moments [N m]: port's, starboard's, the drag's, those of the current's four terms (see
+# `_moments`), and that of surge and sway over ground.
+EXPLAINED = 7
+NONE = (0.0,) * (EXPLAINED + 1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Turning:
-    """Filtered yaw rate and moments, and the averages of their products (16,), row by row; `side`
-    that seems dead, `since_s` when.
+    """Filtered yaw rate and moments, and the averages of the products (64,), row by row, of all but
+    the last and of what is to be explained; `current` (north, east), the average of what was
+    estimated [m/s]; `side` that seems dead, `since_s` when.
     """
 
     time_s: float | None = None
     yaw_rate: float = 0.0
-    moments: Four = NONE
-    products: tuple[float, ...] = (0.0,) * 16
+    moments: tuple[float, ...] = NONE
+    products: tuple[float, ...] = (0.0,) * (EXPLAINED + 1) ** 2
+    current: tuple[float, float] = (0.0, 0.0)
     side: int = 0
     since_s: float = 0.0
 
@@ -64,7 +68,7 @@ def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
     """Take an estimate, and the thrusts that led to it, into account."""
     yaw_rate = facts.state[5]
     if before.time_s is None:
-        return Turning(time_s=facts.time_s, yaw_rate=yaw_rate)
+        return Turning(time_s=facts.time_s, yaw_rate=yaw_rate, current=_current(facts.weather))
     seconds = facts.time_s - before.time_s
     if seconds <= 0:
         return before
@@ -72,20 +76,26 @@ def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
     seen = vessel.m33_kgm2 * (yaw_rate - before.yaw_rate) / FILTER_S
     now = _moments(vessel, facts)
     moments = tuple(old + share * (new - old) for old, new in zip(before.moments, now, strict=True))
-    port, starboard, drag, coupling = moments
-    products = _averaged(before.products, (port, starboard, drag, seen - coupling), keep)
-    side = _dead_side(np.array(products).reshape(4, 4), vessel)
+    products = _averaged(before.products, (*moments[:-1], seen - moments[-1]), keep)
+    north, east = _current(facts.weather)
+    average = (
+        keep * before.current[0] + (1 - keep) * north,
+        keep * before.current[1] + (1 - keep) * east,
+    )
+    expected, unsure = _expected(north, east, math.dist((north, east), average))
+    side = _dead_side(np.array(products).reshape(EXPLAINED + 1, -1), vessel, expected, unsure)
     return Turning(
         time_s=facts.time_s,
         yaw_rate=before.yaw_rate + share * (yaw_rate - before.yaw_rate),
-        moments=(port, starboard, drag, coupling),
+        moments=moments,
         products=products,
+        current=average,
         side=side,
         since_s=before.since_s if side == before.side else facts.time_s,
     )
 
 
-def _averaged(before: tuple[float, ...], row: Four, keep: float) -> tuple[float, ...]:
+def _averaged(before: tuple[float, ...], row: tuple[float, ...], keep: float) -> tuple[float, ...]:
     """Averages of the products of a row of moments, row by row, with one more row."""
     products = (a * b for a in row for b in row)
     return tuple(keep * old + (1 - keep) * new for old, new in zip(before, products, strict=True))
@@ -102,64 +112,85 @@ def dead_thruster(turning: Turning) -> Finding | None:
     )
 
 
-def _moments(vessel: Vessel, facts: Facts) -> Four:
-    """Moments [N m] of the thrusters as ordered, of the drag, and of the coupling of surge and
-    sway.
+def _moments(vessel: Vessel, facts: Facts) -> tuple[float, ...]:
+    """Moments [N m] of the thrusters as ordered, of the drag, and of the coupling of surge and sway
+    through the water. The last is linear in four terms of a current (n, e), whatever it is:
+    n, e, e^2 - n^2 and n e; what is left is that of surge and sway over ground.
     """
     _, _, heading, surge, sway, yaw_rate = facts.state
-    ahead, aside = _through(heading, facts.weather)
+    c, s, coupling = math.cos(heading), math.sin(heading), vessel.yaw_coupling_kg
     port, starboard = facts.thrusts
-    drag = (vessel.n_r + vessel.n_rr * abs(yaw_rate)) * yaw_rate
-    coupling = vessel.yaw_coupling_kg * (surge - ahead) * (sway - aside)
-    return vessel.arm_m * port, -vessel.arm_m * starboard, drag, coupling
+    return (
+        vessel.arm_m * port,
+        -vessel.arm_m * starboard,
+        (vessel.n_r + vessel.n_rr * abs(yaw_rate)) * yaw_rate,
+        coupling * (s * surge - c * sway),
+        -coupling * (c * surge + s * sway),
+        coupling * c * s,
+        coupling * (c * c - s * s),
+        coupling * surge * sway,
+    )
 
 
-def _through(heading: float, weather: Weather) -> tuple[float, float]:
-    """The current along and across the hull."""
-    c, s = math.cos(heading), math.sin(heading)
-    north, east = weather.current_north_mps, weather.current_east_mps
-    return c * north + s * east, c * east - s * north
-
-
-def _dead_side(products: Array, vessel: Vessel) -> int:
+def _dead_side(products: Array, vessel: Vessel, expected: Array, unsure: Array) -> int:
     """The thruster whose share is nothing: 1 port, 2 starboard, 0 none."""
     floor = (FLOOR_SHARE * vessel.arm_m * vessel.thrust_max_n) ** 2
     # The first fit tells how well the second may be trusted.
-    shares, _, missed = _fitted(products, floor)
-    shares, sd, _ = _fitted(products, max(floor, missed))
+    shares, _, missed = _fitted(products, floor, expected, unsure)
+    shares, sd, _ = _fitted(products, max(floor, missed), expected, unsure)
     for side, at, other in ((1, 0, 1), (2, 1, 0)):
         if shares[at] + SURE * sd[at] < DEAD and shares[other] > ALIVE:
             return side
     return 0
 
 
-@machine_code
-def _fitted(products, noise):
-    """Shares (3,) of port, starboard and drag by least squares with the prior, under a variance of
-    `noise`; their standard deviations (3,); and the mean square that they miss.
+def _current(weather: Weather) -> tuple[float, float]:
+    return weather.current_north_mps, weather.current_east_mps
+
+
+def _expected(n: float, e: float, moved: float) -> tuple[Array, Array]:
+    """The boat as it is said to be and the terms of the estimated current (n, e), (7,), and how
+    unsure they are where the estimate is so far from its average: it may move on [m/s].
     """
+    sd = math.hypot(CURRENT_SD_MPS, moved)
+    apart = sd * math.hypot(n, e, sd)
+    return (
+        np.array([1.0, 1.0, 1.0, n, e, e * e - n * n, n * e]),
+        np.array([*SHARES_SD, sd, sd, 2 * apart, apart]),
+    )
+
+
+@machine_code
+def _fitted(products, noise, expected, unsure):
+    """Shares (n,) by least squares under a variance of `noise`, with a prior that is `unsure` (n,)
+    of what is `expected` (n,); their standard deviations (n,); and the mean square that they miss.
+    """
+    count = expected.size
     # What is seen within the filter's time constant counts once.
     weight = AVERAGE_S / FILTER_S / noise
-    m = weight * products[:3, :3]
-    right = np.empty(3)
-    for i in range(3):
-        m[i, i] += PRIOR_SD[i] ** -2
-        right[i] = weight * products[i, 3] + PRIOR_SD[i] ** -2 * AS_SAID[i]
-    inverse = np.empty((3, 3))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        for n in range(3):
-            p, q = (n + 1) % 3, (n + 2) % 3
-            inverse[n, i] = m[j, p] * m[k, q] - m[j, q] * m[k, p]
-    determinant = m[0, 0] * inverse[0, 0] + m[0, 1] * inverse[1, 0] + m[0, 2] * inverse[2, 0]
-    inverse /= determinant
-    shares, sd, missed = np.zeros(3), np.empty(3), products[3, 3]
-    for i in range(3):
+    # The information beside the unit matrix, and made the unit matrix: the inverse is left.
+    m, inverse, right = weight * products[:count, :count], np.eye(count), np.empty(count)
+    for i in range(count):
+        m[i, i] += unsure[i] ** -2
+        right[i] = weight * products[i, count] + unsure[i] ** -2 * expected[i]
+    for i in range(count):
+        pivot = m[i, i]
+        for n in range(count):
+            m[i, n] /= pivot
+            inverse[i, n] /= pivot
+        for j in range(count):
+            if j != i:
+                factor = m[j, i]
+                for n in range(count):
+                    m[j, n] -= factor * m[i, n]
+                    inverse[j, n] -= factor * inverse[i, n]
+    shares, sd, missed = np.zeros(count), np.empty(count), products[count, count]
+    for i in range(count):
         sd[i] = np.sqrt(inverse[i, i])
-        for n in range(3):
+        for n in range(count):
             shares[i] += inverse[i, n] * right[n]
-    for i in range(3):
-        missed -= 2 * shares[i] * products[i, 3]
-        for n in range(3):
+    for i in range(count):
+        missed -= 2 * shares[i] * products[i, count]
+        for n in range(count):
             missed += shares[i] * products[i, n] * shares[n]
     return shares, sd, missed
