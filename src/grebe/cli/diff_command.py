@@ -1,4 +1,4 @@
-"""grebe diff: what changed between two surveys of the same water."""
+"""grebe diff: what changed between surveys of the same water."""
 
 from __future__ import annotations
 
@@ -9,24 +9,62 @@ import click
 import numpy as np
 
 from grebe.cli import options, output
+from grebe.core.errors import UsageError
+from grebe.mapping.trend import LEAST_YEARS_FOR_SEASON, YEAR_S
 from grebe.workflow.differences import compare_surveys, write_changes
+from grebe.workflow.series import map_series, write_series
 
 
 @click.command(name="diff")
-@click.argument("earlier", type=options.EXISTING)
-@click.argument("later", type=options.EXISTING)
+@click.argument("surveys", type=options.EXISTING, nargs=-1, required=True, metavar="SURVEY...")
 @click.option("--out", type=options.FOLDER, required=True, help="Folder for the maps.")
 @click.option("--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m].")
+@click.option(
+    "--seasonal",
+    is_flag=True,
+    help="Fit a wave of a year beside the trend: six surveys over two years at least.",
+)
 @options.json_option
 def command(
-    earlier: Path, later: Path, out: Path, resolution_m: float | None, as_json: bool
+    surveys: tuple[Path, ...],
+    out: Path,
+    resolution_m: float | None,
+    seasonal: bool,
+    as_json: bool,
 ) -> None:
-    """Map LATER less EARLIER where both surveys cover the water: GeoTIFF and picture each."""
+    """Map what changed where all surveys cover the water.
+
+    Of two, the second less the first: GeoTIFF and picture each. Of three and more, whose order
+    does not matter, the trend of each place with the probability of one as large by chance, and
+    series.nc with all maps.
+    """
+    if len(surveys) == 1:
+        raise UsageError("One survey is given; a change takes two, a trend three or more.")
+    if len(surveys) == 2:
+        if seasonal:
+            raise UsageError(
+                "Two surveys have no trend that a season could be told from.",
+                settings=("seasonal",),
+            )
+        rows = _differences(surveys[0], surveys[1], out, resolution_m)
+        sentence = _of_change
+    else:
+        rows = _trends(surveys, out, resolution_m, seasonal=seasonal, quiet=as_json)
+        sentence = _of_trend
+    output.result(
+        rows if as_json else {key: sentence(row) for key, row in rows.items()},
+        as_json=as_json,
+        next_command=f"look at {out}",
+    )
+
+
+def _differences(
+    earlier: Path, later: Path, out: Path, resolution_m: float | None
+) -> dict[str, dict[str, Any]]:
     changes = compare_surveys(earlier, later, resolution_m)
-    for text in changes.left_out:
-        output.note(f"left out: {text}")
+    _tell(changes.left_out)
     written = write_changes(changes, out)
-    rows: dict[str, Any] = {}
+    rows: dict[str, dict[str, Any]] = {}
     for key, change in changes.by_quantity.items():
         inside = change.before.grid.inside
         rows[key] = {
@@ -34,13 +72,53 @@ def command(
             "changed_share": float(np.mean(change.difference.clear[inside])),
             "file": str(written[key]),
         }
-    output.result(
-        rows if as_json else {key: _sentence(row) for key, row in rows.items()},
-        as_json=as_json,
-        next_command=f"look at {out}",
-    )
+    return rows
 
 
-def _sentence(row: dict[str, Any]) -> str:
+def _trends(
+    surveys: tuple[Path, ...],
+    out: Path,
+    resolution_m: float | None,
+    *,
+    seasonal: bool,
+    quiet: bool,
+) -> dict[str, dict[str, Any]]:
+    with output.Countdown("surveys", len(surveys), quiet=quiet) as countdown:
+        series = map_series(surveys, resolution_m, seasonal=seasonal, on_done=countdown.update)
+    _tell(series.left_out)
+    years = float(np.ptp(series.spans_s)) / YEAR_S
+    if not seasonal and years < LEAST_YEARS_FOR_SEASON:
+        output.note(
+            f"the surveys lie within {years:.1f} years: what looks like a trend may be the season"
+        )
+    written = write_series(series, out)
+    return {
+        key: {
+            "trend_per_year": one.trend.of_mean.slope,
+            "half_width_95": one.trend.of_mean.half_width,
+            "p": one.trend.of_mean.p,
+            "p_adjusted": one.mean_p,
+            "surveys": len(one.times_s),
+            "changed_share": float(np.mean(one.trend.clear)),
+            "file": str(written[key]),
+        }
+        for key, one in series.by_quantity.items()
+    }
+
+
+def _tell(left_out: tuple[str, ...]) -> None:
+    for text in left_out:
+        output.note(f"left out: {text}")
+
+
+def _of_change(row: dict[str, Any]) -> str:
     share, mean = row["changed_share"], row["mean_difference"]
     return f"{mean:+.3g} on average; clear, node by node (95 %), on {share:.0%} of the area"
+
+
+def _of_trend(row: dict[str, Any]) -> str:
+    return (
+        f"{row['trend_per_year']:+.3g} ± {row['half_width_95']:.2g} a year on average (95 %; "
+        f"p {row['p_adjusted']:.2g} among the quantities); clear on {row['changed_share']:.0%} "
+        "of the area"
+    )

@@ -50,6 +50,7 @@ FLAGS = {
     "threshold": "--threshold",
     "sortie_battery_wh": "--battery",
     "sortie_minutes": "--sortie-minutes",
+    "seasonal": "--seasonal",
     "servos": "--servos",
     "shape": "--shape",
     "shore_margin_m": "--shore-margin",

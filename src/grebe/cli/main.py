@@ -27,7 +27,7 @@ COMMANDS = {
     "lag": "estimate the sensors' lag where one line was run twice",
     "adapt": "let a survey that was sailed go on where it pays",
     "map": "draw the maps of what was measured",
-    "diff": "map what changed between two surveys of the same water",
+    "diff": "map what changed between surveys of the same water, and its trend",
     "report": "write one self-contained HTML page about a survey",
     "campaign": "simulate very many missions, and say what may be claimed of the next",
     "import": "turn a hand-driven track into a survey file",

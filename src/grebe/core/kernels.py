@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from contextlib import suppress
+import signal
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import ParamSpec, TypeVar, cast
+from types import FrameType
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
@@ -29,7 +32,7 @@ def machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments
     While it runs, other threads do too: the one that ends a command when it is told to.
     """
     kernel = numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", nogil=True)(function)
-    return cast("Callable[_Arguments, _Result]", kernel)
+    return cast("Callable[_Arguments, _Result]", _compiled_in_peace(kernel))
 
 
 def exact_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
@@ -37,7 +40,7 @@ def exact_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arg
     rounding is part of the method.
     """
     kernel = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    return cast("Callable[_Arguments, _Result]", kernel)
+    return cast("Callable[_Arguments, _Result]", _compiled_in_peace(kernel))
 
 
 def inlined_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
@@ -47,7 +50,42 @@ def inlined_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_A
     kernel = numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", forceinline=True)(
         function
     )
-    return cast("Callable[_Arguments, _Result]", kernel)
+    return cast("Callable[_Arguments, _Result]", _compiled_in_peace(kernel))
+
+
+def _compiled_in_peace(kernel: Any) -> Any:
+    """Let nothing interrupt a kernel's compilation, or its loading from disk. An exception that a
+    signal raises within a call back from the compiler is lost there, and the machine code with it:
+    the process then dies of it.
+    """
+    compile_once = kernel.compile
+
+    def compile_in_peace(signature: Any) -> Any:
+        with signals_held_back():
+            return compile_once(signature)
+
+    kernel.compile = compile_in_peace
+    return kernel
+
+
+@contextmanager
+def signals_held_back() -> Generator[None]:
+    """Let SIGINT and SIGTERM raise what they raise afterwards. Only Python's own handlers wait: who
+    listens for signals in another thread hears of them at once.
+    """
+    heard: list[tuple[int, FrameType | None]] = []
+    before: dict[signal.Signals, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for one in (signal.SIGINT, signal.SIGTERM):
+            if callable(signal.getsignal(one)):
+                before[one] = signal.signal(one, lambda *told: heard.append(told))
+    try:
+        yield
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
+        for number, frame in heard:
+            before[signal.Signals(number)](number, frame)
 
 
 def is_compiled() -> bool:

@@ -86,7 +86,7 @@ def quantity_figure(
     left, right = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3:])
     title = texts("mean_title", label=one.quantity.label_in(texts.language))
     _draw_field(figure, left, one, one.mean, one.quantity.colormap, f"{title}{unit}")
-    _hatch(left, one, _uncertain(one))
+    hatch(left, one, _uncertain(one))
     _draw_field(figure, right, one, one.sd, "magma_r", f"{texts['sd_title']}{unit}")
     points = one.positions
     right.plot(points[:, 1], points[:, 0], ".", ms=1.2, color=SKY, alpha=0.7)
@@ -118,7 +118,7 @@ def difference_figure(one: QuantityMap, change: Difference) -> Figure:
     )  # fmt: skip
     figure.colorbar(mesh, ax=axes, shrink=0.8)
     doubt = np.where(np.isfinite(change.mean), ~change.clear, False).astype(float)
-    _hatch(axes, one, doubt)
+    hatch(axes, one, doubt)
     axes.set_aspect("equal")
     axes.set_xlabel("east [m]")
     axes.set_ylabel("north [m]")
@@ -190,7 +190,7 @@ def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
     axes.set_xlabel(texts["distance"])
 
 
-def _hatch(axes: Axes, one: QuantityMap, where: NDArray) -> None:
+def hatch(axes: Axes, one: QuantityMap, where: NDArray) -> None:
     """Hatch the nodes where a field of 0 and 1 is 1."""
     if where.max() < 0.5:
         return

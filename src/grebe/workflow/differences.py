@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,10 +43,10 @@ class Changes:
 def compare_surveys(earlier: Path, later: Path, resolution_m: float | None = None) -> Changes:
     """Map the later survey less the earlier where both cover the water."""
     with SurveyFile.open(earlier) as one, SurveyFile.open(later) as other:
-        water = _common_water(one.survey, other.survey)
+        water = common_water([one.survey, other.survey])
         mapper = Mapper(water, make_grid(water, resolution_m))
-        before, missing_before = _maps(one, one.survey, mapper)
-        after, missing_after = _maps(other, one.survey, mapper)
+        before, missing_before = maps_in(one, one.survey, mapper)
+        after, missing_after = maps_in(other, one.survey, mapper)
         survey = one.survey
     common = [key for key in before if key in after]
     if not common:
@@ -78,21 +78,30 @@ def write_changes(changes: Changes, out: Path) -> dict[str, Path]:
     return written
 
 
-def _common_water(one: Survey, other: Survey) -> shapely.Polygon:
-    """The largest part of the water that both surveys cover, in the first one's frame."""
-    moved = one.frame.geometry_to_local(other.frame.geometry_to_wgs84(other.water))
-    shared = shapely.intersection(one.water, moved, grid_size=1e-6)
+def common_water(surveys: Sequence[Survey]) -> shapely.Polygon:
+    """The largest part of the water that all surveys cover, in the first one's frame.
+
+    Raises `InputError` where there is none.
+    """
+    first = surveys[0]
+    shared: shapely.Geometry = first.water
+    for other in surveys[1:]:
+        moved = first.frame.geometry_to_local(other.frame.geometry_to_wgs84(other.water))
+        shared = shapely.intersection(shared, moved, grid_size=1e-6)
     parts = [part for part in shapely.get_parts(shared) if isinstance(part, shapely.Polygon)]
     largest = max(parts, key=lambda part: part.area, default=None)
     if largest is None or largest.area < LEAST_WATER_M2:
-        raise InputError("The two surveys do not cover any water in common.")
+        which = "two surveys" if len(surveys) == 2 else f"{len(surveys)} surveys"
+        raise InputError(f"The {which} do not cover any water in common.")
     return largest
 
 
-def _maps(
+def maps_in(
     file: SurveyFile, base: Survey, mapper: Mapper
 ) -> tuple[dict[str, QuantityMap], list[str]]:
-    """The maps of a survey on the common grid; all its samples count, outside it too."""
+    """The maps of a survey on the common grid, in the frame of another; all its samples count, also
+    those outside the common water. And what could not be mapped.
+    """
     samples = file.samples()
     moved = samples.moved(base.frame.to_local(file.survey.frame.to_wgs84(samples.positions)))
     corrected = moved.with_values(corrected_values(samples, file.lags()))

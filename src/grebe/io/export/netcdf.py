@@ -41,20 +41,20 @@ def write_netcdf(
         written_whole(path, RuntimeError) as part,
         netCDF4.Dataset(part, "w", format="NETCDF4") as dataset,
     ):
-        bounds = _write_grid(dataset, maps[0].grid, frame)
+        bounds = write_grid(dataset, maps[0].grid, frame)
         dataset.setncatts({"Conventions": f"CF-1.8, {ACDD}", **acdd(entry, bounds)})
         _write_time(dataset, entry)
         for one in maps:
             key = one.quantity.key
             _write_map(dataset, one)
             for index, (name, field) in enumerate((probabilities or {}).get(key, {}).items()):
-                variable = _field(dataset, f"{key}_concern_{index + 1}", field)
+                variable = field_variable(dataset, f"{key}_concern_{index + 1}", field)
                 variable.setncatts({"long_name": f"probability of concern: {name}", "units": "1"})
             if draws and key in draws:
                 _write_draws(dataset, one, draws[key])
 
 
-def _write_grid(
+def write_grid(
     dataset: netCDF4.Dataset, grid: Grid, frame: LocalFrame
 ) -> tuple[float, float, float, float]:
     """Write the nodes' coordinates; return their bounds, west, south, east, north [deg]."""
@@ -110,10 +110,10 @@ def _write_time(dataset: netCDF4.Dataset, entry: CatalogueEntry) -> None:
 
 def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
     quantity, model = one.quantity, one.model
-    mean = _field(dataset, quantity.key, one.mean)
+    mean = field_variable(dataset, quantity.key, one.mean)
     mean.setncatts(
         {
-            **_named(quantity.standard_name),
+            **standard_named(quantity.standard_name),
             "long_name": f"{quantity.label} of the surface water, interpolated ({one.method.key})",
             "units": quantity.cf_unit,
             "ancillary_variables": f"{quantity.key}_sd",
@@ -139,10 +139,10 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
         mean.comment = "Lake water; the sea_water_* names are the nearest in the CF table."
     if quantity.unit and quantity.cf_unit == "1":
         mean.reported_unit = quantity.unit
-    sd = _field(dataset, f"{quantity.key}_sd", one.sd, content="qualityInformation")
+    sd = field_variable(dataset, f"{quantity.key}_sd", one.sd, content="qualityInformation")
     sd.setncatts(
         {
-            **_named(quantity.standard_name, " standard_error"),
+            **standard_named(quantity.standard_name, " standard_error"),
             "long_name": f"standard deviation of the signal of {quantity.label.lower()}",
             "units": quantity.cf_unit,
         }
@@ -184,7 +184,7 @@ def _moment(one: QuantityMap) -> str:
     return "each place as it was measured"
 
 
-def _named(standard_name: str, modifier: str = "") -> dict[str, str]:
+def standard_named(standard_name: str, modifier: str = "") -> dict[str, str]:
     """The attribute of a standard name, where there is one."""
     return {"standard_name": standard_name + modifier} if standard_name else {}
 
@@ -197,23 +197,24 @@ def _write_draws(dataset: netCDF4.Dataset, one: QuantityMap, draws: np.ndarray) 
                           "units": "1"})  # fmt: skip
         number[:] = np.arange(len(draws))
     label = one.quantity.label.lower()
-    variable = _field(dataset, f"{one.quantity.key}_draw", draws, ("realization", "y", "x"))
+    variable = field_variable(dataset, f"{one.quantity.key}_draw", draws, ("realization", "y", "x"))
     variable.setncatts(
         {
-            **_named(one.quantity.standard_name),
+            **standard_named(one.quantity.standard_name),
             "long_name": f"conditional simulations of {label}: equally likely given the samples",
             "units": one.quantity.cf_unit,
         }
     )
 
 
-def _field(
+def field_variable(
     dataset: netCDF4.Dataset,
     name: str,
     values: np.ndarray,
     dimensions: tuple[str, ...] = ("y", "x"),
     content: str = "modelResult",
 ) -> netCDF4.Variable:
+    """A compressed variable on the grid, NaN as missing."""
     variable = dataset.createVariable(
         name, "f4", dimensions, zlib=True, fill_value=np.float32(-9999)
     )

@@ -1,0 +1,71 @@
+"""Kernels are compiled, and loaded from disk, in peace."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from grebe.core.kernels import signals_held_back
+
+KILLED_WHILE_COMPILING = """
+import signal, sys
+from numba.core.codegen import CPUCodeLibrary as Library
+from grebe.core import kernels
+
+# Whenever the compiler calls back, where an exception would be lost.
+def interrupted(name):
+    call = getattr(Library, name).__func__
+    def callback(cls, *given):
+        signal.raise_signal(signal.SIGINT)
+        return call(cls, *given)
+    setattr(Library, name, classmethod(callback))
+
+interrupted("_object_compiled_hook")
+interrupted("_object_getbuffer_hook")
+
+@kernels.machine_code
+def doubled(x):
+    return 2 * x
+
+try:
+    doubled(1.0)
+except KeyboardInterrupt:
+    sys.exit(0 if doubled(2.0) == 4.0 else 3)
+sys.exit(4)
+"""
+
+
+def interrupted_in(depth, done):
+    with signals_held_back():
+        if depth > 0:
+            interrupted_in(depth - 1, done)
+        else:
+            os.kill(os.getpid(), signal.SIGINT)
+        done.append(depth)
+
+
+@pytest.mark.parametrize("depth", [0, 2])
+def test_a_signal_is_heard_after_what_must_not_be_interrupted(depth):
+    """And where one such thing calls another, after the outermost."""
+    done = []
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_in(depth, done)
+    assert done == list(range(depth + 1))
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_interruption_while_machine_code_is_made_neither_kills_nor_is_lost(tmp_path):
+    """It came as a dead process: the compiler's call backs into Python lose an exception."""
+    script = tmp_path / "script.py"
+    script.write_text(KILLED_WHILE_COMPILING)
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    # And where the machine code is found on disk.
+    again = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert again.returncode == 0, again.stderr
