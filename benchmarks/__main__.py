@@ -28,6 +28,7 @@ BENCHMARKS = {
     "routes": "routes",
     "sorties": "sorties",
     "mapping": "mapping",
+    "skewed": "skewed",
     "holdout": "holdout",
     "identification": "identification",
     "mismatch": "mismatch",

@@ -27,6 +27,7 @@ from grebe.mapping.methods.choice import (
     Straight,
     with_settings,
 )
+from grebe.mapping.scale import SCALES
 from grebe.mapping.variogram import ESTIMATORS
 from grebe.report.thresholds import read_profile
 from grebe.workflow.files import make_folder
@@ -60,6 +61,12 @@ from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_surv
     help="Map the water of one moment of the survey (ISO 8601, or middle): what changed everywhere "
     "meanwhile, and the sensors' lag, are estimated and taken out.  [default: each place as it was "
     "measured]",
+)
+@click.option(
+    "--scale",
+    type=click.Choice(tuple(SCALES)),
+    help="Map the quantity itself, or its logarithm with asymmetric intervals.  [default: the "
+    "logarithm of what is positive and skewed]",
 )
 @click.option("--drift", type=click.Choice(("linear",)), help="What the mean depends on.")
 @click.option(
@@ -184,7 +191,11 @@ def _map_many(
 def _settings(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings:
     """The methods by their names in the table, with the settings that are given."""
     method, variogram = asked["method"], asked["variogram"]
-    more = {"shore_depth_sd_m": asked["shore_depth_sd_m"], "moment": asked["moment"]}
+    more: dict[str, Any] = {
+        "shore_depth_sd_m": asked["shore_depth_sd_m"],
+        "moment": asked["moment"],
+        "scale": SCALES.get(asked["scale"]),
+    }
     given = {"estimator": asked["estimator"], "drift": drift}
     if variogram is not None:
         given["fit_covariance"] = COVARIANCE_FITS[variogram]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import shapely
-from scipy.special import ndtr
 
 from grebe.core.errors import InputError
 from grebe.core.quantities import Quantities, Quantity
@@ -24,9 +23,11 @@ from grebe.mapping.methods.choice import ByShore, Choice
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.shore import WithShore
 from grebe.mapping.noise import noise_variance
+from grebe.mapping.scale import LINEAR, Scale, exceedance, scale_of
 from grebe.mapping.threads import one_blas_thread
 from grebe.mapping.validation import (
     STRETCH_M,
+    Z95,
     Validation,
     predicted,
     prove,
@@ -54,14 +55,16 @@ class MapSettings:
     None leaves it to `choice`. `change`: how it is found out what changed while the readings were
     taken. `moment` [unix s], or the middle of the survey: the map shows the water then, without
     what changed everywhere and without the sensor's lag; None leaves each place as it was
-    measured. `shore_depth_sd_m`: the depth of the water is taken as zero along the shore, with
-    this standard deviation [m]; None says nothing of the shore.
+    measured. `scale`: that on which a quantity is mapped; None takes the logarithm of what is
+    positive and skewed. `shore_depth_sd_m`: the depth of the water is taken as zero along the
+    shore, with this standard deviation [m]; None says nothing of the shore.
     """
 
     method: Method | tuple[Method, ...] | None = None
     choice: Choice = field(default_factory=ByShore)
     change: Callable[[Readings, float | None], Change] = fit_change
     moment: float | Literal["middle"] | None = None
+    scale: Scale | None = None
     shore_depth_sd_m: float | None = None
 
     def __post_init__(self) -> None:
@@ -78,6 +81,16 @@ class MapSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlaceValues:
+    """The water at n places: `mean`, `sd`, and the ends of its 95 % interval, (n,)."""
+
+    mean: Array
+    sd: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, kw_only=True)
 class QuantityMap:
     """The map of one quantity: `mean` and `sd` of the water, (rows, columns), NaN on land;
     how it was made and what it is worth.
@@ -90,6 +103,10 @@ class QuantityMap:
     `change` is what all of the water changed by, and how late the sensor was. `is_of_moment`: both
     are taken out, and the map is of `change.moment_s`; if not, each place is as it was when the
     boat was near. `readings` made the map, brought to its moment.
+
+    `mean` and `sd`, and what the properties say, are in the quantity's unit. What the map was made
+    of - `field`, `model`, `readings`, `change`, `micro_sd` - is on its `scale`, and there the water
+    is normal about `on_scale`, mean and standard deviation; None where that is `mean` and `sd`.
     """
 
     quantity: Quantity
@@ -107,6 +124,8 @@ class QuantityMap:
     model: Model
     validation: Validation | None
     flagged: int
+    scale: Scale = LINEAR
+    on_scale: tuple[Array, Array] | None = None
 
     @property
     def positions(self) -> Array:
@@ -116,7 +135,7 @@ class QuantityMap:
     @property
     def values(self) -> Array:
         """Their values (n,), brought to the map's moment where it has one."""
-        return self.readings.values
+        return self.scale.back(self.readings.values)
 
     @property
     def samples(self) -> int:
@@ -125,17 +144,42 @@ class QuantityMap:
 
     @property
     def noise_sd(self) -> float:
-        """Standard deviation of an observation about the water."""
+        """Standard deviation of an observation about the water, where that is as in the middle."""
         nugget = self.calibration.on_way**2 * self.model.nugget
-        return float(np.sqrt(max(nugget - self.micro_sd**2, 0.0)))
+        return self.in_unit(float(np.sqrt(max(nugget - self.micro_sd**2, 0.0))))
+
+    @property
+    def changed_by(self) -> float:
+        """By how much all of the water changed during the survey, where it is as in the middle."""
+        return self.in_unit(self.change.range_of)
+
+    @property
+    def error95(self) -> float:
+        """Half the width of the 95 % interval of the median place."""
+        if self.on_scale is None:
+            return Z95 * float(np.median(self.sd[self.grid.inside]))
+        mean, sd = (one[self.grid.inside] for one in self.on_scale)
+        width = self.scale.back(mean + Z95 * sd) - self.scale.back(mean - Z95 * sd)
+        return float(np.median(width)) / 2
+
+    def in_unit(self, step: float) -> float:
+        """What a small step on the map's scale is in the quantity's unit, at the map's median."""
+        return step * self.scale.slope(float(np.nanmedian(self.mean)))
+
+    def at(self, places: Array) -> PlaceValues:
+        """What is known of places (n, 2) [m]."""
+        mean, sd = self.field.mean(places), self.field.sd(places)
+        sd = np.hypot(self.calibration.factor(places) * sd, self.micro_sd)
+        low, high = (self.scale.back(mean + z * sd) for z in (-Z95, Z95))
+        known = known_sd(sd, self.readings)
+        return PlaceValues(
+            mean=self.scale.mean(mean, known), sd=self.scale.sd(mean, sd), low=low, high=high
+        )
 
     def exceedance(self, threshold: float) -> Array:
         """Probability that the water lies above a threshold, (rows, columns); NaN on land."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            z = (self.mean - threshold) / self.sd
-        certain = (self.mean > threshold).astype(float)
-        probability = np.where(self.sd > 0, ndtr(z), certain)
-        return np.where(np.isfinite(self.mean), probability, np.nan)
+        mean, sd = self.on_scale or (self.mean, self.sd)
+        return exceedance(self.scale, mean, sd, threshold)
 
     def draws(self, count: int, seed: int = 0) -> Array:
         """Equally likely fields given the samples, (count, rows, columns); NaN on land."""
@@ -146,14 +190,16 @@ class QuantityMap:
         """Equally likely values given the samples at every so many of the grid's nodes in the
         water, (count, m).
         """
-        nodes, mean = self.grid.nodes[::every], self.mean[self.grid.inside][::every]
+        nodes, inside = self.grid.nodes[::every], self.grid.inside
+        mean, _ = self.on_scale or (self.mean, self.sd)
+        mean = mean[inside][::every]
         with one_blas_thread():
             drawn = self.field.draws(nodes, count, seed)
         fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, drawn.shape)
         drawn = mean + self.calibration.factor(nodes) * (drawn - mean) + fine
-        if not self.is_of_moment:
-            return drawn
-        return drawn + self.change.draws_near(self.readings, nodes, count, seed)
+        if self.is_of_moment:
+            drawn = drawn + self.change.draws_near(self.readings, nodes, count, seed)
+        return self.scale.back(drawn)
 
 
 @dataclass
@@ -205,6 +251,8 @@ class Mapper:
             raise ValueError("a map of one moment needs the times of the samples")
         # The bed stays as it is: passes over it differ by the sonar's errors alone.
         is_bed = quantity.key == WATER_DEPTH
+        scale = self._scale(readings, is_bed=is_bed)
+        readings = replace(readings, values=scale.forward(readings.values))
         if is_bed and moment is None:
             change = no_change(readings)
         else:
@@ -219,21 +267,23 @@ class Mapper:
         asked_for = any(one.key == Passes.key for one in methods)
         still = is_bed and not asked_for
         told = replace(readings, times=None) if still else readings
-        found = best_of(methods, told, self._domain)
+        found = best_of(methods, told, self._domain, scale)
         model, factors = found.model, found.calibration
         noise = noise_variance(at, data, model.nugget)
         micro_sd = factors.on_way * float(np.sqrt(model.nugget - noise))
         # What is finer than the sensor resolves is not known either.
-        micro_sd = float(np.hypot(micro_sd, quantity.resolution / np.sqrt(12)))
+        slope = scale.slope(float(np.median(scale.back(data))))
+        micro_sd = float(np.hypot(micro_sd, quantity.resolution / slope / np.sqrt(12)))
         nodes = self.grid.nodes
+        mean = found.field.mean(nodes)
         sd = np.hypot(factors.factor(nodes) * found.field.sd(nodes), micro_sd)
         if moment is not None:
             sd = np.hypot(sd, change.sd_near(readings, nodes))
         return QuantityMap(
             quantity=quantity,
             grid=self.grid,
-            mean=self.grid.spread(found.field.mean(nodes)),
-            sd=self.grid.spread(sd),
+            mean=self.grid.spread(scale.mean(mean, known_sd(sd, readings))),
+            sd=self.grid.spread(scale.sd(mean, sd)),
             calibration=factors,
             micro_sd=micro_sd,
             change=change,
@@ -245,7 +295,25 @@ class Mapper:
             model=model,
             validation=found.validation,
             flagged=flagged,
+            scale=scale,
+            on_scale=None if scale is LINEAR else (self.grid.spread(mean), self.grid.spread(sd)),
         )
+
+    def _scale(self, readings: Readings, *, is_bed: bool) -> Scale:
+        """The scale as asked, or as the readings have it; a bed is not carried by plumes."""
+        asked = self.settings.scale
+        if asked is None:
+            return LINEAR if is_bed else scale_of(readings.positions, readings.values)
+        if asked is not LINEAR and float(readings.values.min()) <= 0:
+            raise ValueError("the logarithm needs readings above 0, and there are others")
+        return asked
+
+
+def known_sd(sd: Array, readings: Readings) -> Array:
+    """What of a standard deviation counts for the mean of a skewed quantity: at most that of the
+    readings. An interval may be wider, for what is not known of the covariance; the water is not.
+    """
+    return np.minimum(sd, float(np.std(readings.values)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,11 +327,13 @@ class Best:
     validation: Validation | None
 
 
-def best_of(methods: Sequence[Method], readings: Readings, domain: Domain) -> Best:
+def best_of(
+    methods: Sequence[Method], readings: Readings, domain: Domain, scale: Scale = LINEAR
+) -> Best:
     """Fit each method and take the one that predicts best what is left out, stretches of the way
     of two lengths and whole lines. Where nothing can be left out it is the first.
     """
-    tried = [_tried(one, readings, domain) for one in methods]
+    tried = [_tried(one, readings, domain, scale) for one in methods]
     scores = [score for score, _ in tried]
     chosen = int(np.argmin(scores))
     best = tried[chosen][1]
@@ -274,12 +344,12 @@ def best_of(methods: Sequence[Method], readings: Readings, domain: Domain) -> Be
     return best
 
 
-def _tried(method: Method, readings: Readings, domain: Domain) -> tuple[float, Best]:
+def _tried(method: Method, readings: Readings, domain: Domain, scale: Scale) -> tuple[float, Best]:
     """A fitted method, and the geometric mean of its errors at several distances."""
     found = method.fit(readings, domain)
     way = readings.positions
     readings = readings.part(np.arange(len(readings)) % _every(len(readings)) == 0)
-    proof = prove(readings, found)
+    proof = prove(readings, found, scale=scale)
     if proof is None:
         return np.inf, Best(
             method=method, field=found, model=found.model, calibration=Calibration(),

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from grebe.mapping.methods.base import Field, Readings
+from grebe.mapping.scale import LINEAR, Scale
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,11 +40,12 @@ Z50, Z95 = 0.6745, 1.9600
 @dataclass(frozen=True, kw_only=True)
 class Errors:
     """What was predicted of left-out samples: `error` (m,) and its standard deviation `sd` (m,),
-    the reading's noise in it.
+    the reading's noise in it, and what was `read` (m,).
     """
 
     error: Array
     sd: Array
+    read: Array
 
     @property
     def z(self) -> Array:
@@ -91,9 +93,9 @@ def validate(readings: Readings, field: Field, folds: Indices | None = None) -> 
 
 
 def prove(
-    readings: Readings, field: Field, folds: Indices | None = None
+    readings: Readings, field: Field, folds: Indices | None = None, scale: Scale = LINEAR
 ) -> tuple[Validation, Errors] | None:
-    """As `validate`, with the errors themselves."""
+    """As `validate`, with the errors themselves, on the scale of the readings."""
     left_out: Literal["lines", "blocks", "given"] = "given"
     pieces = 0
     if folds is None:
@@ -104,15 +106,17 @@ def prove(
     errors = predicted(readings, field, folds, most=len(readings))
     if not len(errors.error):
         return None
-    simple = _simple_errors(readings, folds)
+    simple = _simple_errors(readings, folds, scale)
+    in_unit = scale.mean(errors.read + errors.error, errors.sd) - scale.back(errors.read)
+    in_unit = errors.error if scale is LINEAR else in_unit
     msdr = float(np.mean(errors.z**2))
     return Validation(
         left_out=left_out,
         pieces=pieces or count,
         folds=count,
         samples=len(errors.error),
-        rmse=errors.rmse,
-        bias=float(np.mean(errors.error)),
+        rmse=_rms(in_unit),
+        bias=float(np.mean(in_unit)),
         msdr=msdr,
         coverage50=float(np.mean(np.abs(errors.z) <= Z50)),
         coverage95=float(np.mean(np.abs(errors.z) <= Z95)),
@@ -129,16 +133,19 @@ def predicted(readings: Readings, field: Field, folds: Indices, most: int = MOST
     nothing: Array = np.empty(0)
     errors: list[Array] = [nothing]
     sds: list[Array] = [nothing]
+    read: list[Array] = [nothing]
     for out in _turns(folds):
         rest = field.given(readings.part(~out))
         judged = np.flatnonzero(out)
         judged = judged[:: -(-len(judged) // most)]
         places = readings.positions[judged]
-        errors.append(rest.mean(places) - readings.values[judged])
+        read.append(readings.values[judged])
+        errors.append(rest.mean(places) - read[-1])
         sds.append(np.sqrt(rest.sd(places) ** 2 + field.model.nugget))
     return Errors(
         error=np.concatenate(errors),
         sd=np.maximum(np.concatenate(sds), np.finfo(float).tiny),
+        read=np.concatenate(read),
     )
 
 
@@ -198,9 +205,9 @@ def track_lines(positions: Array) -> Indices:
     return lines
 
 
-def _simple_errors(readings: Readings, folds: Indices) -> Array:
-    """Errors (2, m) of the nearest sample and of the inverse squared distance."""
-    positions, values = readings.positions, readings.values
+def _simple_errors(readings: Readings, folds: Indices, scale: Scale) -> Array:
+    """Errors (2, m) of the nearest sample and of the inverse squared distance, in the unit."""
+    positions, values = readings.positions, scale.back(readings.values)
     found = [
         _simple(positions[~out], values[~out], positions[out]) - values[out]
         for out in _turns(folds)

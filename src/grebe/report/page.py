@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from grebe.io.whole import write_text_whole
 from grebe.mapping.maps import QuantityMap
+from grebe.mapping.scale import LINEAR
 from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure
@@ -166,7 +167,7 @@ def _row(one: QuantityMap, t: Texts) -> dict[str, object]:
         "median": float(np.median(inside)),
         "low": float(np.percentile(inside, 5)),
         "high": float(np.percentile(inside, 95)),
-        "error95": Z95 * float(np.median(one.sd[one.grid.inside])),
+        "error95": one.error95,
         "samples": one.samples,
         "flagged": one.flagged,
     }
@@ -191,6 +192,8 @@ def _method(one: QuantityMap, t: Texts) -> str:
             reason=model.reason,
         ),
     ]
+    if one.scale is not LINEAR:
+        said.append(t("on_log_scale"))
     said += _changed(one, t)
     if check is not None:
         numbers = {"rmse": check.rmse, "nearest": check.nearest_rmse, "idw": check.idw_rmse,
@@ -262,10 +265,10 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
     """How the water changed during the survey, how late the sensor was, and what was done of it."""
     change, said = one.change, list[str]()
     if change.is_heeded:
-        by = significant(change.range_of, 2)
+        by = significant(one.changed_by, 2)
         said.append(t("changed", change=by, unit=one.quantity.unit))
     elif np.isfinite(change.unseen_sd):
-        by = significant(change.unseen_sd, 2)
+        by = significant(one.in_unit(change.unseen_sd), 2)
         said.append(t("unchanged", change=by, unit=one.quantity.unit))
     elif change.gain or change.lag_gain:
         said.append(t("change_untold"))

@@ -26,11 +26,11 @@ from grebe.io.store import SurveyFile
 from grebe.mapping.grid import make_grid
 from grebe.mapping.kriging import distinct
 from grebe.mapping.lag import corrected_values
-from grebe.mapping.maps import Mapper, QuantityMap
+from grebe.mapping.maps import Mapper, MapSettings, QuantityMap
 from grebe.mapping.methods.base import Readings
+from grebe.mapping.scale import LINEAR
 from grebe.mapping.sequential import SequentialField, sequential
 from grebe.mapping.threads import one_blas_thread
-from grebe.mapping.validation import Z95
 from grebe.server.failures import NoMapError
 
 if TYPE_CHECKING:
@@ -149,7 +149,8 @@ def _forming(
         kept.take_in(positions, values, flags)
         return kept.now()
     grid = make_grid(water, math.sqrt(water.area / FORMING_NODES))
-    fitted = Mapper(water, grid).map_quantity(quantity, positions, values, flags)
+    settings = MapSettings(scale=LINEAR)
+    fitted = Mapper(water, grid, settings).map_quantity(quantity, positions, values, flags)
     with one_blas_thread():
         begun = sequential(fitted.field, grid.nodes)
     if begun is None:
@@ -250,13 +251,6 @@ def _grid(
     }
 
 
-def _at(made: Made, places: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Mean and standard deviation (n,) at local places (n, 2)."""
-    one = made.map
-    factor = one.calibration.factor(places)
-    return one.field.mean(places), np.hypot(factor * one.field.sd(places), one.micro_sd)
-
-
 def _inside(made: Made, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     lay = made.map.grid
     row = np.rint((places[:, 0] - lay.north[0]) / lay.step_m).astype(int)
@@ -273,12 +267,12 @@ def at(path: str, quantity: str, lon: float, lat: float, *, forming: bool) -> di
     place = made.frame.to_local([(lon, lat)])
     if not np.isfinite(place).all() or not _inside(made, place)[0]:
         raise NoMapError("There is no water of this survey at that place.")
-    mean, sd = (float(found[0]) for found in _at(made, place))
+    found = made.map.at(place)
     return {
-        "mean": mean,
-        "sd": sd,
-        "low": mean - Z95 * sd,
-        "high": mean + Z95 * sd,
+        "mean": float(found.mean[0]),
+        "sd": float(found.sd[0]),
+        "low": float(found.low[0]),
+        "high": float(found.high[0]),
         "unit": made.map.quantity.unit,
     }
 
@@ -295,18 +289,18 @@ def profile(
     distance = np.linspace(0.0, length_m, PROFILE_POINTS)
     places = places_at(corners, distance)
     inside = _inside(made, places)
-    mean, sd = np.full(len(places), np.nan), np.full(len(places), np.nan)
-    if inside.any():
-        mean[inside], sd[inside] = _at(made, places[inside])
+    found, nothing = (made.map.at(places[inside]) if inside.any() else None), np.zeros(0)
 
     def column(values: NDArray[np.floating]) -> list[float | None]:
-        return [None if math.isnan(value) else float(value) for value in values]
+        every = np.full(len(places), np.nan)
+        every[inside] = values
+        return [None if math.isnan(value) else float(value) for value in every]
 
     return {
         "distance_m": np.round(distance, 2).tolist(),
-        "mean": column(mean),
-        "low": column(mean - Z95 * sd),
-        "high": column(mean + Z95 * sd),
+        "mean": column(found.mean if found else nothing),
+        "low": column(found.low if found else nothing),
+        "high": column(found.high if found else nothing),
         "unit": made.map.quantity.unit,
     }
 

@@ -18,7 +18,8 @@ from grebe.core.survey import Survey, Target
 from grebe.core.taut import taut_way
 from grebe.mapping.grid import make_grid
 from grebe.mapping.local_variation import local_variation
-from grebe.mapping.maps import Mapper, QuantityMap
+from grebe.mapping.maps import Mapper, MapSettings, QuantityMap
+from grebe.mapping.scale import LINEAR
 from grebe.mapping.sequential import sequential
 from grebe.mapping.threads import one_blas_thread
 from grebe.planning.adapt import Worth, chosen_places
@@ -205,7 +206,7 @@ def _worth(
     """What places are worth by the map of what was measured so far; to pass one takes `pass_s`."""
     key = wish.quantity
     grid = make_grid(survey.water, math.sqrt(survey.water.area / PLACES))
-    mapped = Mapper(survey.water, grid).map_quantity(
+    mapped = Mapper(survey.water, grid, MapSettings(scale=LINEAR)).map_quantity(
         quantities.known(key), samples.positions, samples.values[key], samples.flags[key]
     )
     with one_blas_thread():

@@ -156,7 +156,7 @@ def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
         if change.is_heeded:
             unit = f" {one.quantity.unit}" if one.quantity.unit else ""
             notes.append(
-                f"{name}: all of the water seems to have changed by {change.range_of:.2g}{unit} "
+                f"{name}: all of the water seems to have changed by {one.changed_by:.2g}{unit} "
                 "during the survey; a map of one moment takes that out"
             )
         if change.lag_s:
@@ -174,9 +174,9 @@ def _change_numbers(one: QuantityMap) -> dict[str, Any]:
         "moment": datetime.fromtimestamp(change.moment_s, UTC).isoformat()
         if one.is_of_moment
         else None,
-        "during_survey": change.range_of if change.is_heeded else None,
+        "during_survey": one.changed_by if change.is_heeded else None,
         "log_likelihood_gain": change.gain,
-        "unseen_sd_at_most": unseen if np.isfinite(unseen) else None,
+        "unseen_sd_at_most": one.in_unit(unseen) if np.isfinite(unseen) else None,
         "sensor_lag_s": change.lag_s or None,
         "lag_log_likelihood_gain": change.lag_gain,
     }
@@ -191,6 +191,7 @@ def map_numbers(one: QuantityMap) -> dict[str, Any]:
         "flagged": one.flagged,
         "method": one.method.key,
         "reason": one.reason,
+        "scale": one.scale.name,
         "sd_factors": {"on_way": one.calibration.on_way, "off_way": one.calibration.off_way},
         "variogram": {
             "kind": model.kind,

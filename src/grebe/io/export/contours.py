@@ -16,7 +16,6 @@ from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
 from grebe.core.frames import LocalFrame
 from grebe.io.whole import written_whole
 from grebe.mapping.maps import QuantityMap
-from grebe.mapping.validation import Z95
 
 LEVELS = 10
 
@@ -29,7 +28,7 @@ def contour_levels(one: QuantityMap) -> list[float]:
     """
     inside = one.mean[one.grid.inside]
     low, high = float(inside.min()), float(inside.max())
-    error = Z95 * float(np.median(one.sd[one.grid.inside]))
+    error = one.error95
     steps = min(LEVELS, math.floor((high - low) / error)) if error > 0 else LEVELS
     if steps < 1:
         return []

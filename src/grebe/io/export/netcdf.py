@@ -130,6 +130,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
             },
             "variogram_reason": model.reason,
             "interpolation": f"{one.method.key}: {one.reason}",
+            "interpolation_scale": one.scale.name,
             "sample_count": np.int32(one.samples),
             "moment": _moment(one),
             **_worth(one),
@@ -179,7 +180,7 @@ def _moment(one: QuantityMap) -> str:
     if change.is_heeded:
         return (
             "each place as it was measured; all of the water seems to have changed by "
-            f"{change.range_of:.3g} during the survey"
+            f"{one.changed_by:.3g} during the survey"
         )
     return "each place as it was measured"
 

@@ -1,0 +1,149 @@
+"""The scale on which a quantity is mapped: its own, or the logarithm's.
+
+What a plume carries - turbidity, chlorophyll - is positive and skewed: some readings are ten times
+the rest, and vary ten times as much. On its own scale one variance serves both, so that clear water
+is called as uncertain as the plume, down to negative turbidities. Its logarithm is nearly normal:
+it is mapped by the same methods, and brought back by the moments of the lognormal distribution, so
+that the mean is that of the quantity and no median (Cressie 1993, section 3.2.2: lognormal
+kriging).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from scipy.special import ndtr
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# The logarithm is not asked for where the standard deviation is a smaller share of the mean than
+# this: both scales are then the same but for a factor.
+LEAST_SPREAD = 0.3
+# What the logarithm must add to the log likelihood of one reading each so many metres, of
+# independent normal values.
+CLEAR_GAIN, APART_M = 10.0, 10.0
+
+
+class Scale(Protocol):
+    """A scale, and what a normal distribution on it is in the quantity's unit."""
+
+    @property
+    def name(self) -> str:
+        """As settings and files have it."""
+        ...
+
+    def forward(self, values: Array) -> Array:
+        """Values in the quantity's unit, on the scale."""
+        ...
+
+    def back(self, values: Array) -> Array:
+        """Values on the scale, in the quantity's unit."""
+        ...
+
+    def mean(self, mean: Array, sd: Array) -> Array:
+        """Mean in the quantity's unit of what is normal on the scale."""
+        ...
+
+    def sd(self, mean: Array, sd: Array) -> Array:
+        """Its standard deviation in the quantity's unit."""
+        ...
+
+    def slope(self, at: float) -> float:
+        """How much of the quantity's unit is one of the scale's, at a value in that unit."""
+        ...
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The quantity's own scale."""
+
+    name: str = "linear"
+
+    def forward(self, values: Array) -> Array:
+        """See `Scale`."""
+        return values
+
+    def back(self, values: Array) -> Array:
+        """See `Scale`."""
+        return values
+
+    def mean(self, mean: Array, sd: Array) -> Array:  # noqa: ARG002
+        """See `Scale`."""
+        return mean
+
+    def sd(self, mean: Array, sd: Array) -> Array:  # noqa: ARG002
+        """See `Scale`."""
+        return sd
+
+    def slope(self, at: float) -> float:  # noqa: ARG002
+        """See `Scale`."""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class Logarithmic:
+    """The natural logarithm of a positive quantity."""
+
+    name: str = "log"
+
+    def forward(self, values: Array) -> Array:
+        """See `Scale`."""
+        return np.log(values)
+
+    def back(self, values: Array) -> Array:
+        """See `Scale`."""
+        return np.exp(values)
+
+    def mean(self, mean: Array, sd: Array) -> Array:
+        """See `Scale`."""
+        return np.exp(mean + sd**2 / 2)
+
+    def sd(self, mean: Array, sd: Array) -> Array:
+        """See `Scale`."""
+        return np.exp(mean + sd**2 / 2) * np.sqrt(np.expm1(sd**2))
+
+    def slope(self, at: float) -> float:
+        """See `Scale`."""
+        return at
+
+
+LINEAR, LOGARITHMIC = Linear(), Logarithmic()
+SCALES: Mapping[str, Scale] = {one.name: one for one in (LINEAR, LOGARITHMIC)}
+
+
+def scale_of(positions: Array, values: Array) -> Scale:
+    """The scale on which readings (n,) at positions (n, 2) are the more nearly normal, by the
+    likelihood of Box and Cox (1964) for the powers 1 and 0, of the means over `APART_M`.
+    """
+    if len(values) == 0 or values.min() <= 0 or values.std() < LEAST_SPREAD * values.mean():
+        return LINEAR
+    _, blocks = np.unique(
+        np.floor(positions / APART_M).astype(np.int64), axis=0, return_inverse=True
+    )
+    blocks = np.asarray(blocks).ravel()
+    counts = np.bincount(blocks)
+    means = np.bincount(blocks, np.log(values)) / counts
+    plain = np.exp(means)
+    variances = float(np.var(plain)), float(np.var(means))
+    if min(variances) <= 0:
+        return LINEAR
+    gain = 0.5 * len(means) * float(np.log(variances[0] / variances[1])) - float(means.sum())
+    return LOGARITHMIC if gain > CLEAR_GAIN else LINEAR
+
+
+def exceedance(scale: Scale, mean: Array, sd: Array, threshold: float) -> Array:
+    """Probability that what is normal on the scale, with this mean and standard deviation, lies
+    above a threshold in the quantity's unit; NaN on land.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        limit = scale.forward(np.asarray(threshold, dtype=float))
+        z = (mean - limit) / sd
+    certain = (mean > limit).astype(float)
+    probability = np.where(sd > 0, ndtr(z), certain)
+    return np.where(np.isfinite(mean), probability, np.nan)
