@@ -26,7 +26,8 @@ from scipy.spatial import KDTree
 from benchmarks.common import print_head, print_row
 from grebe.core.samples import Flag, Samples
 from grebe.io.store import SurveyFile
-from grebe.mapping.maps import MapSettings, QuantityMap
+from grebe.mapping.maps import MapSettings
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.validation import track_lines
 from grebe.report.thresholds import read_profile
 from grebe.workflow.maps import map_survey, write_maps

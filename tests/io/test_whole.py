@@ -22,8 +22,9 @@ from grebe.io.export.route import write_export
 from grebe.io.store import SurveyFile
 from grebe.io.whole import forget_parts, write_text_whole, written_whole
 from grebe.mapping.grid import make_grid
-from grebe.mapping.maps import Mapper, MapSettings, QuantityMap
+from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.choice import KRIGING
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.report.canvas import save
 
 

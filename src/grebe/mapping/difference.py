@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.validation import Z95
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
@@ -14,26 +14,18 @@ from grebe.core.errors import InputError
 from grebe.core.quantities import Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
-from grebe.mapping.calibration import Calibration, for_few, spread
+from grebe.mapping.best import best_of
 from grebe.mapping.change import Change, fit_change, no_change
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
-from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
+from grebe.mapping.methods.base import Domain, Method, Readings
 from grebe.mapping.methods.choice import ByShore, Choice
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.shore import WithShore
 from grebe.mapping.noise import noise_variance
-from grebe.mapping.scale import LINEAR, Scale, exceedance, scale_of
+from grebe.mapping.quantity_map import QuantityMap, known_sd
+from grebe.mapping.scale import LINEAR, Scale, scale_of
 from grebe.mapping.threads import one_blas_thread
-from grebe.mapping.validation import (
-    STRETCH_M,
-    Z95,
-    Validation,
-    predicted,
-    prove,
-    stretch_folds,
-)
-from grebe.mapping.way import half_cell_m
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,10 +33,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 FEWEST_SAMPLES = 10
-# Of more readings a share proves the map: along a way they lie closer than what is left out is
-# wide, and more of them tell the same.
-MOST_FOR_PROOF = 1_000
-CHOSEN = "this one predicts left-out samples better"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,128 +66,6 @@ class MapSettings:
             return self.choice(readings, domain)
         several = self.method if isinstance(self.method, tuple) else (self.method,)
         return several, "as asked"
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlaceValues:
-    """The water at n places: `mean`, `sd`, and the ends of its 95 % interval, (n,)."""
-
-    mean: Array
-    sd: Array
-    low: Array
-    high: Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class QuantityMap:
-    """The map of one quantity: `mean` and `sd` of the water, (rows, columns), NaN on land;
-    how it was made and what it is worth.
-
-    `field` answers at any place, before the calibration; `model` is what it is made of, with the
-    reason for it.
-
-    `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not.
-    `calibration` are the factors that left-out stretches and lines put on the standard deviations.
-    `change` is what all of the water changed by, and how late the sensor was. `is_of_moment`: both
-    are taken out, and the map is of `change.moment_s`; if not, each place is as it was when the
-    boat was near. `readings` made the map, brought to its moment.
-
-    `mean` and `sd`, and what the properties say, are in the quantity's unit. What the map was made
-    of - `field`, `model`, `readings`, `change`, `micro_sd` - is on its `scale`, and there the water
-    is normal about `on_scale`, mean and standard deviation; None where that is `mean` and `sd`.
-    """
-
-    quantity: Quantity
-    grid: Grid
-    mean: Array
-    sd: Array
-    calibration: Calibration
-    micro_sd: float
-    change: Change
-    is_of_moment: bool
-    readings: Readings
-    field: Field
-    method: Method
-    reason: str
-    model: Model
-    validation: Validation | None
-    flagged: int
-    scale: Scale = LINEAR
-    on_scale: tuple[Array, Array] | None = None
-
-    @property
-    def positions(self) -> Array:
-        """Where the samples were taken that made the map, (n, 2) [m]."""
-        return self.readings.positions
-
-    @property
-    def values(self) -> Array:
-        """Their values (n,), brought to the map's moment where it has one."""
-        return self.scale.back(self.readings.values)
-
-    @property
-    def samples(self) -> int:
-        """Number of samples that made the map."""
-        return len(self.values)
-
-    @property
-    def noise_sd(self) -> float:
-        """Standard deviation of an observation about the water, where that is as in the middle."""
-        nugget = self.calibration.on_way**2 * self.model.nugget
-        return self.in_unit(float(np.sqrt(max(nugget - self.micro_sd**2, 0.0))))
-
-    @property
-    def changed_by(self) -> float:
-        """By how much all of the water changed during the survey, where it is as in the middle."""
-        return self.in_unit(self.change.range_of)
-
-    @property
-    def error95(self) -> float:
-        """Half the width of the 95 % interval of the median place."""
-        if self.on_scale is None:
-            return Z95 * float(np.median(self.sd[self.grid.inside]))
-        mean, sd = (one[self.grid.inside] for one in self.on_scale)
-        width = self.scale.back(mean + Z95 * sd) - self.scale.back(mean - Z95 * sd)
-        return float(np.median(width)) / 2
-
-    def in_unit(self, step: float) -> float:
-        """What a small step on the map's scale is in the quantity's unit, at the map's median."""
-        return step * self.scale.slope(float(np.nanmedian(self.mean)))
-
-    def at(self, places: Array) -> PlaceValues:
-        """What is known of places (n, 2) [m]."""
-        mean, sd = self.field.mean(places), self.field.sd(places)
-        sd = np.hypot(self.calibration.factor(places) * sd, self.micro_sd)
-        low, high = (self.scale.back(mean + z * sd) for z in (-Z95, Z95))
-        known = known_sd(sd, self.readings)
-        return PlaceValues(
-            mean=self.scale.mean(mean, known), sd=self.scale.sd(mean, sd), low=low, high=high
-        )
-
-    def exceedance(self, threshold: float) -> Array:
-        """Probability that the water lies above a threshold, (rows, columns); NaN on land."""
-        mean, sd = self.on_scale or (self.mean, self.sd)
-        return exceedance(self.scale, mean, sd, threshold)
-
-    def draws(self, count: int, seed: int = 0) -> Array:
-        """Equally likely fields given the samples, (count, rows, columns); NaN on land."""
-        drawn = self.draws_at_nodes(count, 1, seed)
-        return np.array([self.grid.spread(one) for one in drawn])
-
-    def draws_at_nodes(self, count: int, every: int = 1, seed: int = 0) -> Array:
-        """Equally likely values given the samples at every so many of the grid's nodes in the
-        water, (count, m).
-        """
-        nodes, inside = self.grid.nodes[::every], self.grid.inside
-        mean, _ = self.on_scale or (self.mean, self.sd)
-        mean = mean[inside][::every]
-        with one_blas_thread():
-            drawn = self.field.draws(nodes, count, seed)
-        fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, drawn.shape)
-        drawn = mean + self.calibration.factor(nodes) * (drawn - mean) + fine
-        if self.is_of_moment:
-            drawn = drawn + self.change.draws_near(self.readings, nodes, count, seed)
-        return self.scale.back(drawn)
 
 
 @dataclass
@@ -307,80 +173,6 @@ class Mapper:
         if asked is not LINEAR and float(readings.values.min()) <= 0:
             raise ValueError("the logarithm needs readings above 0, and there are others")
         return asked
-
-
-def known_sd(sd: Array, readings: Readings) -> Array:
-    """What of a standard deviation counts for the mean of a skewed quantity: at most that of the
-    readings. An interval may be wider, for what is not known of the covariance; the water is not.
-    """
-    return np.minimum(sd, float(np.std(readings.values)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Best:
-    """The method that predicts best, its field, what it is made of, and how far it is trusted."""
-
-    method: Method
-    field: Field
-    model: Model
-    calibration: Calibration
-    validation: Validation | None
-
-
-def best_of(
-    methods: Sequence[Method], readings: Readings, domain: Domain, scale: Scale = LINEAR
-) -> Best:
-    """Fit each method and take the one that predicts best what is left out, stretches of the way
-    of two lengths and whole lines. Where nothing can be left out it is the first.
-    """
-    tried = [_tried(one, readings, domain, scale) for one in methods]
-    scores = [score for score, _ in tried]
-    chosen = int(np.argmin(scores))
-    best = tried[chosen][1]
-    if max(scores) > scores[chosen]:
-        ways = {2: "two", 3: "three"}.get(len(tried), str(len(tried)))
-        text = f"{best.model.reason}; of the {ways} ways to fit, {CHOSEN}"
-        return replace(best, model=replace(best.model, reason=text))
-    return best
-
-
-def _tried(method: Method, readings: Readings, domain: Domain, scale: Scale) -> tuple[float, Best]:
-    """A fitted method, and the geometric mean of its errors at several distances."""
-    found = method.fit(readings, domain)
-    way = readings.positions
-    readings = readings.part(np.arange(len(readings)) % _every(len(readings)) == 0)
-    proof = prove(readings, found, scale=scale)
-    if proof is None:
-        return np.inf, Best(
-            method=method, field=found, model=found.model, calibration=Calibration(),
-            validation=None,
-        )  # fmt: skip
-    positions = readings.positions
-    near = [predicted(readings, found, stretch_folds(positions, side)) for side in STRETCH_M]
-    validation, far = proof
-    stretches = [int(np.ptp(positions, axis=0).sum() / side) + 1 for side in STRETCH_M]
-    on_way = [spread(one, count) for one, count in zip(near, stretches, strict=True)]
-    calibration = Calibration(
-        on_way=float(np.exp(np.mean(np.log(on_way)))),
-        # Off the way there is less to tell by: no map is made surer there than its model is.
-        off_way=max(spread(far, validation.pieces) * for_few(validation.pieces), 1.0),
-        way=way,
-        wide_m=half_cell_m(domain.grid.step_m),
-    )
-    told = [max(one.rmse, 1e-300) for one in (*near, far) if len(one.error)]
-    score = float(np.mean(np.log(told))) if told else np.inf
-    return score, Best(
-        method=method,
-        field=found,
-        model=found.model,
-        calibration=calibration,
-        validation=validation,
-    )
-
-
-def _every(count: int) -> int:
-    """Which of so many readings prove the map: every first, second, third ..."""
-    return -(-count // MOST_FOR_PROOF)
 
 
 def _refuse_moment(moment: float | Literal["middle"] | None, times: Array) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.trend import Trend
 
 if TYPE_CHECKING:

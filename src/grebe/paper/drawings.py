@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from grebe.core.quantities import BUILTIN
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Survey
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mission.trial import Trial
 from grebe.paper import scenes
 from grebe.report.canvas import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION, styled

@@ -22,8 +22,9 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import vessel_named
 from grebe.io.readers.track import RawTrack, read_track
 from grebe.mapping.grid import make_grid
-from grebe.mapping.maps import Mapper, QuantityMap
+from grebe.mapping.maps import Mapper
 from grebe.mapping.quality import check_quality
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.paper import drawings
 from grebe.paper.checks import Check, Reproduction
 from grebe.planning.planner import plan

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from grebe.core.survey import Survey
 from grebe.io.whole import write_rows_whole
 from grebe.mapping.bathymetry import WATER_DEPTH, Bathymetry, bathymetry
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.validation import Z95
 from grebe.report.canvas import BLUE, VERMILLION, styled
 from grebe.report.texts import Texts, texts_of

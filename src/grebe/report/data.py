@@ -18,7 +18,8 @@ from grebe.core.survey import Survey
 from grebe.io.store import Progress, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
 from grebe.mapping.lag import corrected_values
-from grebe.mapping.maps import Mapper, MapSettings, QuantityMap, map_all
+from grebe.mapping.maps import Mapper, MapSettings, map_all
+from grebe.mapping.quantity_map import QuantityMap
 
 
 @dataclass(frozen=True, kw_only=True)

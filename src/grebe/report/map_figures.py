@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from grebe.mapping.difference import Difference
-    from grebe.mapping.maps import QuantityMap
+    from grebe.mapping.quantity_map import QuantityMap
     from grebe.report.data import ReportData
     from grebe.report.texts import Texts
     from grebe.report.thresholds import Threshold

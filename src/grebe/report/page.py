@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from grebe.io.whole import write_text_whole
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy.special import ndtr
 
 from grebe.core.quantities import Quantity
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.report.data import ReportData
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from grebe.core.quantities import BUILTIN, Quantities
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from grebe.mapping.maps import QuantityMap
+    from grebe.mapping.quantity_map import QuantityMap
 
 FIELDS = ("quantity", "value", "sense", "label", "citation")
 

@@ -26,8 +26,9 @@ from grebe.io.store import SurveyFile
 from grebe.mapping.grid import make_grid
 from grebe.mapping.kriging import distinct
 from grebe.mapping.lag import corrected_values
-from grebe.mapping.maps import Mapper, MapSettings, QuantityMap
+from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.base import Readings
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.mapping.sequential import SequentialField, sequential
 from grebe.mapping.threads import one_blas_thread

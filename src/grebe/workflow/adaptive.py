@@ -18,7 +18,8 @@ from grebe.core.survey import Survey, Target
 from grebe.core.taut import taut_way
 from grebe.mapping.grid import make_grid
 from grebe.mapping.local_variation import local_variation
-from grebe.mapping.maps import Mapper, MapSettings, QuantityMap
+from grebe.mapping.maps import Mapper, MapSettings
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.mapping.sequential import sequential
 from grebe.mapping.threads import one_blas_thread

@@ -15,7 +15,8 @@ from grebe.io.store import SurveyFile
 from grebe.mapping.difference import Difference, difference
 from grebe.mapping.grid import make_grid
 from grebe.mapping.lag import corrected_values
-from grebe.mapping.maps import Mapper, QuantityMap, map_all
+from grebe.mapping.maps import Mapper, map_all
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.report import canvas, map_figures
 from grebe.workflow.files import make_folder
 

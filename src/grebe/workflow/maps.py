@@ -18,7 +18,8 @@ from grebe.io.export.netcdf import write_netcdf
 from grebe.io.export.stac import ITEM_NAME, Asset, write_stac_item
 from grebe.io.readers.credits import read_credits
 from grebe.io.store import SurveyFile
-from grebe.mapping.maps import MapSettings, QuantityMap
+from grebe.mapping.maps import MapSettings
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.report import canvas, map_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure, write_hypsography
 from grebe.report.data import ReportData, gather

@@ -19,7 +19,8 @@ from grebe.io.export.geotiff import write_bands
 from grebe.io.export.netcdf_series import SeriesFields, write_series_netcdf
 from grebe.io.store import SurveyFile
 from grebe.mapping.grid import Grid, make_grid
-from grebe.mapping.maps import Mapper, QuantityMap
+from grebe.mapping.maps import Mapper
+from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.series import QuantitySeries
 from grebe.mapping.trend import FEWEST_SURVEYS, Trend, adjusted_for_family, fit_trend
 from grebe.report import canvas, series_figures

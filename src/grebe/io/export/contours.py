@@ -15,7 +15,7 @@ from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
 
 from grebe.core.frames import LocalFrame
 from grebe.io.whole import written_whole
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 
 LEVELS = 10
 

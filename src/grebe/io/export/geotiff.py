@@ -11,7 +11,7 @@ import numpy as np
 from grebe.core.frames import LocalFrame
 from grebe.io.whole import written_whole
 from grebe.mapping.grid import Grid
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from grebe.core.frames import LocalFrame
 from grebe.io.export.catalogue import ACDD, CatalogueEntry, acdd
 from grebe.io.whole import written_whole
 from grebe.mapping.grid import Grid
-from grebe.mapping.maps import QuantityMap
+from grebe.mapping.quantity_map import QuantityMap
 
 Fields = Mapping[str, Mapping[str, np.ndarray]]
 

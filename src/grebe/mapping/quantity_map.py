@@ -1,0 +1,151 @@
+"""The map of one quantity, and what it says of any place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.quantities import Quantity
+from grebe.mapping.calibration import Calibration
+from grebe.mapping.change import Change
+from grebe.mapping.grid import Grid
+from grebe.mapping.methods.base import Field, Method, Model, Readings
+from grebe.mapping.scale import LINEAR, Scale, exceedance
+from grebe.mapping.threads import one_blas_thread
+from grebe.mapping.validation import Z95, Validation
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceValues:
+    """The water at n places: `mean`, `sd`, and the ends of its 95 % interval, (n,)."""
+
+    mean: Array
+    sd: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuantityMap:
+    """The map of one quantity: `mean` and `sd` of the water, (rows, columns), NaN on land;
+    how it was made and what it is worth.
+
+    `field` answers at any place, before the calibration; `model` is what it is made of, with the
+    reason for it.
+
+    `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not.
+    `calibration` are the factors that left-out stretches and lines put on the standard deviations.
+    `change` is what all of the water changed by, and how late the sensor was. `is_of_moment`: both
+    are taken out, and the map is of `change.moment_s`; if not, each place is as it was when the
+    boat was near. `readings` made the map, brought to its moment.
+
+    `mean` and `sd`, and what the properties say, are in the quantity's unit. What the map was made
+    of - `field`, `model`, `readings`, `change`, `micro_sd` - is on its `scale`, and there the water
+    is normal about `on_scale`, mean and standard deviation; None where that is `mean` and `sd`.
+    """
+
+    quantity: Quantity
+    grid: Grid
+    mean: Array
+    sd: Array
+    calibration: Calibration
+    micro_sd: float
+    change: Change
+    is_of_moment: bool
+    readings: Readings
+    field: Field
+    method: Method
+    reason: str
+    model: Model
+    validation: Validation | None
+    flagged: int
+    scale: Scale = LINEAR
+    on_scale: tuple[Array, Array] | None = None
+
+    @property
+    def positions(self) -> Array:
+        """Where the samples were taken that made the map, (n, 2) [m]."""
+        return self.readings.positions
+
+    @property
+    def values(self) -> Array:
+        """Their values (n,), brought to the map's moment where it has one."""
+        return self.scale.back(self.readings.values)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that made the map."""
+        return len(self.values)
+
+    @property
+    def noise_sd(self) -> float:
+        """Standard deviation of an observation about the water, where that is as in the middle."""
+        nugget = self.calibration.on_way**2 * self.model.nugget
+        return self.in_unit(float(np.sqrt(max(nugget - self.micro_sd**2, 0.0))))
+
+    @property
+    def changed_by(self) -> float:
+        """By how much all of the water changed during the survey, where it is as in the middle."""
+        return self.in_unit(self.change.range_of)
+
+    @property
+    def error95(self) -> float:
+        """Half the width of the 95 % interval of the median place."""
+        if self.on_scale is None:
+            return Z95 * float(np.median(self.sd[self.grid.inside]))
+        mean, sd = (one[self.grid.inside] for one in self.on_scale)
+        width = self.scale.back(mean + Z95 * sd) - self.scale.back(mean - Z95 * sd)
+        return float(np.median(width)) / 2
+
+    def in_unit(self, step: float) -> float:
+        """What a small step on the map's scale is in the quantity's unit, at the map's median."""
+        return step * self.scale.slope(float(np.nanmedian(self.mean)))
+
+    def at(self, places: Array) -> PlaceValues:
+        """What is known of places (n, 2) [m]."""
+        mean, sd = self.field.mean(places), self.field.sd(places)
+        sd = np.hypot(self.calibration.factor(places) * sd, self.micro_sd)
+        low, high = (self.scale.back(mean + z * sd) for z in (-Z95, Z95))
+        known = known_sd(sd, self.readings)
+        return PlaceValues(
+            mean=self.scale.mean(mean, known), sd=self.scale.sd(mean, sd), low=low, high=high
+        )
+
+    def exceedance(self, threshold: float) -> Array:
+        """Probability that the water lies above a threshold, (rows, columns); NaN on land."""
+        mean, sd = self.on_scale or (self.mean, self.sd)
+        return exceedance(self.scale, mean, sd, threshold)
+
+    def draws(self, count: int, seed: int = 0) -> Array:
+        """Equally likely fields given the samples, (count, rows, columns); NaN on land."""
+        drawn = self.draws_at_nodes(count, 1, seed)
+        return np.array([self.grid.spread(one) for one in drawn])
+
+    def draws_at_nodes(self, count: int, every: int = 1, seed: int = 0) -> Array:
+        """Equally likely values given the samples at every so many of the grid's nodes in the
+        water, (count, m).
+        """
+        nodes, inside = self.grid.nodes[::every], self.grid.inside
+        mean, _ = self.on_scale or (self.mean, self.sd)
+        mean = mean[inside][::every]
+        with one_blas_thread():
+            drawn = self.field.draws(nodes, count, seed)
+        fine = np.random.default_rng([seed, 1]).normal(0.0, self.micro_sd, drawn.shape)
+        drawn = mean + self.calibration.factor(nodes) * (drawn - mean) + fine
+        if self.is_of_moment:
+            drawn = drawn + self.change.draws_near(self.readings, nodes, count, seed)
+        return self.scale.back(drawn)
+
+
+def known_sd(sd: Array, readings: Readings) -> Array:
+    """What of a standard deviation counts for the mean of a skewed quantity: at most that of the
+    readings. An interval may be wider, for what is not known of the covariance; the water is not.
+    """
+    return np.minimum(sd, float(np.std(readings.values)))
