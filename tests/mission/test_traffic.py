@@ -17,9 +17,11 @@ from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError
 from grebe.core.events import EndReason, SafetyChanged
 from grebe.core.plan_settings import FleetSettings, PlanSettings
+from grebe.core.revision import survey_of
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
+from grebe.mission.departure import prepare
 from grebe.mission.rota import Rota
 from grebe.mission.safety.traffic import Traffic
 from grebe.planning.fleets import plan_fleet
@@ -80,10 +82,10 @@ def test_in_a_rota_one_acts_at_a_time_and_in_order():
     assert said == [1, 2, 3, 1, 3, 1]
 
 
-def fleet_file(path, boats=3, apart_m=6.0, side=60.0, starts=()):
+def fleet_file(path, boats=3, apart_m=6.0, side=60.0, starts=(), vessels=()):
     region = Region(name="x", frame=FRAME, water=shapely.box(0, 0, side, side))
     lonlat = tuple((lon, lat) for lon, lat in FRAME.to_wgs84(starts).tolist()) if starts else ()
-    fleet = FleetSettings(boats=boats, apart_m=apart_m, starts=lonlat)
+    fleet = FleetSettings(boats=boats, apart_m=apart_m, starts=lonlat, vessels=vessels)
     wishes = PlanSettings(cell_m=10.0, fleet=fleet)
     planned = plan_fleet(region, PRESETS["spyboat"], wishes)
     write_survey(path, planned.survey, revision=planned.revision)
@@ -148,6 +150,28 @@ def test_a_fleet_does_the_same_twice(tmp_path):
         tracks.append([one.states for one in track.each_boat()])
     for one, other in zip(*tracks, strict=True):
         assert np.array_equal(one, other)
+
+
+@pytest.mark.slow
+def test_unlike_boats_sail_together_each_as_what_it_is(tmp_path):
+    """And what the small one has left is planned anew for the large one."""
+    vessels = (PRESETS["otter"], PRESETS["spyboat"])
+    path = fleet_file(tmp_path / "f.gpkg", boats=2, side=60.0, vessels=vessels)
+    with SurveyFile.open(path) as file:
+        assert file.survey.settings.fleet.vessels == vessels
+        for sortie in file.revision.sorties:
+            assert prepare(file, NOON, sortie=sortie.number).vessel == vessels[sortie.boat - 1]
+    report, _, least = sailed(path, SimulatedWorld())
+    assert report.complete
+    assert least >= 6.0
+    again = fleet_file(tmp_path / "g.gpkg", boats=2, side=60.0, vessels=vessels)
+    report, _, _ = sailed(again, SimulatedWorld(), {2: Faults(blind=((20.0, 1e9),))})
+    assert report.reached >= report.targets - 3
+    with SurveyFile.open(again) as file:
+        assert file.revision.reason == "boat_lost"
+        heir = file.revision.sorties[1]
+        assert heir.boat == 1
+        assert survey_of(file.survey, file.revision, heir).vessel == vessels[0]
 
 
 @pytest.mark.slow

@@ -85,3 +85,37 @@ def test_what_cannot_be_shared_is_refused():
         FleetSettings(boats=3, starts=((0.0, 0.0),))
     with pytest.raises(UsageError, match="keep 0 m apart"):
         FleetSettings(boats=3, apart_m=0.0)
+
+
+def test_unlike_boats_share_by_what_each_can_do():
+    """A boat that turns slowly is given less, and all are done at about the same time."""
+    vessels = tuple(PRESETS[name] for name in ("spyboat", "blueboat", "otter"))
+    region = Region(name="x", frame=FRAME, water=BEND)
+    fleet = FleetSettings(boats=3, vessels=vessels)
+    planned = plan_fleet(region, vessels[0], PlanSettings(cell_m=10.0, fleet=fleet))
+    times = [one.time_s for one in planned.revision.sorties]
+    assert max(times) < 1.1 * min(times)
+    assert planned.legs_s < 1.10 * planned.bound_s
+    sizes = {}
+    for sortie in planned.revision.sorties:
+        part = survey_of(planned.survey, planned.revision, sortie)
+        assert part.vessel == vessels[sortie.boat - 1]
+        assert check_plan(part, BEND).holds
+        sizes[sortie.boat] = sum(t.kind == "cell" for t in part.targets)
+    alike = plan_fleet(region, vessels[0], PlanSettings(cell_m=10.0, fleet=FleetSettings(boats=3)))
+    slower = [v for v in (2, 3) if sizes[v] < sizes[1]]
+    assert slower
+    assert alike.bound_s != planned.bound_s
+
+
+def test_vessels_that_are_not_one_for_each_boat_or_too_slow_are_refused():
+    boat = PRESETS["spyboat"]
+    with pytest.raises(UsageError, match="3 boats have one vessel for all or 3"):
+        FleetSettings(boats=3, vessels=(boat, boat))
+    region = Region(name="x", frame=FRAME, water=BAY)
+    fleet = FleetSettings(boats=2, vessels=(boat, PRESETS["tianjin"]))
+    with pytest.raises(PlanError, match="tianjin"):
+        plan_fleet(region, boat, PlanSettings(cell_m=10.0, speed_min_mps=1.4, fleet=fleet))
+    wishes = PlanSettings(cell_m=10.0, sorties=SortieSettings(minutes=10.0), fleet=fleet)
+    with pytest.raises(UsageError, match="boats of one kind"):
+        plan_sorties(region, boat, wishes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from grebe.cli.sortie_options import fleet_of, sortie_options, sorties_of
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.revision import Sortie
-from grebe.core.vessel import PRESETS
+from grebe.core.vessel import PRESETS, Vessel
 from grebe.planning.planner import Planned
 from grebe.planning.sorties import PlannedSorties
 from grebe.workflow.plans import (
@@ -128,9 +129,12 @@ DEFAULT_MARGIN_M = 1.0
 )
 @click.option(
     "--vessel",
-    default="spyboat",
+    "vessels",
+    default=("spyboat",),
+    multiple=True,
     show_default=True,
-    help=f"One of {', '.join(sorted(PRESETS))}, or a TOML file of your own.",
+    help=f"One of {', '.join(sorted(PRESETS))}, or a TOML file of your own; of a fleet of unlike "
+    "boats once for each.",
 )
 @click.option(
     "--start",
@@ -150,7 +154,7 @@ def command(
     region: Path,
     path: Path,
     no_go: tuple[Path, ...],
-    vessel: str,
+    vessels: tuple[str, ...],
     starts: tuple[tuple[float, float], ...],
     feature: str | None,
     force: bool,
@@ -167,9 +171,10 @@ def command(
     it goes around land by transit sets, within corridors that the file holds.
     """
     options.refuse_same(region, options.checked_output(path))
-    boat = vessel_of(vessel)
+    boats = [vessel_of(one) for one in vessels]
+    boat = boats[0]
     refuse_without_goal(asked)
-    settings = _settings(asked, starts, region)
+    settings = _settings(asked, starts, boats, region)
     start = starts[0] if starts else None
     water, notes = read_region(
         region,
@@ -205,7 +210,10 @@ def command(
 
 
 def _settings(
-    asked: dict[str, Any], starts: tuple[tuple[float, float], ...], region: Path
+    asked: dict[str, Any],
+    starts: tuple[tuple[float, float], ...],
+    vessels: Sequence[Vessel],
+    region: Path,
 ) -> PlanSettings:
     """The plan's settings by what was asked for."""
     minutes, energy_wh = asked["minutes"], asked["energy_wh"]
@@ -227,7 +235,7 @@ def _settings(
         sorties=sorties_of(
             asked["sortie_battery_wh"], asked["sortie_minutes"], asked["reserve"], asked["harbours"]
         ),
-        fleet=fleet_of(asked["boats"], asked["apart_m"], starts),
+        fleet=fleet_of(asked["boats"], asked["apart_m"], starts, vessels),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -9,6 +10,7 @@ import click
 from grebe.cli import options
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import FleetSettings, SortieSettings
+from grebe.core.vessel import Vessel
 
 RESERVE = 0.2
 
@@ -76,13 +78,18 @@ def sorties_of(
 
 
 def fleet_of(
-    boats: int, apart_m: float | None, starts: tuple[tuple[float, float], ...]
+    boats: int,
+    apart_m: float | None,
+    starts: tuple[tuple[float, float], ...],
+    vessels: Sequence[Vessel],
 ) -> FleetSettings | None:
     """The settings of the options; None where one boat sails."""
     if boats == 1:
-        if apart_m is not None or len(starts) > 1:
-            raise UsageError("--apart and several --start are of fleets; give --boats too.")
+        if apart_m is not None or len(starts) > 1 or len(vessels) > 1:
+            raise UsageError(
+                "--apart, several --start and several --vessel are of fleets; give --boats too."
+            )
         return None
-    if apart_m is None:
-        return FleetSettings(boats=boats, starts=starts)
-    return FleetSettings(boats=boats, apart_m=apart_m, starts=starts)
+    unlike = tuple(vessels) if len(vessels) > 1 else ()
+    apart = {} if apart_m is None else {"apart_m": apart_m}
+    return FleetSettings(boats=boats, starts=starts, vessels=unlike, **apart)

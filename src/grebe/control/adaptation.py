@@ -63,7 +63,7 @@ OTHER_STARTS_S = (0.5, 1.0)
 # The boat's own numbers must explain this much more than weather alone: in halves of chi squared,
 # and as a share of all that is left unexplained.
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
-# What is left unexplained may be at most so many times what noise leaves: where neither boat nor
+# What is left unexplained may be at most so many times what is allowed for: where neither boat nor
 # weather explains how it moved, in weeds or on a tow, the fit's numbers are nobody's.
 MOST_LEFT = 4.0
 # Lags below this are ignored [s].
@@ -240,9 +240,10 @@ class _Problem:
         What is left over scales what counts as much, where the data are noisier than assumed.
         """
         unit = 2 * cost / max(1, 6 * len(self.first) - COUNT)
-        if unit > MOST_LEFT * self.noise:
+        if unit > MOST_LEFT:
             return False
-        return plain_cost - cost > max(LEAST_GAIN * max(1.0, unit), LEAST_SHARE * plain_cost)
+        least = LEAST_GAIN * max(1.0, unit) * self.doubt
+        return plain_cost - cost > max(least, LEAST_SHARE * plain_cost)
 
     @cached_property
     def boat(self) -> Array:
@@ -268,28 +269,46 @@ class _Problem:
         return _numbers(as_modelled(self.model))
 
     @cached_property
-    def noise(self) -> float:
-        """The squared residual that noise leaves: 1 for estimates without any. By the median of
-        second differences, which manoeuvres hardly move.
+    def end_sd(self) -> Array:
+        """Standard deviations of what the pieces end with, (pieces, 6): `END_SD`, and the noise of
+        estimates at a piece's end and, through the motion, at its beginning. A fast hull is turned
+        by the least sway, Eq. (9): an error of 2 cm/s in it ends as one of some degrees.
         """
-        states = self.flown.states
+        states, numbers = self.flown.states, self.believed
         second = np.abs(states[:-2] - 2 * states[1:-1] + states[2:])
-        variance = (1.4826 * np.median(second, axis=0)) ** 2 / 6
-        return float(np.mean(1.0 + 2 * variance / END_SD**2))
+        noise = 1.4826 * np.median(second, axis=0) / math.sqrt(6)
+        variance = END_SD**2 + noise**2
+        plain = self._ends(numbers, states)
+        spread = np.zeros((len(self.first), 6))
+        for i in range(6):
+            moved = states.copy()
+            moved[:, i] += noise[i]
+            spread += (self._ends(numbers, moved) - plain) ** 2
+        return np.sqrt(variance + spread)
+
+    @cached_property
+    def doubt(self) -> float:
+        """How much more has to be gained where estimates are noisy: 1 where they are not. A helm
+        answers to their errors, and a boat that is steered by them looks like one of other numbers.
+        """
+        return math.sqrt(float(np.mean((self.end_sd / END_SD) ** 2)))
 
     def residuals(self, numbers: Array) -> Array:
         """What the pieces' ends miss, in standard deviations, and the prior's pull."""
+        states = turned(self.flown.states, -float(numbers[8]))
+        missed = (self._ends(numbers, states) - states[self.last]) / self.end_sd
+        return np.concatenate([missed.ravel(), (numbers - self.believed) / PRIOR_SD])
+
+    def _ends(self, numbers: Array, states: Array) -> Array:
+        """Where the pieces end that begin at some states, (pieces, 6)."""
         factors = np.exp(numbers[:6])
         thrusts = self._thrusts(*numbers[6:8].tolist()) * factors[:2]
-        states = turned(self.flown.states, -float(numbers[8]))
         p = np.concatenate([self.boat, numbers[9:13] * self.units])
         p[FACTORS_OF] *= factors[FACTORS]
-        ends = pieces_ends(
+        return pieces_ends(
             p, numbers[DRIFT], self.flown.times, states, thrusts, self.first, self.last,
             STEPS_PER_RATE * self.model.fastest_rate_hz,
         )  # fmt: skip
-        missed = (ends - states[self.last]) / END_SD
-        return np.concatenate([missed.ravel(), (numbers - self.believed) / PRIOR_SD])
 
     def solve(
         self, start: Array, free: slice, enough: float = 0.0

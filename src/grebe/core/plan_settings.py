@@ -61,12 +61,14 @@ class FleetSettings:
     """How many boats share a survey, and how far apart they keep [m], from centre to centre.
 
     `starts` are the places (longitude, latitude) at which they are launched, one for each boat;
-    without any each is launched where its part begins.
+    without any each is launched where its part begins. `vessels` are their hulls, one for each
+    boat; without any all are the survey's.
     """
 
     boats: int
     apart_m: float = 8.0
     starts: tuple[tuple[float, float], ...] = ()
+    vessels: tuple[Vessel, ...] = ()
 
     def __post_init__(self) -> None:
         if not 2 <= self.boats <= MOST_BOATS:
@@ -83,6 +85,16 @@ class FleetSettings:
                 f"{self.boats} boats have {self.boats} starts, and {len(self.starts)} are given.",
                 settings=("starts", "boats"),
             )
+        if self.vessels and len(self.vessels) != self.boats:
+            raise UsageError(
+                f"{self.boats} boats have one vessel for all or {self.boats}, and "
+                f"{len(self.vessels)} are given.",
+                settings=("vessel", "boats"),
+            )
+
+    def vessel(self, boat: int) -> Vessel | None:
+        """The vessel of a boat by its number, from 1; None where it is the survey's."""
+        return self.vessels[boat - 1] if self.vessels else None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -164,12 +164,16 @@ def left_out(old: PlanRevision, new: PlanRevision) -> tuple[int, ...]:
 
 
 def survey_of(survey: Survey, revision: PlanRevision, sortie: Sortie | None = None) -> Survey:
-    """Return a survey in the order of a revision: all of it, or one of its sorties."""
+    """Return a survey in the order of a revision: all of it, or one of its sorties, with the vessel
+    of the boat that sails it.
+    """
     if sortie is None:
         return replace(survey, targets=revision.targets, corridors=revision.corridors)
     places = slice(sortie.first - 1, sortie.last)
+    fleet = survey.settings.fleet if survey.settings else None
     return replace(
         survey,
+        vessel=(fleet and fleet.vessel(sortie.boat)) or survey.vessel,
         targets=revision.targets[places],
         corridors=revision.corridors[places],
         start=sortie.start,

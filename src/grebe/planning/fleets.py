@@ -3,7 +3,8 @@
 A stretch of an order that is short holds cells that lie together, so each boat has its own part of
 the lake and boats seldom meet. The ends of the stretches are moved until the predicted times, the
 ways from the starts with them, are alike; which boat takes which stretch, and from which end, is
-the assignment with the shortest ways out.
+the assignment with the shortest ways out. Boats may be of several kinds: each part is planned for
+the boat that takes it, and a faster one takes more.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import PlanError, UsageError
-from grebe.core.plan_settings import PlanSettings
+from grebe.core.plan_settings import PlanSettings, check_speed
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.planning.corridors import Waterways
@@ -57,20 +58,24 @@ def plan_fleet(
             settings=("cell_m", "boats"),
         )
     places = [region.frame.place_near(region.water, one, "start") for one in fleet.starts]
-    sharing = _Sharing.of(planner, draft, places, fleet.boats)
+    for one in fleet.vessels:
+        check_speed(settings, one)
+    planners = [replace(planner, vessel=fleet.vessel(i + 1) or vessel) for i in range(fleet.boats)]
+    sharing = _Sharing.of(planners if fleet.vessels else [planner], draft, places, fleet.boats)
     parts, boats = sharing.balanced()
     bound_m = planner.bound_m(draft)
     survey, revision = put_together(parts, bound_m, boats)
-    alone = planner.survey(draft, sharing.ways, bound_m).outcome
+    alone_s = [_time_s(one.survey(draft, sharing.ways, bound_m)) for one in sharing.planners]
     assert survey.outcome is not None
-    assert alone is not None
     return PlannedSorties(
         survey=survey,
         outcome=survey.outcome,
         check=checked(survey, revision, planner.water),
         notes=notes,
         revision=revision,
-        bound_s=alone.time_s / fleet.boats,
+        bound_s=alone_s[0] / fleet.boats
+        if len(alone_s) == 1
+        else 1.0 / sum(1.0 / each for each in alone_s),
         legs_s=max(one.time_s for one in revision.sorties),
     )
 
@@ -78,10 +83,11 @@ def plan_fleet(
 @dataclass(frozen=True, kw_only=True)
 class _Sharing:
     """The order that is shared, with the times of its legs [s], and the ways out from the starts to
-    each cell of the order [s], (boats, n); without starts nobody has a way out.
+    each cell of the order [s], (boats, n); without starts nobody has a way out. `planners`: one for
+    each boat, or one for all.
     """
 
-    planner: Planner
+    planners: Sequence[Planner]
     draft: Draft
     ways: Waterways
     places: Sequence[tuple[float, float]]
@@ -91,18 +97,19 @@ class _Sharing:
     @classmethod
     def of(
         cls,
-        planner: Planner,
+        planners: Sequence[Planner],
         draft: Draft,
         places: Sequence[tuple[float, float]],
         boats: int,
     ) -> _Sharing:
+        planner = planners[0]
         lake = lake_of(planner, draft, places or [draft.start])
         order = draft.route.order
         centres = draft.network.centres[order]
         legs = planner.travel.leg_s(np.diff(centres, axis=0))
         out = lake.seconds(outwards=True)[:, order] if places else np.zeros((boats, len(order)))
         return cls(
-            planner=planner, draft=draft, ways=lake.ways, places=places,
+            planners=planners, draft=draft, ways=lake.ways, places=places,
             legs_s=np.concatenate([[0.0], legs]) + float(np.mean(legs)) * 1e-3, out_s=out,
         )  # fmt: skip
 
@@ -111,9 +118,12 @@ class _Sharing:
         boats = len(self.out_s)
         weights = np.ones(boats)
         best: tuple[float, list[Survey], list[int]] | None = None
+        chosen: list[tuple[int, bool]] = []
         for _ in range(ROUNDS):
             stretches = self._cut(weights)
-            chosen = self._assigned(stretches)
+            # What a stretch may hold is found for the boat that has it: unlike boats do not change.
+            if not chosen or len(self.planners) == 1:
+                chosen = self._assigned(stretches)
             parts = [
                 self._part(stretch, *one) for stretch, one in zip(stretches, chosen, strict=True)
             ]
@@ -161,7 +171,8 @@ class _Sharing:
             route=Route(order=order, legs_s=0.0, method=self.draft.route.method),
             start=place,
         )
-        return self.planner.survey(draft, self.ways, 0.0)
+        planner = self.planners[boat] if len(self.planners) > 1 else self.planners[0]
+        return planner.survey(draft, self.ways, 0.0)
 
 
 def _time_s(part: Survey) -> float:

@@ -62,6 +62,11 @@ def plan_sorties(
     sorties = settings.sorties
     if sorties is None:
         raise UsageError("What bounds a sortie is not given.", settings=("sortie_minutes",))
+    if settings.fleet is not None and settings.fleet.vessels:
+        raise UsageError(
+            "Sorties are dealt out to boats of one kind: each must fit into any boat's battery.",
+            settings=("vessel", "sortie_battery_wh", "sortie_minutes"),
+        )
     start = start_lonlat or (sorties.harbours[0] if sorties.harbours else None)
     planner, notes = planner_of(region, vessel, settings, start, no_go)
     draft = planner.first_draft(quick=True)

@@ -15,6 +15,7 @@ from grebe.core.events import EndReason
 from grebe.core.plan_settings import FleetSettings
 from grebe.core.revision import PlanRevision, Sortie
 from grebe.core.survey import Pose, Survey
+from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
 from grebe.mission.departure import Departure, prepare
@@ -254,7 +255,7 @@ class FleetRun:
         if reached == len(sortie):
             return
         places = {boat: end[1].state[:2] for boat in boats if (end := file.track_ends(boat))}
-        if not places or file.survey.vessel is None:
+        if not places:
             return
         first = file.revision.targets[sortie.first - 1 + reached].set.centre
 
@@ -263,7 +264,7 @@ class FleetRun:
             return (north - first[0]) ** 2 + (east - first[1]) ** 2
 
         heir = min(places, key=away)
-        new = self._replanned(sortie, reached, places[heir])
+        new = self._replanned(sortie, reached, places[heir], self._vessel_of(heir))
         north, east = places[heir]
         taken = {"boat": heir, "start": Pose(north_m=north, east_m=east)}
         sorties = [
@@ -271,9 +272,18 @@ class FleetRun:
         ]
         file.append_revision(replace(new, sorties=tuple(sorties)))
 
-    def _replanned(self, sortie: Sortie, reached: int, place: tuple[float, float]) -> PlanRevision:
+    def _vessel_of(self, boat: int) -> Vessel:
+        survey = self.survey_file.survey
+        fleet = fleet_of(survey)
+        vessel = (fleet and fleet.vessel(boat)) or survey.vessel
+        if vessel is None:
+            raise PlanError("The survey does not say for which vessel it was planned.")
+        return vessel
+
+    def _replanned(
+        self, sortie: Sortie, reached: int, place: tuple[float, float], vessel: Vessel
+    ) -> PlanRevision:
         survey, revision = self.survey_file.survey, self.survey_file.revision
-        assert survey.vessel is not None
         weather = survey.settings.weather if survey.settings else None
         if weather is None:
             raise PlanError("The survey does not say for which weather it was planned.")
@@ -282,7 +292,7 @@ class FleetRun:
             survey,
             open_water(survey, water_of(survey)),
             Halfway(reached=reached, place=place, sortie=sortie),
-            vessel=survey.vessel,
+            vessel=vessel,
             weather=weather,
             reason="boat_lost",
             note=f"boat {sortie.boat} dropped out, and another takes what it has left",

@@ -15,6 +15,7 @@ from grebe.core.dynamics import Weather
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import FleetSettings, PlanOutcome, PlanSettings, SortieSettings
 from grebe.core.survey import Target
+from grebe.core.vessel import Vessel
 from grebe.io.store import geopackage
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ def settings_text(settings: PlanSettings | None) -> str:
     for name in ("sorties", "fleet"):
         if values[name] is None:
             del values[name]
+    if settings.fleet is not None and not settings.fleet.vessels:
+        del values["fleet"]["vessels"]
     return json.dumps(values, sort_keys=True)
 
 
@@ -44,7 +47,9 @@ def parse_settings(text: str) -> PlanSettings | None:
     if sorties is not None:
         sorties = SortieSettings(**sorties | {"harbours": _places(sorties["harbours"])})
     if fleet is not None:
-        fleet = FleetSettings(**fleet | {"starts": _places(fleet["starts"])})
+        vessels = tuple(Vessel(**one) for one in fleet.get("vessels", ()))
+        fleet |= {"starts": _places(fleet["starts"]), "vessels": vessels}
+        fleet = FleetSettings(**fleet)
     weather = Weather(**values["weather"])
     return PlanSettings(**values | {"weather": weather, "sorties": sorties, "fleet": fleet})
 

@@ -37,6 +37,8 @@ FILTER_S, AVERAGE_S = 1.5, 10.0
 SHARES_SD, CURRENT_SD_MPS = (0.5, 0.5, 1.0), 0.15
 # Smallest root mean square that counts, as a share of one thruster's full moment.
 FLOOR_SHARE = 0.04
+# Where all that is looked for misses more than this share, something else turns the boat.
+MOST_MISSED_SHARE = 0.15
 # A dead thruster surely gives less than the first of its order, by so many standard deviations, and
 # the other seems to give more than the second, for so long [s].
 DEAD, SURE, ALIVE, PERSIST_S = 0.35, 2.0, 0.5, 3.0
@@ -137,6 +139,8 @@ def _dead_side(products: Array, vessel: Vessel, expected: Array, unsure: Array) 
     floor = (FLOOR_SHARE * vessel.arm_m * vessel.thrust_max_n) ** 2
     # The first fit tells how well the second may be trusted.
     shares, _, missed = _fitted(products, floor, expected, unsure)
+    if missed > (MOST_MISSED_SHARE / FLOOR_SHARE) ** 2 * floor:
+        return 0
     shares, sd, _ = _fitted(products, max(floor, missed), expected, unsure)
     for side, at, other in ((1, 0, 1), (2, 1, 0)):
         if shares[at] + SURE * sd[at] < DEAD and shares[other] > ALIVE:
