@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from grebe.cli import options, output
-from grebe.core.errors import UsageError
+from grebe.core.errors import InputError, UsageError
 from grebe.mapping.trend import LEAST_YEARS_FOR_SEASON, YEAR_S
 from grebe.workflow.differences import compare_surveys, write_changes
 from grebe.workflow.series import map_series, write_series
@@ -24,12 +24,14 @@ from grebe.workflow.series import map_series, write_series
     is_flag=True,
     help="Fit a wave of a year beside the trend: six surveys over two years at least.",
 )
+@options.force_option
 @options.json_option
 def command(
     surveys: tuple[Path, ...],
     out: Path,
     resolution_m: float | None,
     seasonal: bool,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Map what changed where all surveys cover the water.
@@ -40,6 +42,14 @@ def command(
     """
     if len(surveys) == 1:
         raise UsageError("One survey is given; a change takes two, a trend three or more.")
+    if (
+        not force
+        and out.is_dir()
+        and (any(out.glob("*_difference.tif")) or any(out.glob("*_trend.tif")))
+    ):
+        raise InputError(
+            f"{out} holds changes already; give another folder, or --force.", settings=("force",)
+        )
     if len(surveys) == 2:
         if seasonal:
             raise UsageError(
@@ -63,6 +73,8 @@ def _differences(
 ) -> dict[str, dict[str, Any]]:
     changes = compare_surveys(earlier, later, resolution_m)
     _tell(changes.left_out)
+    if changes.days[1] < changes.days[0]:
+        output.note(f"{later} ({changes.days[1]}) is older than {earlier} ({changes.days[0]})")
     written = write_changes(changes, out)
     rows: dict[str, dict[str, Any]] = {}
     for key, change in changes.by_quantity.items():
@@ -120,5 +132,5 @@ def _of_trend(row: dict[str, Any]) -> str:
     return (
         f"{row['trend_per_year']:+.3g} ± {row['half_width_95']:.2g} a year on average (95 %; "
         f"p {row['p_adjusted']:.2g} among the quantities); clear on {row['changed_share']:.0%} "
-        "of the area"
+        f"of the area; {row['surveys']} surveys"
     )

@@ -57,6 +57,7 @@ FLAGS = {
     "speed": "--speed",
     "speed_max_mps": "--speed-limit",
     "until": "--until",
+    "vessel": "--vessel",
     "zone": "--zone",
     "workers": "--workers",
 }

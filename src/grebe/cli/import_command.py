@@ -9,8 +9,12 @@ import click
 from grebe.cli import options, output
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag
+from grebe.io.readers.clock import EARLIEST_S, LATEST_S
 from grebe.workflow.joining import ClockOffset
-from grebe.workflow.tracks import import_track
+from grebe.workflow.tracks import ImportedTrack, import_track
+
+# Of a quantity of which less is good it is said which tests flagged the rest.
+MOSTLY_GOOD = 0.8
 
 
 @click.command(name="import")
@@ -64,8 +68,8 @@ def command(
     missing = [one.label for key, one in LIMNOLOGICAL.items() if key not in done.quantities]
     for text in (*done.raw.notes, *(f"no column for {label}: left out" for label in missing)):
         output.note(f"{track}: {text}")
-    for key in done.without_good:
-        output.note(f"{track}: no good value of {key}: missing, text, or flagged")
+    for text in (*_flagged(done), *_time_notes(done)):
+        output.note(f"{track}: {text}")
     flags = done.quality.flags
     output.result(
         {
@@ -81,6 +85,30 @@ def command(
         as_json=as_json,
         next_command=f"grebe map {path} --out maps",
     )
+
+
+def _flagged(done: ImportedTrack) -> list[str]:
+    """Which tests flagged much of a quantity."""
+    said: list[str] = []
+    for key, tests in done.quality.counts.items():
+        good = int((done.quality.flags[key] == Flag.GOOD).sum())
+        worst = {name: sum(counts) for name, counts in tests.items() if sum(counts)}
+        if worst and good < MOSTLY_GOOD * done.samples:
+            by = ", ".join(f"{name} {count}" for name, count in worst.items())
+            said.append(f"{key}: {good} of {done.samples} values are good; flagged by {by}")
+    without = [key for key in done.without_good if key not in done.quality.counts]
+    return said + [f"no good value of {key}: missing, or text" for key in without]
+
+
+def _time_notes(done: ImportedTrack) -> list[str]:
+    """Times that no survey has are those of a logger whose clock was not set, or count on."""
+    times = done.raw.times
+    if times is None or EARLIEST_S < float(times[0]) < LATEST_S:
+        return []
+    return [
+        f"the times begin at {times[0]:g} s after 1970: they do not say when; give dates and "
+        "times, or seconds since 1970"
+    ]
 
 
 def _offset_text(told: ClockOffset | None, given: float | None) -> str:

@@ -74,6 +74,14 @@ def grebe(ctx: click.Context) -> None:
         click.echo(WELCOME)
 
 
+def _is_interruption(error: BaseException | None) -> bool:
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
 def main() -> None:
     """Run the command line and leave with the design's exit codes."""
     output.make_streams_safe()
@@ -87,6 +95,12 @@ def main() -> None:
         error.show()
         sys.exit(2)
     except (KeyboardInterrupt, click.Abort):
+        output.fail(INTERRUPTED)
+        sys.exit(130)
+    except SystemError as error:
+        # An interruption within compiled code comes wrapped in one.
+        if not _is_interruption(error):
+            raise
         output.fail(INTERRUPTED)
         sys.exit(130)
     except OSError as error:

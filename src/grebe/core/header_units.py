@@ -43,7 +43,7 @@ _define("temperature", 1, "c", "degc", "degreec", "degreesc", "celsius", "degree
 _define("temperature", 5 / 9, "f", "degf", "fahrenheit", "degreesf", offset=-160 / 9)
 _define("temperature", 1, "k", "kelvin", offset=-273.15)
 _define("conductivity", 1, "us/cm", "uscm", "uscm-1", "us", "microsiemenspercentimeter", "umho/cm")
-_define("conductivity", 1e3, "ms/cm", "mscm", "mscm-1", "millisiemenspercentimeter")
+_define("conductivity", 1e3, "ms/cm", "mscm", "mscm-1", "ms", "millisiemenspercentimeter")
 _define("conductivity", 10, "ms/m")
 _define("conductivity", 1e4, "s/m", "sm-1")
 _define("mass in water", 1, "mg/l", "mgl", "mgl-1", "ppm", "g/m3", "milligramsperliter")
@@ -74,10 +74,20 @@ _SERIAL = re.compile(r"\s*\((LGR|SEN|S/N|LBL|#)[^)]*\)|\s*\(\d{4,}\)", re.IGNORE
 _BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 
 
+# What a unit is said to hold at: `mS/cm @25°C`.
+_AT = re.compile(r"(@|at)\d+(deg)?c?$")
+
+
 def parse_unit(text: str) -> Unit | None:
     """The unit of a spelling; None for anything else."""
     plain = text.lower().translate(str.maketrans("µμ", "uu", "° \t_"))
-    return _UNITS.get(plain.replace("·", "").replace("^", ""))
+    return _UNITS.get(_AT.sub("", plain.replace("·", "").replace("^", "")))
+
+
+def bracketed(header: str) -> str:
+    """What stands in the last brackets of a header, serial numbers apart; empty without any."""
+    found = _BRACKETS.findall(_SERIAL.sub("", header))
+    return found[-1] if found else ""
 
 
 def split_header(header: str) -> tuple[str, str]:

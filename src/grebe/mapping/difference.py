@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.core.errors import InputError
+from grebe.core.quantity import Quantity
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.validation import Z95
 
@@ -32,8 +34,19 @@ class Difference:
         return np.abs(self.mean) > Z95 * self.sd
 
 
+def refuse_other_unit(one: Quantity, other: Quantity) -> None:
+    """Raise `InputError` where two surveys have a quantity in different units."""
+    if one.unit != other.unit:
+        raise InputError(
+            f"{one.label} is in {one.unit or '1'} in one survey and in {other.unit or '1'} in "
+            "another; import them in one unit."
+        )
+
+
 def difference(earlier: QuantityMap, later: QuantityMap) -> Difference:
     """Subtract two maps of one quantity on one grid."""
-    if earlier.quantity != later.quantity or earlier.mean.shape != later.mean.shape:
+    one, other = earlier.quantity, later.quantity
+    if one.key != other.key or earlier.mean.shape != later.mean.shape:
         raise ValueError("a difference needs two maps of one quantity on one grid")
+    refuse_other_unit(one, other)
     return Difference(mean=later.mean - earlier.mean, sd=np.hypot(earlier.sd, later.sd))

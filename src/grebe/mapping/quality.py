@@ -153,6 +153,12 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
             values, fail_span=limits.fail_span, suspect_span=_within(limits)
         )
     }
+    if np.any(gone := np.asarray(results["gross range"]) == Flag.FAIL) and not gone.all():
+        # What is beyond the range is no neighbour of what is within it: -9999 is no spike.
+        rest = _tests(values[~gone], times[~gone], quantity)
+        return {name: _with(one, gone) for name, one in rest.items()} | {
+            "gross range": np.asarray(results["gross range"]).astype(np.int64)
+        }
     if len(values) > 2 and (step := float(np.median(np.diff(times)))) > FASTEST_S:
         noise = _noise(values)
         # A differential spike leaves the two neighbours of a spike alone.
@@ -179,6 +185,13 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
         name: np.ma.filled(np.ma.asarray(one), Flag.NOT_EVALUATED).astype(np.int64)
         for name, one in results.items()
     }
+
+
+def _with(flags: Flags, gone: NDArray[np.bool_]) -> Flags:
+    """Flags of a test that some values did not take part in."""
+    whole = np.full(len(gone), Flag.NOT_EVALUATED, dtype=np.int64)
+    whole[~gone] = flags
+    return whole
 
 
 def _qartod() -> Any:

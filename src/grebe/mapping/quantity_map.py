@@ -96,6 +96,17 @@ class QuantityMap:
         return self.in_unit(self.change.range_of)
 
     @property
+    def interval95(self) -> dict[str, Array]:
+        """The ends of the 95 % intervals, (rows, columns), where they are not symmetric about the
+        mean; empty where `mean` and `sd` tell them.
+        """
+        if self.on_scale is None:
+            return {}
+        mean, sd = self.on_scale
+        ends = {"low95": mean - Z95 * sd, "high95": mean + Z95 * sd}
+        return {name: self.scale.back(end) for name, end in ends.items()}
+
+    @property
     def error95(self) -> float:
         """Half the width of the 95 % interval of the median place."""
         if self.on_scale is None:

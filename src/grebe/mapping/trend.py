@@ -28,6 +28,8 @@ YEAR_S = 365.25 * 86_400
 FEWEST_SURVEYS = 3
 # A season is told from a trend by so many surveys at least, over so many years.
 FEWEST_FOR_SEASON, LEAST_YEARS_FOR_SEASON = 6, 2.0
+# Beyond this condition number a wave of a year is fitted to next to nothing.
+WORST_CONDITION = 100.0
 # Of the places that are called changed, so many may not have (false discovery rate).
 DISCOVERY_RATE = 0.05
 
@@ -112,6 +114,11 @@ def fit_trend(
     )
 
 
+def check_times(times_s: Array, *, seasonal: bool) -> None:
+    """Raise `InputError` where surveys at these times (n,) [unix s] tell no trend, or no season."""
+    _design(np.asarray(times_s, dtype=float), seasonal=seasonal)
+
+
 def adjusted(p: Array) -> Array:
     """Probabilities (m,) adjusted for their number, so that a share of no more than that of those
     at or below each is false (Benjamini and Hochberg 1995, J. R. Stat. Soc. B 57: 289).
@@ -154,7 +161,8 @@ def _design(times_s: Array, *, seasonal: bool) -> Array:
         phase = 2 * np.pi * times_s / YEAR_S
         columns += [np.cos(phase), np.sin(phase)]
     design = np.column_stack(columns)
-    if np.linalg.matrix_rank(design) < design.shape[1]:
+    # Days that differ by the leap years' quarters alone are the same time of the year.
+    if np.linalg.cond(design / np.linalg.norm(design, axis=0)) > WORST_CONDITION:
         raise InputError(
             "The surveys are all of the same time of the year: there is no season to tell.",
             settings=("seasonal",),

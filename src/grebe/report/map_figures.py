@@ -105,7 +105,7 @@ def quantity_figure(
 
 
 @styled
-def difference_figure(one: QuantityMap, change: Difference) -> Figure:
+def difference_figure(one: QuantityMap, change: Difference, days: tuple[str, str]) -> Figure:
     """What changed, from blue (less) to red (more); hatched where it may be nothing."""
     figure = Figure(figsize=(6.4, 5.2))
     axes = figure.subplots()
@@ -122,7 +122,7 @@ def difference_figure(one: QuantityMap, change: Difference) -> Figure:
     axes.set_aspect("equal")
     axes.set_xlabel("east [m]")
     axes.set_ylabel("north [m]")
-    axes.set_title(f"{one.quantity.label}: later less earlier{unit}")
+    axes.set_title(f"{one.quantity.label}{unit}: {days[1]} less {days[0]}")
     return figure
 
 

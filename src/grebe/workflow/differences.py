@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import shapely
 
 from grebe.core.errors import InputError
@@ -26,7 +28,7 @@ LEAST_WATER_M2 = 25.0
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """What changed of one quantity: the earlier map, and the later one less the earlier."""
+    """What changed of one quantity: the first map, and the second one less the first."""
 
     before: QuantityMap
     difference: Difference
@@ -34,26 +36,38 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class Changes:
-    """Changes by quantity on one grid, in the frame of the earlier survey; and what is left out."""
+    """Changes by quantity on one grid, in the frame of the first survey, from its day to the
+    second's; and what is left out.
+    """
 
     survey: Survey
+    days: tuple[str, str]
     by_quantity: Mapping[str, Change]
     left_out: tuple[str, ...]
 
 
 def compare_surveys(earlier: Path, later: Path, resolution_m: float | None = None) -> Changes:
-    """Map the later survey less the earlier where both cover the water."""
+    """Map the later survey less the earlier where both cover the water.
+
+    Raises `InputError` where they are one survey, or share no water or no quantity.
+    """
+    refuse_the_same([earlier, later])
     with SurveyFile.open(earlier) as one, SurveyFile.open(later) as other:
+        days = _day(one), _day(other)
         water = common_water([one.survey, other.survey])
         mapper = Mapper(water, make_grid(water, resolution_m))
         before, missing_before = maps_in(one, one.survey, mapper)
         after, missing_after = maps_in(other, one.survey, mapper)
         survey = one.survey
+    missing_before += [f"{before[key].quantity.label}: only here" for key in before.keys() - after]
+    missing_after += [f"{after[key].quantity.label}: only here" for key in after.keys() - before]
     common = [key for key in before if key in after]
     if not common:
-        raise InputError(f"{earlier} and {later} have no mapped quantity in common.")
+        why = "; ".join((*missing_before, *missing_after))
+        raise InputError(f"{earlier} and {later} have no mapped quantity in common ({why}).")
     return Changes(
         survey=survey,
+        days=days,
         by_quantity={
             key: Change(before=before[key], difference=difference(before[key], after[key]))
             for key in common
@@ -73,10 +87,31 @@ def write_changes(changes: Changes, out: Path) -> dict[str, Path]:
         bands = {"difference": change.difference.mean, "sd": change.difference.sd}
         written[key] = out / f"{key}_difference.tif"
         unit = change.before.quantity.unit
-        write_bands(written[key], change.before, changes.survey.frame, bands, unit)
-        figure = map_figures.difference_figure(change.before, change.difference)
+        tags = {"from": changes.days[0], "to": changes.days[1]}
+        write_bands(written[key], change.before, changes.survey.frame, bands, unit, tags)
+        figure = map_figures.difference_figure(change.before, change.difference, changes.days)
         canvas.save(figure, out / f"{key}_difference.png")
     return written
+
+
+def refuse_the_same(paths: Sequence[Path]) -> None:
+    """Raise `InputError` where the same readings are given twice: they would be sure of
+    themselves.
+    """
+    seen: dict[tuple[bytes, ...], Path] = {}
+    for path in paths:
+        with SurveyFile.open(path) as file:
+            samples = file.samples()
+        columns = (samples.times, *(samples.values[key] for key in sorted(samples.values)))
+        key = tuple(np.ascontiguousarray(column).tobytes() for column in columns)
+        if key in seen:
+            raise InputError(f"{seen[key]} and {path} hold the same readings.")
+        seen[key] = path
+
+
+def _day(file: SurveyFile) -> str:
+    times = file.samples().times
+    return f"{datetime.fromtimestamp(float(times.min()), UTC):%Y-%m-%d}" if len(times) else "?"
 
 
 def common_water(surveys: Sequence[Survey]) -> shapely.Polygon:
@@ -93,7 +128,11 @@ def common_water(surveys: Sequence[Survey]) -> shapely.Polygon:
     largest = max(parts, key=lambda part: part.area, default=None)
     if largest is None or largest.area < LEAST_WATER_M2:
         which = "two surveys" if len(surveys) == 2 else f"{len(surveys)} surveys"
-        raise InputError(f"The {which} do not cover any water in common.")
+        area_m2 = 0.0 if largest is None else largest.area
+        raise InputError(
+            f"The {which} cover {area_m2:.0f} m2 of water in common; a map needs "
+            f"{LEAST_WATER_M2:.0f} m2."
+        )
     return largest
 
 

@@ -45,6 +45,10 @@ def joined(
     if track.times is None or sonde.times is None:
         which = "the track" if track.times is None else str(path)
         raise TrackError(f"{which} has no times: it cannot be joined by the clock.")
+    if offset_s is not None and not np.isfinite(offset_s):
+        raise TrackError(
+            f"A clock cannot be {offset_s} s ahead; give a number.", settings=("clock_offset_s",)
+        )
     told = clock_offset(track, sonde) if offset_s is None else None
     ahead = told.seconds if told else offset_s or 0.0
     times = sonde.times - ahead

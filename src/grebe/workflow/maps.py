@@ -70,7 +70,6 @@ def write_maps(
         one.quantity.key: one.draws(draws) for one in data.maps if draws
     }
     written = [out / NETCDF_NAME, out / "contours.gpkg"]
-    write_netcdf(written[0], data.maps, frame, entry, concerns, drawn)
     write_contours(written[1], data.maps, frame)
     for one in data.maps:
         key = one.quantity.key
@@ -79,6 +78,8 @@ def write_maps(
         written += [out / f"{key}.tif", out / f"{key}.png"]
         written += _write_bathymetry(data, one, out)
     write_stac_item(out / ITEM_NAME, entry, _assets(data, written, concerns), _projection(data))
+    # Last, for where it lies the maps are complete.
+    write_netcdf(written[0], data.maps, frame, entry, concerns, drawn)
     return [*written, out / ITEM_NAME]
 
 
@@ -98,13 +99,15 @@ def _assets(
     """The files of a set of maps, with what is in the bands of its rasters."""
     titles = {"map": "all quantities", "contours": "contours", "hypsography": "hypsography"}
     by_key = {one.quantity.key: one.quantity for one in data.maps}
+    ends = {one.quantity.key: tuple(one.interval95) for one in data.maps}
     made: list[Asset] = []
     for path in written:
         quantity = by_key.get(path.stem)
         bands: list[tuple[str, str]] = []
         if quantity is not None and path.suffix == ".tif":
             unit = quantity.unit
-            bands = [("mean", unit), ("sd", unit), *((name, "1") for name in concerns[path.stem])]
+            bands = [(name, unit) for name in ("mean", "sd", *ends[path.stem])]
+            bands += [(name, "1") for name in concerns[path.stem]]
         title = titles.get(path.stem, path.stem) if quantity is None else quantity.label
         made.append(Asset(path=path, title=title, bands=bands))
     return made

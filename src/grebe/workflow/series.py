@@ -18,13 +18,20 @@ from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.export.geotiff import write_bands
 from grebe.io.export.netcdf_series import SeriesFields, write_series_netcdf
 from grebe.io.store import SurveyFile
+from grebe.mapping.difference import refuse_other_unit
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.series import QuantitySeries
-from grebe.mapping.trend import FEWEST_SURVEYS, Trend, adjusted_for_family, fit_trend
+from grebe.mapping.trend import (
+    FEWEST_SURVEYS,
+    Trend,
+    adjusted_for_family,
+    check_times,
+    fit_trend,
+)
 from grebe.report import canvas, series_figures
-from grebe.workflow.differences import common_water, maps_in
+from grebe.workflow.differences import common_water, maps_in, refuse_the_same
 from grebe.workflow.files import make_folder
 
 if TYPE_CHECKING:
@@ -69,7 +76,9 @@ def map_series(
 
     `on_done` is told after each survey how many are mapped, and of how many.
     """
+    refuse_the_same(paths)
     surveys = sorted((_opened(path) for path in paths), key=lambda one: one.middle_s)
+    check_times(np.array([one.middle_s for one in surveys]), seasonal=seasonal)
     base = surveys[0].survey
     water = common_water([one.survey for one in surveys])
     mapper = Mapper(water, make_grid(water, resolution_m))
@@ -81,7 +90,7 @@ def map_series(
             found, missing = maps_in(file, base, mapper)
         left_out += [f"{one.path}: {text}" for text in missing]
         for key, mapped in found.items():
-            firsts.setdefault(key, mapped)
+            refuse_other_unit(firsts.setdefault(key, mapped).quantity, mapped.quantity)
             inside = mapper.grid.inside
             maps.setdefault(key, []).append((one.middle_s, mapped.mean[inside], mapped.sd[inside]))
         if on_done is not None:
@@ -92,6 +101,8 @@ def map_series(
         for key, rows in maps.items()
         if key not in enough
     ]
+    if seasonal:
+        enough = _with_season(enough, firsts, left_out)
     if not enough:
         raise InputError(f"No quantity was mapped in {FEWEST_SURVEYS} of the surveys.")
     return Series(
@@ -101,6 +112,22 @@ def map_series(
         by_quantity=_with_trends(enough, firsts, water.area, seasonal=seasonal),
         left_out=tuple(dict.fromkeys(left_out)),
     )
+
+
+def _with_season(
+    rows: Mapping[str, list[tuple[float, Array, Array]]],
+    firsts: Mapping[str, QuantityMap],
+    left_out: list[str],
+) -> dict[str, list[tuple[float, Array, Array]]]:
+    """The quantities whose surveys tell a season from a trend; why others do not is added."""
+    kept: dict[str, list[tuple[float, Array, Array]]] = {}
+    for key, several in rows.items():
+        try:
+            check_times(np.array([time for time, *_ in several]), seasonal=True)
+            kept[key] = several
+        except InputError as error:
+            left_out.append(f"{firsts[key].quantity.label}: {str(error).rstrip('.')}")
+    return kept
 
 
 def _opened(path: Path) -> _Survey:

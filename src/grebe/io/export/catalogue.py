@@ -72,6 +72,11 @@ def time_text(seconds: float) -> str:
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
+def _digits(seconds: float) -> str:
+    """Seconds as a duration of ISO 8601 has them: no exponent."""
+    return f"{seconds:.0f}" if seconds >= 100 else f"{seconds:.3g}"
+
+
 def acdd(
     entry: CatalogueEntry, bounds: tuple[float, float, float, float]
 ) -> dict[str, str | float]:
@@ -106,7 +111,7 @@ def acdd(
         "time_coverage_start": time_text(entry.first_s),
         "time_coverage_end": time_text(entry.last_s),
         "time_coverage_duration": f"PT{entry.last_s - entry.first_s:.0f}S",
-        "time_coverage_resolution": f"PT{entry.every_s:.3g}S",
+        "time_coverage_resolution": f"PT{_digits(entry.every_s)}S",
     }
     found |= {name: value for name, value in entry.credits.items() if name != "keywords"}
     return {name: value for name, value in found.items() if value != ""}

@@ -25,10 +25,10 @@ def write_geotiff(
     frame: LocalFrame,
     exceedances: Mapping[str, NDArray[np.floating]],
 ) -> None:
-    """Write bands `mean`, `sd` and one a threshold, north up, in the survey's frame; the file
-    appears only when complete.
+    """Write bands `mean`, `sd`, both ends of 95 % intervals that are not symmetric, and one a
+    threshold, north up, in the survey's frame; the file appears only when complete.
     """
-    bands = {"mean": one.mean, "sd": one.sd, **exceedances}
+    bands = {"mean": one.mean, "sd": one.sd, **one.interval95, **exceedances}
     write_bands(path, one, frame, bands, one.quantity.unit)
 
 
@@ -45,8 +45,11 @@ def write_bands(
     frame: LocalFrame,
     bands: Mapping[str, NDArray[np.floating]],
     unit: str,
+    tags: Mapping[str, str] | None = None,
 ) -> None:
-    """Write named fields (rows, columns) on a map's grid; NaN becomes nodata."""
+    """Write named fields (rows, columns) on a map's grid, with `tags` of the file; NaN becomes
+    nodata.
+    """
     from rasterio.crs import CRS
     from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
@@ -72,7 +75,10 @@ def write_bands(
                 dataset.set_band_description(index, name)
                 is_probability = name.startswith("P(")
                 dataset.set_band_unit(index, "1" if is_probability else unit or "1")
-            dataset.update_tags(quantity=one.quantity.key, interpolation=one.method.key)
+            dataset.update_tags(
+                quantity=one.quantity.key, interpolation=one.method.key, scale=one.scale.name,
+                **(tags or {}),
+            )  # fmt: skip
         with memory.open() as dataset, MemoryFile(ext=".tif") as optimized:
             copy(dataset, optimized.name, driver="COG", compress="DEFLATE")
             part.write_bytes(optimized.read())

@@ -149,6 +149,16 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
         }
     )
 
+    for name, ends in one.interval95.items():
+        end = field_variable(dataset, f"{quantity.key}_{name}", ends, content="qualityInformation")
+        text = {"low95": "lower", "high95": "upper"}[name]
+        end.setncatts(
+            {
+                "long_name": f"{text} end of the 95 % interval of {quantity.label.lower()}",
+                "units": quantity.cf_unit,
+            }
+        )
+
 
 def _worth(one: QuantityMap) -> dict[str, float]:
     """What is known of the noise, of the direction, and of how far the map can be trusted."""

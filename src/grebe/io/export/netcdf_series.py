@@ -104,7 +104,12 @@ def _write_quantity(
     ]  # fmt: skip
     for label, fields, text, named, unit in described:
         dimensions = IN_TIME if fields.ndim == 3 else ("y", "x")
-        variable = field_variable(dataset, label, fields, dimensions)
+        content = "modelResult" if label in (key, f"{key}_trend") else "qualityInformation"
+        variable = field_variable(dataset, label, fields, dimensions, content)
+        if label in (key, f"{key}_trend"):
+            variable.ancillary_variables = f"{label}_sd"
+        if quantity.unit and quantity.cf_unit == "1" and not label.endswith("_p"):
+            variable.reported_unit = quantity.unit
         if fields.ndim == 2:  # a trend is of no one time
             variable.coordinates = "lat lon"
         variable.setncatts({**named, "long_name": text, "units": unit})

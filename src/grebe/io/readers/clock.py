@@ -22,8 +22,14 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Milliseconds since 1970 are beyond any survey's seconds.
-LATEST_S = 1e11
+# Beyond any survey's seconds since 1970 are milliseconds, and beyond these micro- and nanoseconds.
+SCALES = ((1e17, 1e9), (1e14, 1e6), (1e11, 1e3))
+# Surveys with a logger lie between these [unix s]: 1990 and 2100.
+EARLIEST_S, LATEST_S = 631_152_000.0, 4_102_444_800.0
+# Spreadsheets count days from 1899-12-30; these are the numbers of the same years.
+EXCEL_EPOCH_DAYS, DAY_S = 25_569.0, 86_400.0
+# A time so far from the middle of a record is the logger's, from before its clock was set [s].
+FAR_S = 366 * DAY_S
 # A clock that is set goes back by less than this [s]; the end of summer time by an hour.
 JITTER_S = 600.0
 # Dates as they are written; the order of day and month is judged by the whole column.
@@ -31,7 +37,8 @@ _DAYS_FIRST = ("%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%d/%m/%y", "%d.%m.%y")
 _MONTHS_FIRST = ("%m/%d/%Y", "%m-%d-%Y", "%m/%d/%y", "%m%d%y")
 _YEAR_FIRST = ("%Y-%m-%d", "%Y/%m/%d", "%Y%m%d", "%y%m%d")
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H%M%S")
-_OFFSET = re.compile(r"(GMT|UTC)\s*([+-])(\d\d):?(\d\d)", re.IGNORECASE)
+_OFFSET = re.compile(r"(?:GMT|UTC)\s*([+-])(\d\d?)(?::?(\d\d))?(?!\d)", re.IGNORECASE)
+_BARE_OFFSET = re.compile(r"()([+-])(\d\d?)(?::?(\d\d))?")
 
 
 def zone_of(name: str) -> tzinfo:
@@ -48,10 +55,49 @@ def zone_of(name: str) -> tzinfo:
 def zone_in_header(header: str) -> tzinfo | None:
     """The offset that a header such as `Date Time, GMT-04:00` names."""
     found = _OFFSET.search(header)
-    if found is None:
+    if found is not None:
+        sign, hours, minutes = found.groups()
+        return _offset(sign, hours, minutes)
+    return UTC if re.search(r"(?<![a-z])utc(?![a-z])", header, re.IGNORECASE) else None
+
+
+def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
+    """The zone that a column names which says the same in all its rows, `-05:00`, `UTC` or a name
+    of the tz database; None for anything else.
+    """
+    said = {cell.strip() for cell in cells if cell.strip()}
+    if len(said) != 1:
         return None
-    sign = -1 if found[2] == "-" else 1
-    return timezone(sign * timedelta(hours=int(found[3]), minutes=int(found[4])))
+    text = said.pop()
+    bare = _BARE_OFFSET.fullmatch(text)
+    if bare is not None:
+        return _offset(bare[2], bare[3], bare[4])
+    try:
+        return zone_in_header(text) or zone_of(text)
+    except InputError:
+        return None
+
+
+def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo:
+    away = timedelta(hours=int(hours), minutes=int(minutes or 0))
+    return timezone(-away if sign == "-" else away)
+
+
+def plausible(times: Array) -> tuple[Array, list[str]]:
+    """Times (n,) with NaN for those that no survey has beside others that one has, and notes.
+
+    A logger writes 1970, or the year of its maker, until its clock is set.
+    """
+    known = np.isfinite(times)
+    possible = known & (times > EARLIEST_S) & (times < LATEST_S)
+    if not possible.any():
+        return times, []
+    middle = float(np.median(times[possible]))
+    kept = possible & (np.abs(times - middle) < FAR_S)
+    lost = int((known & ~kept).sum())
+    when = datetime.fromtimestamp(middle, UTC)
+    notes = [f"{lost} times a year and more from the others ({when:%Y-%m-%d}): not used"]
+    return np.where(kept, times, np.nan), notes if lost else []
 
 
 def read_times(
@@ -60,17 +106,45 @@ def read_times(
     """Unix seconds (n,), NaN where a cell holds no time, and notes; None where less than half do.
 
     `header` may say the order of the date (`MM/DD/YYYY`) and an offset; `zone` is that of times
-    that name none, UTC for None. Raises `InputError` where days and months cannot be told apart.
+    that name none, UTC for None. A zone in the header counts more than `zone`. Raises `InputError`
+    where days and months cannot be told apart.
     """
+    zone = zone_in_header(header) or zone
     values = _numbers(cells)
     if np.isfinite(values).mean() >= 0.5:
-        return np.where(values > LATEST_S, values / 1000.0, values), []
+        return _of_numbers(values, zone)
+    cells = [_without_zone_name(cell) for cell in cells]
     moments = [_iso(cell) for cell in cells]
     if sum(moment is not None for moment in moments) < len(cells) / 2:
         moments = _written(cells, header)
     if sum(moment is not None for moment in moments) < max(len(cells) / 2, 1):
         return None
-    return _in_seconds(moments, zone or zone_in_header(header))
+    return _in_seconds(moments, zone)
+
+
+def _of_numbers(values: Array, zone: tzinfo | None) -> tuple[Array, list[str]]:
+    """Seconds since 1970 from those, from thousandths and less of them, or from a spreadsheet's
+    days, which are local.
+    """
+    days = values - EXCEL_EPOCH_DAYS
+    middle = float(np.nanmedian(days)) * DAY_S
+    counts_on = float(np.nanmax(days) - np.nanmin(days)) < FAR_S / DAY_S
+    if EARLIEST_S < middle < LATEST_S and counts_on and np.any(days != np.rint(days)):
+        naive = [
+            None if not np.isfinite(one) else datetime.fromtimestamp(one * DAY_S, UTC)
+            for one in days.tolist()
+        ]
+        moments = [None if one is None else one.replace(tzinfo=None) for one in naive]
+        seconds, notes = _in_seconds(moments, zone)
+        return seconds, ["times in a spreadsheet's days since 1899: converted", *notes]
+    for least, unit in SCALES:
+        values = np.where(values > least, values / unit, values)
+    return values, []
+
+
+def _without_zone_name(text: str) -> str:
+    """`2024-07-03 09:15:00 UTC` as ISO 8601 has it."""
+    return re.sub(r"\s*(UTC|GMT|Z)$", "+00:00", text.strip()) if text[-1:] in "CTZ" else text
 
 
 def _numbers(cells: Sequence[str]) -> Array:

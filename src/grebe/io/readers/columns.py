@@ -13,14 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grebe.core.errors import TrackError
-from grebe.core.header_units import Unit, parse_unit, split_header
+from grebe.core.header_units import Unit, bracketed, parse_unit, split_header
 from grebe.core.quantity import Quantity
 
 if TYPE_CHECKING:
     from grebe.core.quantities import Quantities
 
 # Columns that speak about another one.
-_NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|units)$")
+_NOT_A_VALUE = re.compile(
+    r"(_|\b)(qc|flag|quality|zone|unit|units|std|stdev|std[ _]?dev|sd|min|max|count|error|raw)$"
+)
 # What the columns of time and place may be called, first match wins; those of the quantities are
 # named in the registry. Matched on lower-case letters, digits and the signs of units alone.
 PLACE_AND_TIME: dict[str, tuple[str, ...]] = {
@@ -35,7 +37,8 @@ OXYGEN, SATURATION = "dissolved_oxygen_mgl", "oxygen_saturation_percent"
 class Column:
     """Where values are: the header's `name`, and `factor`, `offset` that bring them to the unit
     of their quantity; `unit` as the header spells it. `by_solubility` where saturation and
-    concentration of oxygen are to be brought into each other.
+    concentration of oxygen are to be brought into each other. `unknown`: what stands in brackets
+    in the header, where that is no unit that is known.
     """
 
     name: str
@@ -43,6 +46,7 @@ class Column:
     factor: float = 1.0
     offset: float = 0.0
     by_solubility: bool = False
+    unknown: str = ""
 
     @property
     def converted(self) -> bool:
@@ -124,7 +128,7 @@ def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> 
         spelled = split_header(name)[1]
         there = parse_unit(spelled)
         if there is None or here is None:
-            return Column(name=name)
+            return Column(name=name, unknown="" if here is None else bracketed(name))
         if there.kind == here.kind:
             factor, offset = there.to(here)
             return Column(name=name, unit=spelled, factor=factor, offset=offset)

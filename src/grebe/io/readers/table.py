@@ -20,6 +20,9 @@ from grebe.io.readers.text import read_text
 # A header is looked for within so many lines.
 LONGEST_PREAMBLE = 120
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_GROUPED = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
+_DECIMAL_POINT = re.compile(r"[+-]?\d+\.\d+")
+MOST_LOOKED_AT = 5_000
 _NAMES = re.compile(
     r"\b(date|time|timestamp|lat(itude)?|lon(gitude)?|lng|temp(erature)?|ph|depth|battery|turb\w*|"
     r"cond\w*|spcond|l?do|odo|rdo|dissolved|oxygen|chl\w*|salinity|pressure|q)\b"
@@ -28,11 +31,14 @@ _NAMES = re.compile(
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """The names of the columns, and the rows as texts; a row may be shorter than the header."""
+    """The names of the columns, and the rows as texts; a row may be shorter than the header.
+    `groups`: a comma within a number stands between thousands.
+    """
 
     header: list[str]
     rows: list[list[str]]
     notes: tuple[str, ...] = ()
+    groups: bool = False
 
 
 def read_table(
@@ -67,7 +73,22 @@ def read_table(
     if not body:
         raise TrackError(f"{path}: a header and no rows.")
     notes = (f"{place} lines before the header: not used",) if place else ()
-    return Table(header=header, rows=body, notes=notes)
+    return Table(header=header, rows=body, notes=notes, groups=_groups_thousands(body))
+
+
+def _groups_thousands(rows: list[list[str]]) -> bool:
+    """Whether a comma within numbers groups them: each stands before three digits, and other
+    numbers have a point before their decimals.
+    """
+    commas = points = 0
+    for row in rows[:: max(len(rows) // MOST_LOOKED_AT, 1)]:
+        for cell in row:
+            if _GROUPED.fullmatch(cell.strip()):
+                commas += 1
+            elif _DECIMAL_COMMA.fullmatch(cell.strip()):
+                return False
+            points += _DECIMAL_POINT.fullmatch(cell.strip()) is not None
+    return commas > 0 and points > 0
 
 
 def _header_of(path: Path) -> list[str]:
@@ -118,14 +139,29 @@ def _rows(path: Path) -> list[list[str]]:
     lines = text.lstrip().split("\n", LONGEST_PREAMBLE)[:LONGEST_PREAMBLE]
     if lines[0].lower().startswith("sep="):
         text, lines = text.lstrip().split("\n", 1)[1], lines[1:]
-    delimiter = max(",;\t", key=lambda mark: max(line.count(mark) for line in lines))
-    # Decimal commas outnumber the semicolons between the values.
-    if delimiter == "," and lines[0].count(";") > lines[0].count(","):
-        delimiter = ";"
+    if lines[0].lstrip().lower().startswith(("<?xml", "<gpx", "<kml")):
+        raise TrackError(
+            f"{path}: an XML file, and a table of separated values is read here; export the track "
+            "as CSV, with a time, a latitude and a longitude in each row."
+        )
+    delimiter = _delimiter(lines)
     try:
         return [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if any(row)]
     except csv.Error as error:
         raise TrackError(f"{path}: not a table of separated values ({error}).") from None
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    """What separates the values: what most lines have equally many of. Decimal commas are missing
+    in the header, and from whole numbers.
+    """
+
+    def agreement(mark: str) -> tuple[int, int]:
+        counts = [line.count(mark) for line in lines if line.strip()]
+        usual = max(set(counts) - {0}, key=lambda each: (counts.count(each), each), default=0)
+        return (counts.count(usual) if usual else 0, usual)
+
+    return max("\t;,", key=agreement)
 
 
 def is_number(text: str) -> bool:

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.errors import TrackError
+from grebe.core.errors import InputError, TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
-from grebe.io.readers.clock import read_times
+from grebe.io.readers.clock import EARLIEST_S, plausible, read_times, zone_in_cells
 from grebe.io.readers.columns import OXYGEN, Column, find_columns
 from grebe.io.readers.profile import Profile
 from grebe.io.readers.table import Table, number, read_table
@@ -31,11 +31,23 @@ if TYPE_CHECKING:
 JUMP_SPEED_MPS = 10.0
 # Without times, a step this many times the median step is a jump.
 JUMP_FACTOR = 50.0
-# Whole numbers beyond this are degrees times 1e7, as autopilots and receivers log them.
-E7_FROM, E7 = 1e5, 1e7
+# Whole numbers beyond this are degrees times 1e7, as autopilots and receivers log them; metres of
+# a projection are less.
+E7_FROM = E7 = 1e7
 # Columns that hold a date, the time standing in a column of its own.
 _DATE = re.compile(r"(local|utc)?date(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|yymmdd)?")
-_TIME = re.compile(r"(local|utc)?time(hhmmss|utc|hhmmsstt)?")
+_TIME = re.compile(r"(local|utc|gmt)?time(hhmmss|utc|hhmmsstt)?")
+# Columns that say on which side of the equator and of Greenwich a place is, and in which zone a
+# time.
+_SIDES = {
+    "lat": re.compile(r"(lat(itude)?)?(ns|nors|hemisphere|hemi|nsindicator|dir(ection)?)"),
+    "lon": re.compile(r"(lon(gitude)?)?(ew|eorw|hemisphere|hemi|ewindicator|dir(ection)?)"),
+}
+_ZONE = re.compile(r"(time)?(tz|zone|utcoffset|gmtoffset)")
+# A longitude whose header says that it counts to the west, a latitude that counts to the south.
+_WESTWARDS = re.compile(r"[(\[_ ](w|west|s|south)[)\]]?$", re.IGNORECASE)
+# Rows are put in the order of their times where the way is not so much longer then.
+NO_LONGER = 1.05
 
 # Columns that the caller knows, by `time`, `lat`, `lon` or the key of a quantity; the others are
 # found by their names.
@@ -97,16 +109,38 @@ def clean_track(path: Path, read: Readings) -> RawTrack:
     lonlat, times = read.lonlat, read.times
     if lonlat is None:
         raise TrackError(f"{path}: the file holds no positions.")
+    order, sorted_ = _in_order(lonlat, times)
+    lonlat, times = lonlat[order], None if times is None else times[order]
     keep, notes = _find_glitches(lonlat, times)
-    _refuse_if_hopeless(path, lonlat, keep)
+    _refuse_if_hopeless(path, lonlat, keep, notes)
     return RawTrack(
         lonlat=lonlat[keep],
         times=None if times is None else times[keep],
-        values={key: column[keep] for key, column in read.values.items()},
+        values={key: column[order][keep] for key, column in read.values.items()},
         columns=read.columns,
-        notes=(*notes, *read.notes),
+        notes=(*sorted_, *notes, *read.notes),
         unused=read.unused,
     )
+
+
+def _in_order(
+    lonlat: NDArray[np.float64], times: NDArray[np.float64] | None
+) -> tuple[NDArray[np.intp], list[str]]:
+    """The rows (n,) in the order of their times, where these run back and the boat's way is not
+    longer so: a clock that was set back is told by the way, and the rows stay.
+    """
+    as_read = np.arange(len(lonlat))
+    if times is None or not np.any(np.diff(times[np.isfinite(times)]) < 0):
+        return as_read, []
+    order = np.argsort(times, kind="stable")
+
+    def way(rows: NDArray[np.intp]) -> float:
+        steps = np.diff(lonlat[rows], axis=0)
+        return float(np.nansum(np.hypot(*steps.T)))
+
+    if way(order) > NO_LONGER * way(as_read):
+        return as_read, []
+    return order, ["rows out of order: put in the order of their times"]
 
 
 def read_readings(
@@ -126,6 +160,8 @@ def read_readings(
     found = find_columns(path, table.header, given, quantities, placed=placed)
     places = {key: table.header.index(one.name) for key, one in found.items()}
     cells = _columns(table.rows, places)
+    if table.groups:
+        cells = {key: [cell.replace(",", "") for cell in column] for key, column in cells.items()}
     notes = list(table.notes)
     times, clocks, said = _times_of(path, table, found, cells, given, zone or profile.zone)
     notes += said
@@ -135,13 +171,23 @@ def read_readings(
         if key in found
     }
     for key, column in found.items():
+        if column.unknown:
+            unit = quantities[key].unit or "its unit"
+            notes.append(
+                f"{column.name}: {column.unknown!r} is no unit that is known; taken as {unit}"
+            )
         if column.converted:
             values[key] = _converted(path, values, key, column)
             notes.append(_conversion_text(column, quantities[key].unit))
     lonlat = None
     if "lat" in found and "lon" in found:
-        lonlat, scaled = _degrees(_numbers(cells["lon"]), _numbers(cells["lat"]))
-        notes += scaled
+        sides, said = _sides(table, found)
+        lonlat, scaled = _degrees(
+            _numbers(cells["lon"]) * sides["lon"], _numbers(cells["lat"]) * sides["lat"]
+        )
+        notes += [*said, *scaled]
+    if clocks:
+        found = {**found, "time": Column(name=" and ".join(clocks))}
     used = {one.name for one in found.values()} | set(clocks)
     return Readings(
         lonlat=lonlat,
@@ -161,25 +207,69 @@ def _times_of(
     given: Mapping[str, str],
     zone: tzinfo | None,
 ) -> tuple[NDArray[np.float64] | None, list[str], list[str]]:
-    """Times (n,) of a table, the columns that they came from, and notes."""
-    if "time" not in given:
+    """Times (n,) of a table, the columns that they came from where those are two, and notes.
+    Seconds since 1970 count before a date and a time, which may be local.
+    """
+    zone = _zone_told(table) or zone
+    try:
+        read, clocks = None, list[str]()
         pair = _date_and_time(table.header)
-        if pair is not None:
+        if "time" not in given and pair is not None and not _counts_seconds(cells.get("time")):
             both = _columns(table.rows, {name: table.header.index(name) for name in pair})
             texts = [f"{day} {clock}" for day, clock in zip(*both.values(), strict=True)]
-            read = read_times(texts, pair[0], zone)
-            if read is not None:
-                return read[0], list(pair), read[1]
-    if "time" not in cells:
-        return None, [], []
-    name = found["time"].name
-    read = read_times(cells["time"], name, zone)
-    if read is None and "time" in given:
-        raise TrackError(
-            f"{path}: column {name!r} holds {cells['time'][0]!r} and the like, which are no times; "
-            "give unix seconds or ISO 8601."
-        )
-    return (None, [], []) if read is None else (read[0], [], read[1])
+            read, clocks = read_times(texts, " ".join(pair), zone), list(pair)
+        if read is None and "time" in cells:
+            read, clocks = read_times(cells["time"], found["time"].name, zone), []
+        if read is None:
+            if "time" in given:
+                raise TrackError(
+                    f"column {found['time'].name!r} holds {cells['time'][0]!r} and the like, which "
+                    "are no times; give unix seconds or ISO 8601."
+                )
+            return None, [], []
+        times, lost = plausible(read[0])
+    except InputError as error:
+        raise TrackError(f"{path}: {error}", settings=error.settings) from None
+    return times, clocks, [*read[1], *lost]
+
+
+def _counts_seconds(cells: Sequence[str] | None) -> bool:
+    """Whether a column holds seconds, or less of them, since 1970."""
+    probe = [one for one in map(number, (cells or [])[:50]) if one is not None]
+    return bool(probe) and float(np.median(probe)) > EARLIEST_S
+
+
+def _zone_told(table: Table) -> tzinfo | None:
+    """The zone that a column of its own names."""
+    for place, name in enumerate(table.header):
+        if _ZONE.fullmatch(re.sub(r"[^a-z]", "", name.lower())):
+            return zone_in_cells(_columns(table.rows, {"zone": place})["zone"])
+    return None
+
+
+def _sides(
+    table: Table, found: Mapping[str, Column]
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """Signs (n,) of latitudes and longitudes by columns of N and S, E and W, or by their headers,
+    and notes.
+    """
+    signs, notes = {key: np.ones(len(table.rows)) for key in _SIDES}, list[str]()
+    plain = {re.sub(r"[^a-z]", "", name.lower()): i for i, name in enumerate(table.header)}
+    for key, pattern in _SIDES.items():
+        letters = {"lat": ("N", "S"), "lon": ("E", "W")}[key]
+        for name, place in plain.items():
+            if not pattern.fullmatch(name):
+                continue
+            cells = _columns(table.rows, {"side": place})["side"]
+            said = np.array([cell.strip().upper()[:1] for cell in cells])
+            if np.isin(said, letters).mean() > 0.5:
+                signs[key] = np.where(said == letters[1], -1.0, 1.0)
+                notes.append(f"{table.header[place]}: the sign of {found[key].name}")
+                break
+        if _WESTWARDS.search(found[key].name):
+            signs[key] = -signs[key]
+            notes.append(f"{found[key].name}: counted to the {'west' if key == 'lon' else 'south'}")
+    return signs, notes
 
 
 def _date_and_time(header: Sequence[str]) -> tuple[str, str] | None:
@@ -187,17 +277,29 @@ def _date_and_time(header: Sequence[str]) -> tuple[str, str] | None:
     plain = {re.sub(r"[^a-z]", "", name.lower()): name for name in header}
     days = [name for text, name in plain.items() if _DATE.fullmatch(text)]
     clocks = [name for text, name in plain.items() if _TIME.fullmatch(text)]
+    # Of several the one that says that it is no local time.
+    for some in (days, clocks):
+        some.sort(key=lambda name: "utc" not in name.lower() and "gmt" not in name.lower())
     return (days[0], clocks[0]) if days and clocks else None
 
 
 def _degrees(
     lon: NDArray[np.float64], lat: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[str]]:
-    """Positions (n, 2) in degrees, from degrees or from whole numbers of 1e-7 degrees."""
+    """Positions (n, 2) in degrees, from degrees, from whole numbers of 1e-7 degrees, or from
+    longitudes that count on to 360.
+    """
     lonlat = np.column_stack([lon, lat])
     known = lonlat[np.isfinite(lonlat).all(axis=1) & (lonlat != 0).any(axis=1)]
-    if len(known) and np.median(np.abs(known).max(axis=1)) > E7_FROM:
+    if not len(known):
+        return lonlat, []
+    whole = bool((known == np.rint(known)).all())
+    if whole and np.median(np.abs(known).max(axis=1)) > E7_FROM:
         return lonlat / E7, ["positions in 1e-7 degrees: converted to degrees"]
+    middle = np.median(known, axis=0)
+    if 180 < middle[0] <= 360 and abs(middle[1]) <= 90:
+        lonlat[:, 0] -= np.where(lonlat[:, 0] > 180, 360.0, 0.0)
+        return lonlat, ["longitudes from 0 to 360: those beyond 180 are west"]
     return lonlat, []
 
 
@@ -329,7 +431,9 @@ def _allowed(waited: NDArray[np.float64] | float, reach: float) -> NDArray[np.fl
     return np.where(np.isfinite(waited), far, reach)
 
 
-def _refuse_if_hopeless(path: Path, lonlat: NDArray[np.float64], keep: NDArray[np.bool_]) -> None:
+def _refuse_if_hopeless(
+    path: Path, lonlat: NDArray[np.float64], keep: NDArray[np.bool_], notes: Sequence[str]
+) -> None:
     lat = lonlat[:, 1]
     if np.nanmax(np.abs(lat), initial=0.0) > 90:
         share = float(np.mean(np.abs(lat[np.isfinite(lat)]) > 90))
@@ -339,4 +443,8 @@ def _refuse_if_hopeless(path: Path, lonlat: NDArray[np.float64], keep: NDArray[n
                 "and longitude are swapped (give the columns lat and lon) or they are projected."
             )
     if keep.sum() < 3:
-        raise TrackError(f"{path}: {int(keep.sum())} usable positions; a track needs three.")
+        why = f" ({'; '.join(notes)})" if notes else ""
+        raise TrackError(
+            f"{path}: {int(keep.sum())} usable positions{why}; a track needs three, in decimal "
+            "degrees."
+        )
