@@ -1,6 +1,8 @@
 """Loggers' files of all kinds: what contradicts is refused, what is converted is told."""
 
 import json
+from datetime import UTC, datetime
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from conftest import CHINA, TRACKS, needs_tracks
 
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError, TrackError
+from grebe.core.samples import Flag
 from grebe.io.readers.clock import read_times, zone_of
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.track import read_readings, read_track
@@ -176,3 +179,156 @@ def test_a_sonde_of_another_day_is_refused(tmp_path):
     with pytest.raises(TrackError, match="none of its readings falls within") as told:
         import_track(boat, tmp_path / "o.gpkg", sonde=sonde)
     assert told.value.settings == ("zone", "clock_offset_s")
+
+
+def at(path, seconds=0):
+    """The time of a row, in the words of the file's own clock brought to UTC."""
+    return datetime.fromtimestamp(float(read_track(path).times[seconds]), UTC).isoformat()
+
+
+def track_of(folder, header, cells, count=40, name="t.csv"):
+    """A straight track in which row k has `cells(k)` behind its position."""
+    lines = [header]
+    lines += [f"{cells(k)},{50 + k * 2e-5:.6f},3.0,{20 + k * 0.01:.3f}" for k in range(count)]
+    path = folder / name
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "cell", "expected"),
+    [
+        ("time", "{s}", "2024-07-03T09:15:00+00:00"),
+        ("time", "{s}000", "2024-07-03T09:15:00+00:00"),
+        ("time", "{s}000000", "2024-07-03T09:15:00+00:00"),
+        ("time", "{s}000000000", "2024-07-03T09:15:00+00:00"),
+        ("Time (UTC+2)", "2024-07-03 11:{m}", "2024-07-03T09:15:00+00:00"),
+        ("time", "2024-07-03 09:{m} UTC", "2024-07-03T09:15:00+00:00"),
+        ('Date,"Time, GMT-04:00"', "2024-07-03,05:{m}", "2024-07-03T09:15:00+00:00"),
+        ("Date,Time,UTC Time", "2024-07-03,11:{m},2024-07-03 09:{m}", "2024-07-03T09:15:00+00:00"),
+        ("TZ,Date,Time", "-05:00,2024-07-03,04:{m}", "2024-07-03T09:15:00+00:00"),
+        ("Date,Time,timestamp", "2024-07-03,11:{m},{s}", "2024-07-03T09:15:00+00:00"),
+    ],
+)
+def test_times_are_those_that_the_file_says(tmp_path, header, cell, expected):
+    """Whatever the unit since 1970, whichever column names the zone."""
+
+    def cells(k):
+        return cell.format(s=1719998100 + k, m=f"15:{k:02}")
+
+    path = track_of(tmp_path, f"{header},lat,lon,temp", cells)
+    assert at(path) == expected
+    assert np.diff(read_track(path).times) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_zone_in_the_header_counts_more_than_one_that_is_given(tmp_path):
+    path = track_of(
+        tmp_path, '"Date Time, GMT-04:00",lat,lon,temp', lambda k: f"2024-07-03 05:15:{k:02}"
+    )
+    read = read_track(path, zone=ZoneInfo("Europe/Paris"))
+    assert datetime.fromtimestamp(read.times[0], UTC).hour == 9
+
+
+def test_a_spreadsheet_s_days_are_times(tmp_path):
+    day = 45476 + (9 * 3600 + 15 * 60) / 86400
+    path = track_of(tmp_path, "time,lat,lon,temp", lambda k: f"{day + k / 86400:.9f}")
+    assert at(path).startswith("2024-07-03T09:1")
+    assert any("spreadsheet" in note for note in read_track(path).notes)
+
+
+@pytest.mark.parametrize("wrong", ["0", "315532800", "1e19", "4900000000"])
+def test_one_clock_that_was_not_set_costs_one_row(tmp_path, wrong):
+    """A logger writes 1970 or 1980 until it has a fix: that condemned the whole survey."""
+    path = track_of(tmp_path, "time,lat,lon,temp", lambda k: wrong if k == 0 else 1719998100 + k)
+    track = read_track(path)
+    assert len(track.times) == 39
+    assert track.times.min() > 1.7e9
+
+
+def test_commas_between_thousands_are_none_before_decimals(tmp_path):
+    path = tmp_path / "t.csv"
+    rows = [
+        f'{1719998100 + k},{50 + k * 2e-5:.6f},3.000001,"12,{345 + k}",{1.5 + k / 100}'
+        for k in range(40)
+    ]
+    path.write_text("\n".join(["time,lat,lon,SpCond (µS/cm),turbidity (NTU)", *rows]))
+    values = read_track(path).values["specific_conductance_uscm"]
+    assert values == pytest.approx(12345 + np.arange(40))
+
+
+@pytest.mark.parametrize(
+    ("header", "key", "factor"),
+    [
+        ("Specific Conductance (mS/cm @25°C)", "specific_conductance_uscm", 1000),
+        ("Specific Conductance (mS)", "specific_conductance_uscm", 1000),
+        ("Specific Conductivity (µS/cm)", "specific_conductance_uscm", 1),
+        ("Water Temperature (°C)", "temperature_degc", 1),
+    ],
+)
+def test_a_unit_may_say_at_which_temperature_it_holds(tmp_path, header, key, factor):
+    path = track_of(tmp_path, f"time,lat,lon,{header}", lambda k: 1719998100 + k)
+    assert read_track(path).values[key][0] == pytest.approx(20.0 * factor)
+
+
+def test_what_speaks_of_a_value_is_not_the_value(tmp_path):
+    path = tmp_path / "t.csv"
+    rows = [f"{1719998100 + k},{50 + k * 2e-5:.6f},3.0,0.01,{20 + k},68" for k in range(40)]
+    names = "time,lat,lon,Water Temp StdDev,Water Temperature (°C),WaterTempF"
+    path.write_text("\n".join([names, *rows]))
+    track = read_track(path)
+    assert track.columns["temperature_degc"] == "Water Temperature (°C)"
+    assert set(track.unused) == {"Water Temp StdDev", "WaterTempF"}
+
+
+@pytest.mark.parametrize("order", ["reversed", "shuffled", "twice"])
+def test_rows_out_of_order_are_put_in_order(tmp_path, order):
+    path = track_of(tmp_path, "time,lat,lon,temp", lambda k: 1719998100 + k)
+    head, *rows = path.read_text().splitlines()
+    known = read_track(path)
+    if order == "reversed":
+        rows = rows[::-1]
+    elif order == "shuffled":
+        rows = [rows[i] for i in np.random.default_rng(0).permutation(len(rows))]
+    else:
+        rows = rows + rows
+    path.write_text("\n".join([head, *rows]))
+    track = read_track(path)
+    assert np.all(np.diff(track.times) >= 0)
+    assert set(track.times) == set(known.times)
+    assert track.values["temperature_degc"][-1] == known.values["temperature_degc"][-1]
+    assert any("order" in note for note in track.notes)
+
+
+def test_sides_of_the_earth_are_believed(tmp_path):
+    path = tmp_path / "t.csv"
+    rows = [f"{1719998100 + k},{50 + k * 2e-5:.6f},S,3.0,W,20" for k in range(40)]
+    path.write_text("\n".join(["time,lat,N/S,lon,E/W,temp", *rows]))
+    assert np.all(read_track(path).lonlat < 0)
+    rows = [f"{1719998100 + k},{50 + k * 2e-5:.6f},73.1,20" for k in range(40)]
+    path.write_text("\n".join(["time,Latitude (N),Longitude (W),temp", *rows]))
+    assert np.all(read_track(path).lonlat[:, 0] == -73.1)
+    path.write_text(
+        "\n".join(["time,lat,lon,temp", *(r.replace(",73.1,", ",286.9,") for r in rows)])
+    )
+    assert read_track(path).lonlat[:, 0] == pytest.approx(-73.1)
+
+
+def test_metres_of_a_projection_are_no_degrees(tmp_path):
+    path = tmp_path / "t.csv"
+    rows = [f"{1719998100 + k},{5806000 + 2 * k},367000.5,20" for k in range(40)]
+    path.write_text("\n".join(["time,lat,lon,temp", *rows]))
+    with pytest.raises(TrackError, match="projected"):
+        read_track(path)
+
+
+def test_a_number_that_stands_for_none_takes_no_neighbour_with_it(tmp_path):
+    path = track_of(tmp_path, "time,lat,lon,temp", lambda k: 1719998100 + k, count=200)
+    head, *rows = path.read_text().splitlines()
+    for k in range(20, 200, 20):
+        rows[k] = rows[k].rsplit(",", 1)[0] + ",-9999"
+    rows = [row.replace(",3.0,", f",{3.0 + (k % 7) * 1e-5:.6f},") for k, row in enumerate(rows)]
+    path.write_text("\n".join([head, *rows]))
+    done = import_track(path, tmp_path / "t.gpkg")
+    flags = done.quality.flags["temperature_degc"]
+    assert (flags == Flag.GOOD).sum() == 200 - 9
+    assert (flags == Flag.FAIL).sum() == 9

@@ -36,7 +36,9 @@ JUMP_FACTOR = 50.0
 E7_FROM = E7 = 1e7
 # Columns that hold a date, the time standing in a column of its own.
 _DATE = re.compile(r"(local|utc)?date(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|yymmdd)?")
-_TIME = re.compile(r"(local|utc|gmt)?time(hhmmss|utc|hhmmsstt)?")
+_TIME = re.compile(r"(local|utc|gmt)?time(hhmmss|utc|gmt|hhmmsstt)?")
+# A date within a cell.
+_DATED = re.compile(r"\d+[-/.]\d+[-/.]\d+")
 # Columns that say on which side of the equator and of Greenwich a place is, and in which zone a
 # time.
 _SIDES = {
@@ -216,7 +218,11 @@ def _times_of(
         pair = _date_and_time(table.header)
         if "time" not in given and pair is not None and not _counts_seconds(cells.get("time")):
             both = _columns(table.rows, {name: table.header.index(name) for name in pair})
-            texts = [f"{day} {clock}" for day, clock in zip(*both.values(), strict=True)]
+            texts = [
+                # A clock that says the day too needs no other column for it.
+                clock if _DATED.match(clock) else f"{day} {clock}"
+                for day, clock in zip(*both.values(), strict=True)
+            ]
             read, clocks = read_times(texts, " ".join(pair), zone), list(pair)
         if read is None and "time" in cells:
             read, clocks = read_times(cells["time"], found["time"].name, zone), []
