@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 KIND = "exponential"
+# Water that is smoother than that looks, under it, as if it changed: a change must be clear under
+# this one too, where it explains the readings better.
+SMOOTH = "gaussian"
 # Log likelihood that a change, or a lag, must add to be heeded.
 CLEAR_GAIN = 4.0
 # What the log likelihood may lose until a change is taken for impossible: 95 % of a chi square
@@ -152,12 +155,26 @@ def fit_change(readings: Readings, moment_s: float | None = None) -> Change:
         problem = problem.shifted(lag_s)
     at, gain = problem.with_change()
     change = replace(still, gain=gain, lag_s=lag_s, lag_gain=lag_gain, unseen_sd=problem.unseen(at))
-    if gain < CLEAR_GAIN:
+    if gain < CLEAR_GAIN or _is_smooth(readings, problem, lag_s):
         return change
     first, last = float(readings.times.min()), float(readings.times.max())
     knots = np.unique([*np.linspace(first, last, KNOTS), np.clip(still.moment_s, first, last)])
     mean, covariance = problem.predicted(at, knots, still.moment_s)
     return replace(change, times=knots, mean=mean, covariance=covariance)
+
+
+def _is_smooth(readings: Readings, rough: _Problem, lag_s: float) -> bool:
+    """Whether the readings are better explained by a smooth covariance, and under that one not by a
+    change.
+    """
+    try:
+        smooth = _Problem.of(readings, SMOOTH)
+    except ValueError:
+        return False
+    if lag_s:
+        smooth = smooth.shifted(lag_s)
+    better = smooth.plain_likelihood > rough.plain_likelihood
+    return better and smooth.with_change()[1] < CLEAR_GAIN
 
 
 def earlier(times: Array, positions: Array, seconds: float) -> Array:
@@ -185,13 +202,14 @@ class _Problem:
     chosen: NDArray[np.int64]
     posterior: Posterior
     plain: Array
+    kind: str = KIND
 
     @classmethod
-    def of(cls, readings: Readings) -> _Problem:
+    def of(cls, readings: Readings, kind: str = KIND) -> _Problem:
         chosen = thinned(len(readings), MOST_SAMPLES)
-        posterior = _posterior(readings, readings.positions, chosen)
+        posterior = _posterior(readings, readings.positions, chosen, kind)
         start = fit_variogram(readings.positions, readings.values, "matheron").model
-        model = posterior.best(replace(start, kind=KIND))[1]
+        model = posterior.best(replace(start, kind=kind))[1]
         of_place = np.log(
             [
                 model.range_m / posterior.extent_m,
@@ -205,7 +223,13 @@ class _Problem:
             chosen=chosen,
             posterior=posterior,
             plain=_refined(posterior, begin),
+            kind=kind,
         )
+
+    @property
+    def plain_likelihood(self) -> float:
+        """The log likelihood without a slow change."""
+        return self.posterior.log_likelihood(self.plain)
 
     def lag(self) -> tuple[float, float]:
         """The sensor's lag [s] that the likelihood is clearly for, else 0; and its gain."""
@@ -224,7 +248,7 @@ class _Problem:
         times = self.readings.times
         assert times is not None
         moved = earlier(times, self.readings.positions, lag_s)
-        posterior = _posterior(self.readings, moved, self.chosen)
+        posterior = _posterior(self.readings, moved, self.chosen, self.kind)
         # The range is a share of an extent that has changed a little.
         at = self.plain.copy()
         at[0] += np.log(self.posterior.extent_m / posterior.extent_m)
@@ -233,7 +257,7 @@ class _Problem:
     def with_change(self) -> tuple[Array, float]:
         """The best numbers with a change, (5,), and what they add to the log likelihood."""
         found = _refined(self.posterior, _with_share(self.posterior, self.plain))
-        gain = self.posterior.log_likelihood(found) - self.posterior.log_likelihood(self.plain)
+        gain = self.posterior.log_likelihood(found) - self.plain_likelihood
         return found, float(gain)
 
     def unseen(self, at: Array) -> float:
@@ -275,7 +299,9 @@ class _Problem:
         return np.sqrt(variance) * estimate, variance * 0.5 * (covariance + covariance.T)
 
 
-def _posterior(readings: Readings, positions: Array, chosen: NDArray[np.int64]) -> Posterior:
+def _posterior(
+    readings: Readings, positions: Array, chosen: NDArray[np.int64], kind: str
+) -> Posterior:
     times = readings.times
     assert times is not None
     noise = median_noise_variance(positions, readings.values)
@@ -283,7 +309,7 @@ def _posterior(readings: Readings, positions: Array, chosen: NDArray[np.int64]) 
     span_s = float(np.ptp(times))
     fleeting = Fleeting(variance=1.0, memory_s=FLEETING * span_s)
     common = (fleeting.covariance(seen, seen), _slow(seen, seen, span_s))
-    return Posterior.of(positions[chosen], readings.values[chosen], KIND, noise, common)
+    return Posterior.of(positions[chosen], readings.values[chosen], kind, noise, common)
 
 
 def _slow(a: Array, b: Array, span_s: float) -> Array:
