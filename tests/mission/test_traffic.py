@@ -198,3 +198,17 @@ def test_where_one_boat_does_not_answer_the_others_are_left_in_good_order(tmp_pa
     with SurveyFile.open(path) as file, pytest.raises(LinkError, match="Boat 2"):
         FleetRun(file, boat_at, steered_by()).run(NOON)
     assert not opened[0].status().armed
+
+
+@pytest.mark.slow
+def test_a_large_boat_that_needs_room_to_turn_is_given_it(tmp_path):
+    """Two boats launched side by side, a large one first: each waited for the other to the end."""
+    vessels = (PRESETS["otter"], PRESETS["spyboat"])
+    path = fleet_file(tmp_path / "f.gpkg", boats=2, side=60.0, vessels=vessels)
+    world = SimulatedWorld(
+        weather=Weather(current_north_mps=0.2),
+        errors=EstimateErrors(position_m=0.2, velocity_mps=0.03),
+    )
+    report, _, least = sailed(path, world)
+    assert report.complete
+    assert least >= 6.0

@@ -186,6 +186,7 @@ class Guard:
             return True
         facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
         if self._lookout and self._way_out(self._fence, observation, ahead, weather):
+            self._lookout.refused()
             waits = self._lookout.place_to_wait(self._fence, facts.place)
             self._become(in_traffic(self._memory, facts, waits), observation)
             return False

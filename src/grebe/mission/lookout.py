@@ -23,17 +23,22 @@ WISH_M = 12.0
 NEAR_M = 60.0
 # A boat that waits, waits so long at least [s].
 LEAST_WAIT_S = 2.0
+# With each time that it is refused on its way to a place a boat asks for so much more room beside
+# it, up to the second: a large hull turns wide [m].
+MORE_ROOM_M, MOST_ROOM_M = 1.0, 12.0
 
 
 @dataclass
 class Lookout:
     """What one boat, by its number, sees of a fleet's traffic. `is_done`: it has nothing left to
-    do, and makes room for all.
+    do, and makes room for all. `room_m`: what it asks for beside its way `towards` a place.
     """
 
     traffic: Traffic
     boat: int
     is_done: bool = False
+    room_m: float = 0.0
+    towards: Place | None = None
 
     def is_near(self, place: Place) -> bool:
         """Whether another boat is so near that its claim matters."""
@@ -49,9 +54,18 @@ class Lookout:
         """Claim a way (n, 2); False where another holds it."""
         return self.traffic.claim(self.boat, way)
 
+    def refused(self) -> None:
+        """The boat has to wait: it asks for more room from now on."""
+        self.room_m = min(self.room_m + MORE_ROOM_M, MOST_ROOM_M)
+
     def wish(self, place: Place, towards: Place | None) -> None:
-        """Say where the boat would go next."""
-        self.traffic.wish(self.boat, None if towards is None else _way_to(place, towards))
+        """Say where the boat would go next; for another place than before it needs no more room
+        than others.
+        """
+        if towards != self.towards:
+            self.towards, self.room_m = towards, 0.0
+        way = None if towards is None else _way_to(place, towards)
+        self.traffic.wish(self.boat, way, self.room_m)
 
     def is_clear(self, place: Place, towards: Place) -> bool:
         """Whether the next piece of the way is neither claimed nor wished by others."""

@@ -72,13 +72,15 @@ class Traffic:
             self._claims[boat] = line
             return True
 
-    def wish(self, boat: int, way: NDArray[np.float64] | None) -> None:
-        """Say where this boat would go; None for nowhere."""
+    def wish(self, boat: int, way: NDArray[np.float64] | None, room_m: float = 0.0) -> None:
+        """Say where this boat would go, with what it needs beside it; None for nowhere."""
         with self._lock:
             if way is None:
                 self._wishes.pop(boat, None)
             else:
-                self._wishes[boat] = _line(way)
+                self._wishes[boat] = (
+                    _line(way).buffer(room_m, quad_segs=4) if room_m else _line(way)
+                )
 
     def leave(self, boat: int) -> None:
         """A boat that is over wishes nothing any more; it keeps its claim, for it lies there."""
