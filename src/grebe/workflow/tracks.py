@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.errors import TrackError
+from grebe.core.errors import PlanError, TrackError
 from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.samples import Flag, Samples
 from grebe.core.sets import hull_of
@@ -101,8 +101,17 @@ def _shared(columns: TrackColumns) -> tuple[TrackColumns, TrackColumns]:
 
 
 def survey_of_track(track: RawTrack, name: str) -> Survey:
-    """Return the survey without targets whose region is the track's convex hull."""
-    region = clean_region(hull_of(track.lonlat), name)
+    """Return the survey without targets whose region is the track's convex hull.
+
+    Raises `TrackError` for a track that stands still or runs straight.
+    """
+    try:
+        hull = hull_of(track.lonlat)
+    except PlanError:
+        raise TrackError(
+            f"{name}: the boat stood still or ran along one line; a map needs a track over an area."
+        ) from None
+    region = clean_region(hull, name)
     return Survey(name=region.name, frame=region.frame, water=region.water)
 
 

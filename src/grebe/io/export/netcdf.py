@@ -43,7 +43,7 @@ def write_netcdf(
     ):
         bounds = write_grid(dataset, maps[0].grid, frame)
         dataset.setncatts({"Conventions": f"CF-1.8, {ACDD}", **acdd(entry, bounds)})
-        _write_time(dataset, entry)
+        _write_time(dataset, entry, maps)
         for one in maps:
             key = one.quantity.key
             _write_map(dataset, one)
@@ -93,19 +93,25 @@ def write_grid(
     return west, south, east, north
 
 
-def _write_time(dataset: netCDF4.Dataset, entry: CatalogueEntry) -> None:
-    """The middle of the survey, one time for all fields; its ends are global attributes."""
+def _write_time(
+    dataset: netCDF4.Dataset, entry: CatalogueEntry, maps: Sequence[QuantityMap]
+) -> None:
+    """One time for all fields: the moment that they are of, or the middle of the survey, whose ends
+    are global attributes.
+    """
+    moments = {one.change.moment_s for one in maps if one.is_of_moment}
+    of_moment = len(moments) == 1 and all(one.is_of_moment for one in maps)
     time = dataset.createVariable("time", "f8")
     time.setncatts(
         {
             "standard_name": "time",
-            "long_name": "middle of the survey",
+            "long_name": "moment of the maps" if of_moment else "middle of the survey",
             "units": "seconds since 1970-01-01T00:00:00Z",
             "calendar": "standard",
             "axis": "T",
         }
     )
-    time[...] = (entry.first_s + entry.last_s) / 2
+    time[...] = moments.pop() if of_moment else (entry.first_s + entry.last_s) / 2
 
 
 def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
