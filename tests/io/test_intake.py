@@ -332,3 +332,77 @@ def test_a_number_that_stands_for_none_takes_no_neighbour_with_it(tmp_path):
     flags = done.quality.flags["temperature_degc"]
     assert (flags == Flag.GOOD).sum() == 200 - 9
     assert (flags == Flag.FAIL).sum() == 9
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "lon", "lat"),
+    [
+        ("time,lat,lon,Direction,temp", "{t},{lat},3.0,N,20", 3.0, 50.0),
+        ("time,lat,lon,Wind direction,temp", "{t},{lat},3.0,S,20", 3.0, 50.0),
+        ("time,Latitude,Longitude (W),temp", "{t},{lat},-3.0,20", -3.0, 50.0),
+        ("time,lat,lon_w,temp", "{t},{lat},-3.0,20", -3.0, 50.0),
+        ("time,lat,lat_dir,lon,lon_dir,temp", "{t},-{lat},S,3.0,W,20", -3.0, -50.0),
+        ("time,lat,Longitude (W),lon_dir,temp", "{t},{lat},3.0,W,20", -3.0, 50.0),
+    ],
+)
+def test_a_side_is_said_once_and_a_direction_is_none(tmp_path, header, row, lon, lat):
+    path = tmp_path / "t.csv"
+    rows = [row.format(t=1719998100 + k, lat=f"{50 + k * 1e-5:.6f}") for k in range(40)]
+    path.write_text("\n".join([header, *rows]))
+    given = {"lon": "lon_w"} if "lon_w" in header else {}
+    track = read_track(path, given)
+    assert len(track.lonlat) == 40
+    assert np.abs(track.lonlat - (lon, lat)).max() < 1e-3
+
+
+@pytest.mark.parametrize("first", [36000.25, 45000.0])
+def test_seconds_of_the_day_are_no_spreadsheet_s_days(tmp_path, first):
+    path = track_of(tmp_path, "time,lat,lon,temp", lambda k: f"{first + 0.5 * k:.2f}")
+    assert read_track(path).times[0] == first
+
+
+def test_a_file_of_several_years_keeps_them(tmp_path):
+    path = track_of(
+        tmp_path, "time,lat,lon,temp", lambda k: 1655000000 + k if k < 12 else 1719998100 + k
+    )
+    assert len(read_track(path).times) == 40
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Date;Time;Temp;Turbidity (NTU);Battery\n" + "2024-07-03;09:15:00;20,125;0,450;12.4\n" * 5,
+         {"temperature_degc": 20.125, "turbidity_ntu": 0.45}),
+        ('time,temp,pH,note\n' + '1719998100,20.5,7.1,"a; b; c; d"\n' * 5,
+         {"temperature_degc": 20.5, "ph": 7.1}),
+    ],
+    ids=["three decimals", "marks in quotes"],
+)  # fmt: skip
+def test_a_comma_is_what_the_file_uses_it_for(tmp_path, text, expected):
+    path = tmp_path / "s.csv"
+    path.write_text(text)
+    values = read_readings(path, placed=False).values
+    assert {key: column[0] for key, column in values.items()} == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("zone", ["-99", "+31"])
+def test_a_zone_that_is_none_is_not_taken_for_one(tmp_path, zone):
+    path = track_of(
+        tmp_path, "Zone,Date,Time,lat,lon,temp", lambda k: f"{zone},2024-07-03,09:15:{k:02}"
+    )
+    assert at(path) == "2024-07-03T09:15:00+00:00"
+
+
+def test_columns_of_place_and_time_may_be_raw(tmp_path):
+    path = track_of(
+        tmp_path, "timestamp_raw,latitude_raw,longitude_raw,temp", lambda k: 1719998100 + k
+    )
+    assert len(read_track(path).times) == 40
+
+
+def test_a_stamp_of_digits_is_no_count_of_seconds(tmp_path):
+    path = track_of(
+        tmp_path, "timestamp,Date,Time,lat,lon,temp",
+        lambda k: f"202407030915{k:02},2024-07-03,09:15:{k:02}",
+    )  # fmt: skip
+    assert at(path) == "2024-07-03T09:15:00+00:00"

@@ -12,6 +12,7 @@ from grebe.core.quantities import BUILTIN
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.scale import LINEAR, LOGARITHMIC, exceedance, scale_of
+from grebe.report.tables import area_classes
 
 TURBIDITY = BUILTIN["turbidity_ntu"]
 WATER = shapely.box(0, 0, 120, 120)
@@ -107,3 +108,24 @@ def test_a_scale_may_be_asked_for_and_is_refused_where_it_cannot_be():
         Mapper(WATER, make_grid(WATER, 20.0), asked).map_quantity(
             TURBIDITY, at, waves(0, at), np.ones(len(at), dtype=np.int64)
         )
+
+
+def test_shares_of_the_area_are_those_of_the_skewed_water(one):
+    for each in area_classes(one):
+        if np.isfinite(each.low):
+            above = np.nanmean(one.exceedance(each.low)[one.grid.inside])
+            break
+    assert sum(c.share for c in area_classes(one) if c.low >= each.low) == pytest.approx(above)
+
+
+def test_nothing_positive_lies_below_nothing():
+    mean, sd = np.zeros(3), np.ones(3)
+    assert (exceedance(LOGARITHMIC, mean, sd, -1.0) == 1.0).all()
+
+
+def test_a_temperature_near_its_zero_is_no_plume():
+    at = lanes()
+    read = 1.5 * np.exp(waves(0, at))
+    mapper = Mapper(WATER, make_grid(WATER, 20.0))
+    flags = np.ones(len(at), dtype=np.int64)
+    assert mapper.map_quantity(BUILTIN["temperature_degc"], at, read, flags).scale is LINEAR

@@ -91,11 +91,12 @@ def _flagged(done: ImportedTrack) -> list[str]:
     """Which tests flagged much of a quantity."""
     said: list[str] = []
     for key, tests in done.quality.counts.items():
-        good = int((done.quality.flags[key] == Flag.GOOD).sum())
+        flags = done.quality.flags[key]
+        good, there = int((flags == Flag.GOOD).sum()), int((flags != Flag.MISSING).sum())
         worst = {name: sum(counts) for name, counts in tests.items() if sum(counts)}
-        if worst and good < MOSTLY_GOOD * done.samples:
+        if worst and good < MOSTLY_GOOD * there:
             by = ", ".join(f"{name} {count}" for name, count in worst.items())
-            said.append(f"{key}: {good} of {done.samples} values are good; flagged by {by}")
+            said.append(f"{key}: {good} of {there} values are good; flagged by {by}")
     without = [key for key in done.without_good if key not in done.quality.counts]
     return said + [f"no good value of {key}: missing, or text" for key in without]
 

@@ -132,8 +132,10 @@ class StationKeeper:
         """
         vessel = self.vessel
         needed = vessel.surge_drag_n(-_along(*_with_wind(vessel, weather), heading))
-        each = vessel.thrust_min_n if needed < 0 else vessel.thrust_max_n
-        return min(max(needed / (self.weaker_share * each) - 1, 0.0), 1.0)
+        has = self.weaker_share * (vessel.thrust_min_n if needed < 0 else vessel.thrust_max_n)
+        if has == 0:
+            return 1.0 if needed else 0.0
+        return min(max(needed / has - 1, 0.0), 1.0)
 
     def _coupling(self, state: Sequence[float], weather: Weather) -> float:
         """Moment [N m] of surge and sway through the water, Eq. (9), which turns a hull across

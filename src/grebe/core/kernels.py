@@ -75,17 +75,26 @@ def signals_held_back() -> Generator[None]:
     """
     heard: list[tuple[int, FrameType | None]] = []
     before: dict[signal.Signals, Any] = {}
+    both = (signal.SIGTERM, signal.SIGINT)
     if threading.current_thread() is threading.main_thread():
-        for one in (signal.SIGINT, signal.SIGTERM):
-            if callable(signal.getsignal(one)):
-                before[one] = signal.signal(one, lambda *told: heard.append(told))
+        before = {one: signal.getsignal(one) for one in both if callable(signal.getsignal(one))}
     try:
+        for one in before:
+            signal.signal(one, lambda *told: heard.append(told))
         yield
     finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
+        _restored(list(before.items()))
         for number, frame in heard:
             before[signal.Signals(number)](number, frame)
+
+
+def _restored(handlers: list[tuple[signal.Signals, Any]]) -> None:
+    """Put all handlers back, also where one of them raises as soon as it is back."""
+    if handlers:
+        try:
+            signal.signal(*handlers[0])
+        finally:
+            _restored(handlers[1:])
 
 
 def is_compiled() -> bool:

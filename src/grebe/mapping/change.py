@@ -61,7 +61,7 @@ class Change:
     """What all of the water changed by between other times and the map's moment.
 
     `moment_s` [unix s]; `times` (p,) [unix s], and there `mean` (p,) and `covariance` (p, p) of
-    the change, in the quantity's unit: 0 at the moment. `lag_s`: the sensor's. `gain` and
+    the change, on the readings' scale: 0 at the moment. `lag_s`: the sensor's. `gain` and
     `lag_gain`: what either adds to the log likelihood. `unseen_sd`: the standard deviation, over
     the whole survey, of a change that the samples do not rule out; infinite where they rule out
     none.
@@ -83,7 +83,7 @@ class Change:
 
     @property
     def range_of(self) -> float:
-        """How far apart the water was, in its unit, at most during the survey."""
+        """How far apart the water was, on the readings' scale, at most during the survey."""
         return float(np.ptp(self.mean))
 
     def at(self, times: Array) -> tuple[Array, Array]:

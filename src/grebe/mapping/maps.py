@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 FEWEST_SAMPLES = 10
+# Units whose zero is a convention: twice as much means nothing.
+INTERVAL_UNITS = ("°C", "mV", "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +119,8 @@ class Mapper:
             raise ValueError("a map of one moment needs the times of the samples")
         # The bed stays as it is: passes over it differ by the sonar's errors alone.
         is_bed = quantity.key == WATER_DEPTH
-        scale = self._scale(readings, is_bed=is_bed)
+        may_be_log = quantity.unit not in INTERVAL_UNITS
+        scale = self._scale(readings, is_bed=is_bed, may_be_log=may_be_log)
         readings = replace(readings, values=scale.forward(readings.values))
         if is_bed and moment is None:
             change = no_change(readings)
@@ -165,11 +168,15 @@ class Mapper:
             on_scale=None if scale is LINEAR else (self.grid.spread(mean), self.grid.spread(sd)),
         )
 
-    def _scale(self, readings: Readings, *, is_bed: bool) -> Scale:
-        """The scale as asked, or as the readings have it; a bed is not carried by plumes."""
+    def _scale(self, readings: Readings, *, is_bed: bool, may_be_log: bool) -> Scale:
+        """The scale as asked, or as the readings have it; a bed is not carried by plumes, and the
+        zero of a temperature is no end.
+        """
         asked = self.settings.scale
+        if is_bed:
+            return LINEAR
         if asked is None:
-            return LINEAR if is_bed else scale_of(readings.positions, readings.values)
+            return scale_of(readings.positions, readings.values) if may_be_log else LINEAR
         if asked is not LINEAR and float(readings.values.min()) <= 0:
             raise ValueError("the logarithm needs readings above 0, and there are others")
         return asked

@@ -48,7 +48,9 @@ class QuantityMap:
 
     `mean` and `sd`, and what the properties say, are in the quantity's unit. What the map was made
     of - `field`, `model`, `readings`, `change`, `micro_sd` - is on its `scale`, and there the water
-    is normal about `on_scale`, mean and standard deviation; None where that is `mean` and `sd`.
+    is normal about `on_scale`, mean and standard deviation; None where that is `mean` and `sd`. Of
+    a skewed quantity `mean` is by `known_sd`, while `sd`, intervals and draws hold all that is
+    unsure.
     """
 
     quantity: Quantity

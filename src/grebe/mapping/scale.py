@@ -143,6 +143,8 @@ def exceedance(scale: Scale, mean: Array, sd: Array, threshold: float) -> Array:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         limit = scale.forward(np.asarray(threshold, dtype=float))
+        # Below all that the scale knows.
+        limit = -np.inf if np.isnan(limit) else limit
         z = (mean - limit) / sd
     certain = (mean > limit).astype(float)
     probability = np.where(sd > 0, ndtr(z), certain)

@@ -49,17 +49,17 @@ class Station:
 def area_classes(one: QuantityMap) -> list[AreaClass]:
     """The shares of the area in classes of round bounds; they sum to 1."""
     inside = one.grid.inside
-    mean, sd = (
-        one.mean[inside],
-        np.maximum(one.sd[inside], 1e-12 * max(np.ptp(one.mean[inside]), 1)),
-    )
-    low, high = np.percentile(mean, [5, 95]).tolist()
+    low, high = np.percentile(one.mean[inside], [5, 95]).tolist()
     if not high > low:
         return [AreaClass(low=-np.inf, high=np.inf, share=1.0)]
     ticks = np.asarray(MaxNLocator(CLASSES, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
     between = ticks[(ticks > low) & (ticks < high)]
     bounds = np.concatenate([[-np.inf], between, [np.inf]])
-    below = np.array([float(np.mean(ndtr((bound - mean) / sd))) for bound in bounds])
+    # Where the water is normal: on the map's scale.
+    mean, sd = (field[inside] for field in one.on_scale or (one.mean, one.sd))
+    sd = np.maximum(sd, 1e-12 * max(np.ptp(mean), 1))
+    limits = [-np.inf, *one.scale.forward(between).tolist(), np.inf]
+    below = np.array([float(np.mean(ndtr((limit - mean) / sd))) for limit in limits])
     return [
         AreaClass(low=a, high=b, share=share)
         for a, b, share in zip(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -98,12 +99,16 @@ def refuse_the_same(paths: Sequence[Path]) -> None:
     """Raise `InputError` where the same readings are given twice: they would be sure of
     themselves.
     """
-    seen: dict[tuple[bytes, ...], Path] = {}
+    seen: dict[bytes, Path] = {}
     for path in paths:
         with SurveyFile.open(path) as file:
             samples = file.samples()
+        if len(samples) == 0:
+            raise InputError(f"{path} holds no samples; sail it or import a track first.")
         columns = (samples.times, *(samples.values[key] for key in sorted(samples.values)))
-        key = tuple(np.ascontiguousarray(column).tobytes() for column in columns)
+        key = hashlib.sha256(
+            b"".join(np.ascontiguousarray(one).tobytes() for one in columns)
+        ).digest()
         if key in seen:
             raise InputError(f"{seen[key]} and {path} hold the same readings.")
         seen[key] = path

@@ -133,8 +133,6 @@ def _with_season(
 def _opened(path: Path) -> _Survey:
     with SurveyFile.open(path) as file:
         times = file.samples().times
-        if len(times) == 0:
-            raise InputError(f"{path} holds no samples; sail it or import a track first.")
         span = float(times.min()), float(times.max())
         return _Survey(path=path, survey=file.survey, span_s=span)
 

@@ -109,7 +109,8 @@ def _write_quantity(
         if label in (key, f"{key}_trend"):
             variable.ancillary_variables = f"{label}_sd"
         if quantity.unit and quantity.cf_unit == "1" and not label.endswith("_p"):
-            variable.reported_unit = quantity.unit
+            per = " / year" if "_trend" in label.removeprefix(key) else ""
+            variable.reported_unit = f"{quantity.unit}{per}"
         if fields.ndim == 2:  # a trend is of no one time
             variable.coordinates = "lat lon"
         variable.setncatts({**named, "long_name": text, "units": unit})

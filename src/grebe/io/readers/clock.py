@@ -26,10 +26,15 @@ if TYPE_CHECKING:
 SCALES = ((1e17, 1e9), (1e14, 1e6), (1e11, 1e3))
 # Surveys with a logger lie between these [unix s]: 1990 and 2100.
 EARLIEST_S, LATEST_S = 631_152_000.0, 4_102_444_800.0
+MOST_OFFSET_H = 14
 # Spreadsheets count days from 1899-12-30; these are the numbers of the same years.
 EXCEL_EPOCH_DAYS, DAY_S = 25_569.0, 86_400.0
 # A time so far from the middle of a record is the logger's, from before its clock was set [s].
 FAR_S = 366 * DAY_S
+# So many of a record are few.
+FEW = 0.1
+# From a row to the next a spreadsheet's days go on by less than this [days].
+LARGEST_STEP_DAYS = 0.1
 # A clock that is set goes back by less than this [s]; the end of summer time by an hour.
 JITTER_S = 600.0
 # Dates as they are written; the order of day and month is judged by the whole column.
@@ -78,26 +83,37 @@ def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
         return None
 
 
-def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo:
+def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo | None:
+    """The zone of an offset; None for one that no place on Earth has."""
+    if int(hours) > MOST_OFFSET_H or int(minutes or 0) > 59:
+        return None
     away = timedelta(hours=int(hours), minutes=int(minutes or 0))
     return timezone(-away if sign == "-" else away)
 
 
-def plausible(times: Array) -> tuple[Array, list[str]]:
-    """Times (n,) with NaN for those that no survey has beside others that one has, and notes.
+def in_seconds(value: float) -> float:
+    """Seconds since 1970 from those, or from thousandths, millionths and less of them."""
+    for least, unit in SCALES:
+        value = value / unit if value > least else value
+    return value
 
-    A logger writes 1970, or the year of its maker, until its clock is set.
+
+def plausible(times: Array) -> tuple[Array, list[str]]:
+    """Times (n,) with NaN for those of a clock that was not set, and notes: what is before 1990 or
+    after 2100 beside others, and what is a year and more from all others but is only a few.
     """
     known = np.isfinite(times)
     possible = known & (times > EARLIEST_S) & (times < LATEST_S)
     if not possible.any():
         return times, []
     middle = float(np.median(times[possible]))
-    kept = possible & (np.abs(times - middle) < FAR_S)
-    lost = int((known & ~kept).sum())
+    far = possible & (np.abs(times - middle) >= FAR_S)
+    if far.sum() <= FEW * known.sum():
+        possible &= ~far
+    lost = int((known & ~possible).sum())
     when = datetime.fromtimestamp(middle, UTC)
     notes = [f"{lost} times a year and more from the others ({when:%Y-%m-%d}): not used"]
-    return np.where(kept, times, np.nan), notes if lost else []
+    return np.where(possible, times, np.nan), notes if lost else []
 
 
 def read_times(
@@ -127,19 +143,28 @@ def _of_numbers(values: Array, zone: tzinfo | None) -> tuple[Array, list[str]]:
     days, which are local.
     """
     days = values - EXCEL_EPOCH_DAYS
-    middle = float(np.nanmedian(days)) * DAY_S
-    counts_on = float(np.nanmax(days) - np.nanmin(days)) < FAR_S / DAY_S
-    if EARLIEST_S < middle < LATEST_S and counts_on and np.any(days != np.rint(days)):
+    if _are_days(days):
         naive = [
-            None if not np.isfinite(one) else datetime.fromtimestamp(one * DAY_S, UTC)
+            datetime.fromtimestamp(one * DAY_S, UTC).replace(tzinfo=None)
+            if EARLIEST_S < one * DAY_S < LATEST_S
+            else None
             for one in days.tolist()
         ]
-        moments = [None if one is None else one.replace(tzinfo=None) for one in naive]
-        seconds, notes = _in_seconds(moments, zone)
+        seconds, notes = _in_seconds(naive, zone)
         return seconds, ["times in a spreadsheet's days since 1899: converted", *notes]
-    for least, unit in SCALES:
-        values = np.where(values > least, values / unit, values)
-    return values, []
+    return np.array([in_seconds(one) for one in values.tolist()]), []
+
+
+def _are_days(days: Array) -> bool:
+    """Whether numbers (n,) of days since 1970 are those of a survey, and go on as one's rows do:
+    seconds from the start of something go on by more than a tenth.
+    """
+    known = days[np.isfinite(days)]
+    middle = float(np.median(known)) * DAY_S
+    if not EARLIEST_S < middle < LATEST_S or len(known) < 2:
+        return False
+    step = float(np.median(np.abs(np.diff(known))))
+    return step < LARGEST_STEP_DAYS and bool(np.any(known != np.rint(known)))
 
 
 def _without_zone_name(text: str) -> str:

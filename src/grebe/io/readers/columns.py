@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from grebe.core.quantities import Quantities
 
 # Columns that speak about another one.
-_NOT_A_VALUE = re.compile(
-    r"(_|\b)(qc|flag|quality|zone|unit|units|std|stdev|std[ _]?dev|sd|min|max|count|error|raw)$"
-)
+_NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|units)$")
+# And, of quantities, what was reckoned from a value.
+_OF_A_VALUE = re.compile(r"(_|\b)(std|stdev|std[ _]?dev|sd|min|max|count|error)$")
 # What the columns of time and place may be called, first match wins; those of the quantities are
 # named in the registry. Matched on lower-case letters, digits and the signs of units alone.
 PLACE_AND_TIME: dict[str, tuple[str, ...]] = {
@@ -77,13 +77,14 @@ def find_columns(
             raise TrackError(f"{path}: there is no column {name!r}; it has {', '.join(header)}.")
     found: dict[str, Column] = {}
     plain = _plain_names(header)
+    values = {text: name for text, name in plain.items() if not _OF_A_VALUE.search(name.lower())}
     for key, expressions in PLACE_AND_TIME.items():
         name = given.get(key) or _first_match(expressions, plain)
         if name is not None:
             found[key] = Column(name=name)
     for key, quantity in quantities.items():
         column = (
-            _given(path, given[key], quantity) if key in given else _found(header, plain, quantity)
+            _given(path, given[key], quantity) if key in given else _found(header, values, quantity)
         )
         if column is not None:
             found[key] = column
@@ -137,7 +138,7 @@ def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> 
     for column in header:
         bare, spelled = split_header(column)
         there = parse_unit(spelled)
-        if there is None or there.kind != here.kind or _NOT_A_VALUE.search(column.lower()):
+        if there is None or there.kind != here.kind or _speaks_of_another(column):
             continue
         base = _plain(bare)
         # As the header would read in the quantity's own unit, which the patterns know.
@@ -151,6 +152,10 @@ def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> 
             factor, offset = there.to(here)
             return Column(name=column, unit=spelled, factor=factor, offset=offset)
     return None
+
+
+def _speaks_of_another(column: str) -> bool:
+    return any(one.search(column.lower()) for one in (_NOT_A_VALUE, _OF_A_VALUE))
 
 
 def _plain(text: str) -> str:

@@ -20,7 +20,7 @@ from grebe.io.readers.text import read_text
 # A header is looked for within so many lines.
 LONGEST_PREAMBLE = 120
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
-_GROUPED = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 _DECIMAL_POINT = re.compile(r"[+-]?\d+\.\d+")
 MOST_LOOKED_AT = 5_000
 _NAMES = re.compile(
@@ -49,13 +49,14 @@ def read_table(
     A file without a header takes its names from that of `header_from`, or from `columns`; both
     must have as many as its rows.
     """
-    rows = _rows(path)
+    rows, delimiter = _rows(path)
     if not rows:
         raise TrackError(f"{path}: the file holds no values.")
     if columns is not None or header_from is not None:
         source = "the profile" if header_from is None else str(header_from)
         names = list(columns or ()) if header_from is None else _header_of(header_from)
-        return Table(header=_fitting(path, rows, names, source), rows=rows)
+        header = _fitting(path, rows, names, source)
+        return Table(header=header, rows=rows, groups=_groups_thousands(rows, delimiter))
     place = _header_place(rows)
     header = [cell.strip() for cell in rows[place]]
     if sum(map(is_number, header)) > len(header) / 2:
@@ -73,13 +74,17 @@ def read_table(
     if not body:
         raise TrackError(f"{path}: a header and no rows.")
     notes = (f"{place} lines before the header: not used",) if place else ()
-    return Table(header=header, rows=body, notes=notes, groups=_groups_thousands(body))
+    groups = _groups_thousands(body, delimiter)
+    return Table(header=header, rows=body, notes=notes, groups=groups)
 
 
-def _groups_thousands(rows: list[list[str]]) -> bool:
-    """Whether a comma within numbers groups them: each stands before three digits, and other
-    numbers have a point before their decimals.
+def _groups_thousands(rows: list[list[str]], delimiter: str) -> bool:
+    """Whether a comma within numbers groups them: each stands before three digits, other numbers
+    have a point before their decimals, and commas separate the values: where something else does,
+    they stand before decimals.
     """
+    if delimiter != ",":
+        return False
     commas = points = 0
     for row in rows[:: max(len(rows) // MOST_LOOKED_AT, 1)]:
         for cell in row:
@@ -92,7 +97,7 @@ def _groups_thousands(rows: list[list[str]]) -> bool:
 
 
 def _header_of(path: Path) -> list[str]:
-    rows = _rows(path)
+    rows, _ = _rows(path)
     return [cell.strip() for cell in rows[_header_place(rows)]]
 
 
@@ -134,7 +139,8 @@ def _with_unit(name: str, unit: str) -> str:
     return f"{name} ({bare})" if parse_unit(bare) and not split_header(name)[1] else name
 
 
-def _rows(path: Path) -> list[list[str]]:
+def _rows(path: Path) -> tuple[list[list[str]], str]:
+    """The rows that are not empty, and what separates their values."""
     text = read_text(path)
     lines = text.lstrip().split("\n", LONGEST_PREAMBLE)[:LONGEST_PREAMBLE]
     if lines[0].lower().startswith("sep="):
@@ -146,7 +152,8 @@ def _rows(path: Path) -> list[list[str]]:
         )
     delimiter = _delimiter(lines)
     try:
-        return [row for row in csv.reader(io.StringIO(text), delimiter=delimiter) if any(row)]
+        reader = csv.reader(io.StringIO(text), delimiter=delimiter)
+        return [row for row in reader if any(row)], delimiter
     except csv.Error as error:
         raise TrackError(f"{path}: not a table of separated values ({error}).") from None
 
@@ -157,11 +164,16 @@ def _delimiter(lines: Sequence[str]) -> str:
     """
 
     def agreement(mark: str) -> tuple[int, int]:
-        counts = [line.count(mark) for line in lines if line.strip()]
+        counts = [re.sub(r'"[^"]*"', "", line).count(mark) for line in lines if line.strip()]
         usual = max(set(counts) - {0}, key=lambda each: (counts.count(each), each), default=0)
         return (counts.count(usual) if usual else 0, usual)
 
     return max("\t;,", key=agreement)
+
+
+def ungrouped(text: str) -> str:
+    """A number without the commas between its thousands; anything else as it is."""
+    return text.replace(",", "") if _GROUPED.fullmatch(text.strip()) else text
 
 
 def is_number(text: str) -> bool:

@@ -19,10 +19,17 @@ import numpy as np
 from grebe.core.errors import InputError, TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
-from grebe.io.readers.clock import EARLIEST_S, plausible, read_times, zone_in_cells
+from grebe.io.readers.clock import (
+    EARLIEST_S,
+    LATEST_S,
+    in_seconds,
+    plausible,
+    read_times,
+    zone_in_cells,
+)
 from grebe.io.readers.columns import OXYGEN, Column, find_columns
 from grebe.io.readers.profile import Profile
-from grebe.io.readers.table import Table, number, read_table
+from grebe.io.readers.table import Table, number, read_table, ungrouped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,12 +49,19 @@ _DATED = re.compile(r"\d+[-/.]\d+[-/.]\d+")
 # Columns that say on which side of the equator and of Greenwich a place is, and in which zone a
 # time.
 _SIDES = {
-    "lat": re.compile(r"(lat(itude)?)?(ns|nors|hemisphere|hemi|nsindicator|dir(ection)?)"),
-    "lon": re.compile(r"(lon(gitude)?)?(ew|eorw|hemisphere|hemi|ewindicator|dir(ection)?)"),
+    "lat": re.compile(
+        r"(lat(itude)?)?(ns|nors|nsindicator)|lat(itude)?(hemi(sphere)?|dir(ection)?)"
+    ),
+    "lon": re.compile(
+        r"(lon(gitude)?)?(ew|eorw|ewindicator)|lon(gitude)?(hemi(sphere)?|dir(ection)?)"
+    ),
 }
 _ZONE = re.compile(r"(time)?(tz|zone|utcoffset|gmtoffset)")
 # A longitude whose header says that it counts to the west, a latitude that counts to the south.
-_WESTWARDS = re.compile(r"[(\[_ ](w|west|s|south)[)\]]?$", re.IGNORECASE)
+_WESTWARDS = {
+    "lat": re.compile(r"[(\[]\s*(s|south)\s*[)\]]", re.IGNORECASE),
+    "lon": re.compile(r"[(\[]\s*(w|west)\s*[)\]]", re.IGNORECASE),
+}
 # Rows are put in the order of their times where the way is not so much longer then.
 NO_LONGER = 1.05
 
@@ -113,7 +127,7 @@ def clean_track(path: Path, read: Readings) -> RawTrack:
         raise TrackError(f"{path}: the file holds no positions.")
     order, sorted_ = _in_order(lonlat, times)
     lonlat, times = lonlat[order], None if times is None else times[order]
-    keep, notes = _find_glitches(lonlat, times)
+    keep, notes = _find_glitches(lonlat, times, order)
     _refuse_if_hopeless(path, lonlat, keep, notes)
     return RawTrack(
         lonlat=lonlat[keep],
@@ -163,9 +177,11 @@ def read_readings(
     places = {key: table.header.index(one.name) for key, one in found.items()}
     cells = _columns(table.rows, places)
     if table.groups:
-        cells = {key: [cell.replace(",", "") for cell in column] for key, column in cells.items()}
+        cells = {key: [ungrouped(cell) for cell in column] for key, column in cells.items()}
     notes = list(table.notes)
-    times, clocks, said = _times_of(path, table, found, cells, given, zone or profile.zone)
+    told, clues = _zone_told(table)
+    zone = zone or told or profile.zone
+    times, clocks, said = _times_of(path, table, found, cells, given, zone, placed=placed)
     notes += said
     values = {
         key: _present(_numbers(cells[key]), one.missing)
@@ -183,14 +199,16 @@ def read_readings(
             notes.append(_conversion_text(column, quantities[key].unit))
     lonlat = None
     if "lat" in found and "lon" in found:
-        sides, said = _sides(table, found)
-        lonlat, scaled = _degrees(
-            _numbers(cells["lon"]) * sides["lon"], _numbers(cells["lat"]) * sides["lat"]
-        )
-        notes += [*said, *scaled]
+        signed = {key: _numbers(cells[key]) for key in _SIDES}
+        for key in _SIDES:
+            signed[key], said, named = _with_side(table, found[key].name, key, signed[key])
+            notes += said
+            clues += named
+        lonlat, scaled = _degrees(signed["lon"], signed["lat"])
+        notes += scaled
     if clocks:
         found = {**found, "time": Column(name=" and ".join(clocks))}
-    used = {one.name for one in found.values()} | set(clocks)
+    used = {one.name for one in found.values()} | {*clocks, *clues}
     return Readings(
         lonlat=lonlat,
         times=times,
@@ -208,11 +226,12 @@ def _times_of(
     cells: dict[str, list[str]],
     given: Mapping[str, str],
     zone: tzinfo | None,
+    *,
+    placed: bool,
 ) -> tuple[NDArray[np.float64] | None, list[str], list[str]]:
     """Times (n,) of a table, the columns that they came from where those are two, and notes.
     Seconds since 1970 count before a date and a time, which may be local.
     """
-    zone = _zone_told(table) or zone
     try:
         read, clocks = None, list[str]()
         pair = _date_and_time(table.header)
@@ -233,7 +252,7 @@ def _times_of(
                     "are no times; give unix seconds or ISO 8601."
                 )
             return None, [], []
-        times, lost = plausible(read[0])
+        times, lost = plausible(read[0]) if placed else (read[0], [])
     except InputError as error:
         raise TrackError(f"{path}: {error}", settings=error.settings) from None
     return times, clocks, [*read[1], *lost]
@@ -242,40 +261,37 @@ def _times_of(
 def _counts_seconds(cells: Sequence[str] | None) -> bool:
     """Whether a column holds seconds, or less of them, since 1970."""
     probe = [one for one in map(number, (cells or [])[:50]) if one is not None]
-    return bool(probe) and float(np.median(probe)) > EARLIEST_S
+    return bool(probe) and EARLIEST_S < in_seconds(float(np.median(probe))) < LATEST_S
 
 
-def _zone_told(table: Table) -> tzinfo | None:
-    """The zone that a column of its own names."""
+def _zone_told(table: Table) -> tuple[tzinfo | None, list[str]]:
+    """The zone that a column of its own names, and the column."""
     for place, name in enumerate(table.header):
         if _ZONE.fullmatch(re.sub(r"[^a-z]", "", name.lower())):
-            return zone_in_cells(_columns(table.rows, {"zone": place})["zone"])
-    return None
+            zone = zone_in_cells(_columns(table.rows, {"zone": place})["zone"])
+            return zone, [name] if zone else []
+    return None, []
 
 
-def _sides(
-    table: Table, found: Mapping[str, Column]
-) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
-    """Signs (n,) of latitudes and longitudes by columns of N and S, E and W, or by their headers,
-    and notes.
+def _with_side(
+    table: Table, column: str, key: str, degrees: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], list[str], list[str]]:
+    """Latitudes or longitudes (n,) that a column of N and S, or E and W, or their own header puts
+    on the other side; notes, and the column of the letters.
     """
-    signs, notes = {key: np.ones(len(table.rows)) for key in _SIDES}, list[str]()
-    plain = {re.sub(r"[^a-z]", "", name.lower()): i for i, name in enumerate(table.header)}
-    for key, pattern in _SIDES.items():
-        letters = {"lat": ("N", "S"), "lon": ("E", "W")}[key]
-        for name, place in plain.items():
-            if not pattern.fullmatch(name):
-                continue
-            cells = _columns(table.rows, {"side": place})["side"]
-            said = np.array([cell.strip().upper()[:1] for cell in cells])
-            if np.isin(said, letters).mean() > 0.5:
-                signs[key] = np.where(said == letters[1], -1.0, 1.0)
-                notes.append(f"{table.header[place]}: the sign of {found[key].name}")
-                break
-        if _WESTWARDS.search(found[key].name):
-            signs[key] = -signs[key]
-            notes.append(f"{found[key].name}: counted to the {'west' if key == 'lon' else 'south'}")
-    return signs, notes
+    here, there = {"lat": ("N", "S"), "lon": ("E", "W")}[key]
+    for place, name in enumerate(table.header):
+        if not _SIDES[key].fullmatch(re.sub(r"[^a-z]", "", name.lower())):
+            continue
+        cells = _columns(table.rows, {"side": place})["side"]
+        said = np.array([cell.strip().upper() for cell in cells])
+        if np.isin(said, (here, there, "")).all() and (said != "").any():
+            turned = np.where(said == there, -np.abs(degrees), degrees)
+            return turned, [f"{name}: the side of {column}"], [name]
+    if _WESTWARDS[key].search(column):
+        text = f"{column}: counted to the {'west' if key == 'lon' else 'south'}"
+        return -np.abs(degrees), [text], []
+    return degrees, [], []
 
 
 def _date_and_time(header: Sequence[str]) -> tuple[str, str] | None:
@@ -358,9 +374,11 @@ def _numbers(cells: list[str]) -> NDArray[np.float64]:
 
 
 def _find_glitches(
-    lonlat: NDArray[np.float64], times: NDArray[np.float64] | None
+    lonlat: NDArray[np.float64], times: NDArray[np.float64] | None, order: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], list[str]]:
-    """Mark the rows to keep and count what is wrong with the others."""
+    """Mark the rows to keep and count what is wrong with the others; `order` (n,) are their places
+    in the file.
+    """
     finite = np.isfinite(lonlat).all(axis=1)
     zero = finite & (np.abs(lonlat) < 1e-9).all(axis=1)
     off_earth = finite & ((np.abs(lonlat[:, 0]) > 180) | (np.abs(lonlat[:, 1]) > 90))
@@ -369,7 +387,7 @@ def _find_glitches(
     keep[jumps] = False
     untimed = np.zeros(len(keep), dtype=bool) if times is None else keep & ~np.isfinite(times)
     keep &= ~untimed
-    where = _jump_text(jumps, lonlat)
+    where = _jump_text(jumps, lonlat, order)
     counts = {
         "have no position": int((~finite).sum()),
         "are at 0, 0": int(zero.sum()),
@@ -380,14 +398,14 @@ def _find_glitches(
     return keep, [f"{count} rows {what}: left out" for what, count in counts.items() if count]
 
 
-def _jump_text(jumps: Sequence[int], lonlat: NDArray[np.float64]) -> str:
+def _jump_text(jumps: Sequence[int], lonlat: NDArray[np.float64], order: NDArray[np.intp]) -> str:
     """Where the first jump is and what to do, by the number of its row of values."""
     if not jumps:
         return ""
     lon, lat = lonlat[jumps[0]].tolist()
     return (
-        f" (first row {jumps[0] + 1} of the values, at {lat:g} N {lon:g} E; if the boat was there, "
-        "give a file for each stretch)"
+        f" (first row {order[jumps[0]] + 1} of the values, at {lat:g} N {lon:g} E; if the boat was "
+        "there, give a file for each stretch)"
     )
 
 
