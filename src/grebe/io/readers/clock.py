@@ -91,11 +91,11 @@ def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo | None:
     return timezone(-away if sign == "-" else away)
 
 
-def in_seconds(value: float) -> float:
-    """Seconds since 1970 from those, or from thousandths, millionths and less of them."""
+def in_seconds(values: Array) -> Array:
+    """Seconds since 1970 (n,) from those, or from thousandths, millionths and less of them."""
     for least, unit in SCALES:
-        value = value / unit if value > least else value
-    return value
+        values = np.where(values > least, values / unit, values)
+    return values
 
 
 def plausible(times: Array) -> tuple[Array, list[str]]:
@@ -152,7 +152,7 @@ def _of_numbers(values: Array, zone: tzinfo | None) -> tuple[Array, list[str]]:
         ]
         seconds, notes = _in_seconds(naive, zone)
         return seconds, ["times in a spreadsheet's days since 1899: converted", *notes]
-    return np.array([in_seconds(one) for one in values.tolist()]), []
+    return in_seconds(values), []
 
 
 def _are_days(days: Array) -> bool:

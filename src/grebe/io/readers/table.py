@@ -12,10 +12,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from grebe.core.errors import TrackError
 from grebe.core.header_units import parse_unit, split_header
 from grebe.io.readers.text import read_text
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 # A header is looked for within so many lines.
 LONGEST_PREAMBLE = 120
@@ -171,7 +177,25 @@ def _delimiter(lines: Sequence[str]) -> str:
     return max("\t;,", key=agreement)
 
 
-def ungrouped(text: str) -> str:
+def cells_of(table: Table, column: str) -> list[str]:
+    """The cells of a column, empty where a row is too short."""
+    place = table.header.index(column)
+    cells = [row[place] if place < len(row) else "" for row in table.rows]
+    return [_ungrouped(cell) for cell in cells] if table.groups else cells
+
+
+def numbers_of(cells: Sequence[str]) -> NDArray[np.float64]:
+    """Numbers (n,), NaN for anything else; all at once where all are plain."""
+    try:
+        values = np.array([float(cell or "nan") for cell in cells])
+    except ValueError:
+        numbers = map(number, cells)
+        values = np.array([np.nan if one is None else one for one in numbers])
+    values[~np.isfinite(values)] = np.nan
+    return values
+
+
+def _ungrouped(text: str) -> str:
     """A number without the commas between its thousands; anything else as it is."""
     return text.replace(",", "") if _GROUPED.fullmatch(text.strip()) else text
 

@@ -7,7 +7,6 @@ column that is not used is told.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import tzinfo
@@ -16,20 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.errors import InputError, TrackError
+from grebe.core.errors import TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
-from grebe.io.readers.clock import (
-    EARLIEST_S,
-    LATEST_S,
-    in_seconds,
-    plausible,
-    read_times,
-    zone_in_cells,
-)
 from grebe.io.readers.columns import OXYGEN, Column, find_columns
+from grebe.io.readers.moments import read_moments
+from grebe.io.readers.places import read_places
 from grebe.io.readers.profile import Profile
-from grebe.io.readers.table import Table, number, read_table, ungrouped
+from grebe.io.readers.table import Table, cells_of, numbers_of, read_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,30 +31,6 @@ if TYPE_CHECKING:
 JUMP_SPEED_MPS = 10.0
 # Without times, a step this many times the median step is a jump.
 JUMP_FACTOR = 50.0
-# Whole numbers beyond this are degrees times 1e7, as autopilots and receivers log them; metres of
-# a projection are less.
-E7_FROM = E7 = 1e7
-# Columns that hold a date, the time standing in a column of its own.
-_DATE = re.compile(r"(local|utc)?date(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|yymmdd)?")
-_TIME = re.compile(r"(local|utc|gmt)?time(hhmmss|utc|gmt|hhmmsstt)?")
-# A date within a cell.
-_DATED = re.compile(r"\d+[-/.]\d+[-/.]\d+")
-# Columns that say on which side of the equator and of Greenwich a place is, and in which zone a
-# time.
-_SIDES = {
-    "lat": re.compile(
-        r"(lat(itude)?)?(ns|nors|nsindicator)|lat(itude)?(hemi(sphere)?|dir(ection)?)"
-    ),
-    "lon": re.compile(
-        r"(lon(gitude)?)?(ew|eorw|ewindicator)|lon(gitude)?(hemi(sphere)?|dir(ection)?)"
-    ),
-}
-_ZONE = re.compile(r"(time)?(tz|zone|utcoffset|gmtoffset)")
-# A longitude whose header says that it counts to the west, a latitude that counts to the south.
-_WESTWARDS = {
-    "lat": re.compile(r"[(\[]\s*(s|south)\s*[)\]]", re.IGNORECASE),
-    "lon": re.compile(r"[(\[]\s*(w|west)\s*[)\]]", re.IGNORECASE),
-}
 # Rows are put in the order of their times where the way is not so much longer then.
 NO_LONGER = 1.05
 
@@ -174,155 +143,47 @@ def read_readings(
     given = {**profile.columns, **(columns or {})}
     table = read_table(path, header_from, profile.names)
     found = find_columns(path, table.header, given, quantities, placed=placed)
-    places = {key: table.header.index(one.name) for key, one in found.items()}
-    cells = _columns(table.rows, places)
-    if table.groups:
-        cells = {key: [ungrouped(cell) for cell in column] for key, column in cells.items()}
-    notes = list(table.notes)
-    told, clues = _zone_told(table)
-    zone = zone or told or profile.zone
-    times, clocks, said = _times_of(path, table, found, cells, given, zone, placed=placed)
-    notes += said
-    values = {
-        key: _present(_numbers(cells[key]), one.missing)
-        for key, one in quantities.items()
-        if key in found
-    }
-    for key, column in found.items():
-        if column.unknown:
-            unit = quantities[key].unit or "its unit"
-            notes.append(
-                f"{column.name}: {column.unknown!r} is no unit that is known; taken as {unit}"
-            )
-        if column.converted:
-            values[key] = _converted(path, values, key, column)
-            notes.append(_conversion_text(column, quantities[key].unit))
-    lonlat = None
+    named = given.get("time")
+    moments = read_moments(path, table, found, named, zone or profile.zone, placed=placed)
+    values, converted = _values(path, table, found, quantities)
+    lonlat, said, sides = None, list[str](), list[str]()
     if "lat" in found and "lon" in found:
-        signed = {key: _numbers(cells[key]) for key in _SIDES}
-        for key in _SIDES:
-            signed[key], said, named = _with_side(table, found[key].name, key, signed[key])
-            notes += said
-            clues += named
-        lonlat, scaled = _degrees(signed["lon"], signed["lat"])
-        notes += scaled
-    if clocks:
-        found = {**found, "time": Column(name=" and ".join(clocks))}
-    used = {one.name for one in found.values()} | {*clocks, *clues}
+        lonlat, said, sides = read_places(table, found)
+    columns = {key: one.name for key, one in found.items()}
+    if moments.columns:
+        columns["time"] = " and ".join(moments.columns)
+    used = {*(one.name for one in found.values()), *moments.columns, *moments.clues, *sides}
+    if len(moments.columns) > 1 and "time" in found:
+        used -= {found["time"].name} - set(moments.columns)
     return Readings(
         lonlat=lonlat,
-        times=times,
+        times=moments.times,
         values=values,
-        columns={key: one.name for key, one in found.items()},
-        notes=tuple(notes),
+        columns=columns,
+        notes=(*table.notes, *moments.notes, *converted, *said),
         unused=tuple(name for name in table.header if name and name not in used),
     )
 
 
-def _times_of(
-    path: Path,
-    table: Table,
-    found: Mapping[str, Column],
-    cells: dict[str, list[str]],
-    given: Mapping[str, str],
-    zone: tzinfo | None,
-    *,
-    placed: bool,
-) -> tuple[NDArray[np.float64] | None, list[str], list[str]]:
-    """Times (n,) of a table, the columns that they came from where those are two, and notes.
-    Seconds since 1970 count before a date and a time, which may be local.
-    """
-    try:
-        read, clocks = None, list[str]()
-        pair = _date_and_time(table.header)
-        if "time" not in given and pair is not None and not _counts_seconds(cells.get("time")):
-            both = _columns(table.rows, {name: table.header.index(name) for name in pair})
-            texts = [
-                # A clock that says the day too needs no other column for it.
-                clock if _DATED.match(clock) else f"{day} {clock}"
-                for day, clock in zip(*both.values(), strict=True)
-            ]
-            read, clocks = read_times(texts, " ".join(pair), zone), list(pair)
-        if read is None and "time" in cells:
-            read, clocks = read_times(cells["time"], found["time"].name, zone), []
-        if read is None:
-            if "time" in given:
-                raise TrackError(
-                    f"column {found['time'].name!r} holds {cells['time'][0]!r} and the like, which "
-                    "are no times; give unix seconds or ISO 8601."
-                )
-            return None, [], []
-        times, lost = plausible(read[0]) if placed else (read[0], [])
-    except InputError as error:
-        raise TrackError(f"{path}: {error}", settings=error.settings) from None
-    return times, clocks, [*read[1], *lost]
-
-
-def _counts_seconds(cells: Sequence[str] | None) -> bool:
-    """Whether a column holds seconds, or less of them, since 1970."""
-    probe = [one for one in map(number, (cells or [])[:50]) if one is not None]
-    return bool(probe) and EARLIEST_S < in_seconds(float(np.median(probe))) < LATEST_S
-
-
-def _zone_told(table: Table) -> tuple[tzinfo | None, list[str]]:
-    """The zone that a column of its own names, and the column."""
-    for place, name in enumerate(table.header):
-        if _ZONE.fullmatch(re.sub(r"[^a-z]", "", name.lower())):
-            zone = zone_in_cells(_columns(table.rows, {"zone": place})["zone"])
-            return zone, [name] if zone else []
-    return None, []
-
-
-def _with_side(
-    table: Table, column: str, key: str, degrees: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], list[str], list[str]]:
-    """Latitudes or longitudes (n,) that a column of N and S, or E and W, or their own header puts
-    on the other side; notes, and the column of the letters.
-    """
-    here, there = {"lat": ("N", "S"), "lon": ("E", "W")}[key]
-    for place, name in enumerate(table.header):
-        if not _SIDES[key].fullmatch(re.sub(r"[^a-z]", "", name.lower())):
-            continue
-        cells = _columns(table.rows, {"side": place})["side"]
-        said = np.array([cell.strip().upper() for cell in cells])
-        if np.isin(said, (here, there, "")).all() and (said != "").any():
-            turned = np.where(said == there, -np.abs(degrees), degrees)
-            return turned, [f"{name}: the side of {column}"], [name]
-    if _WESTWARDS[key].search(column):
-        text = f"{column}: counted to the {'west' if key == 'lon' else 'south'}"
-        return -np.abs(degrees), [text], []
-    return degrees, [], []
-
-
-def _date_and_time(header: Sequence[str]) -> tuple[str, str] | None:
-    """The columns of the date and of the time of day, where a table has one of each."""
-    plain = {re.sub(r"[^a-z]", "", name.lower()): name for name in header}
-    days = [name for text, name in plain.items() if _DATE.fullmatch(text)]
-    clocks = [name for text, name in plain.items() if _TIME.fullmatch(text)]
-    # Of several the one that says that it is no local time.
-    for some in (days, clocks):
-        some.sort(key=lambda name: "utc" not in name.lower() and "gmt" not in name.lower())
-    return (days[0], clocks[0]) if days and clocks else None
-
-
-def _degrees(
-    lon: NDArray[np.float64], lat: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], list[str]]:
-    """Positions (n, 2) in degrees, from degrees, from whole numbers of 1e-7 degrees, or from
-    longitudes that count on to 360.
-    """
-    lonlat = np.column_stack([lon, lat])
-    known = lonlat[np.isfinite(lonlat).all(axis=1) & (lonlat != 0).any(axis=1)]
-    if not len(known):
-        return lonlat, []
-    whole = bool((known == np.rint(known)).all())
-    if whole and np.median(np.abs(known).max(axis=1)) > E7_FROM:
-        return lonlat / E7, ["positions in 1e-7 degrees: converted to degrees"]
-    middle = np.median(known, axis=0)
-    if 180 < middle[0] <= 360 and abs(middle[1]) <= 90:
-        lonlat[:, 0] -= np.where(lonlat[:, 0] > 180, 360.0, 0.0)
-        return lonlat, ["longitudes from 0 to 360: those beyond 180 are west"]
-    return lonlat, []
+def _values(
+    path: Path, table: Table, found: Mapping[str, Column], quantities: Quantities
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """Values (n,) of each quantity that the table has, in its unit, and notes."""
+    values = {
+        key: _present(numbers_of(cells_of(table, found[key].name)), one.missing)
+        for key, one in quantities.items()
+        if key in found
+    }
+    notes: list[str] = []
+    for key, column in found.items():
+        if column.unknown:
+            unit = quantities[key].unit or "its unit"
+            text = f"{column.name}: {column.unknown!r} is no unit that is known; taken as {unit}"
+            notes.append(text)
+        if column.converted:
+            values[key] = _converted(path, values, key, column)
+            notes.append(_conversion_text(column, quantities[key].unit))
+    return values, notes
 
 
 def _converted(
@@ -350,27 +211,6 @@ def _conversion_text(column: Column, unit: str) -> str:
 def _present(values: NDArray[np.float64], missing: tuple[float, ...]) -> NDArray[np.float64]:
     """Values with NaN for the numbers that stand for none."""
     return np.where(np.isin(values, missing), np.nan, values) if missing else values
-
-
-def _columns(rows: Sequence[Sequence[str]], places: dict[str, int]) -> dict[str, list[str]]:
-    """The cells of some columns by key; empty where a row is too short."""
-    if not places:
-        return {}
-    least = max(places.values()) + 1
-    if all(len(row) >= least for row in rows):
-        return {key: [row[i] for row in rows] for key, i in places.items()}
-    return {key: [row[i] if i < len(row) else "" for row in rows] for key, i in places.items()}
-
-
-def _numbers(cells: list[str]) -> NDArray[np.float64]:
-    """Numbers (n,), NaN for anything else; all at once where all are plain."""
-    try:
-        values = np.array([float(cell or "nan") for cell in cells])
-    except ValueError:
-        numbers = map(number, cells)
-        values = np.array([np.nan if one is None else one for one in numbers])
-    values[~np.isfinite(values)] = np.nan
-    return values
 
 
 def _find_glitches(

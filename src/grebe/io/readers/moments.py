@@ -1,0 +1,124 @@
+"""Which columns of a table say when a row was written, and in which zone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import tzinfo
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.errors import InputError, TrackError
+from grebe.io.readers.clock import (
+    EARLIEST_S,
+    LATEST_S,
+    in_seconds,
+    plausible,
+    read_times,
+    zone_in_cells,
+)
+from grebe.io.readers.columns import Column
+from grebe.io.readers.table import Table, cells_of, number
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Columns that hold a date, the time standing in a column of its own.
+_DATE = re.compile(r"(local|utc)?date(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|yymmdd)?")
+_TIME = re.compile(r"(local|utc|gmt)?time(hhmmss|utc|gmt|hhmmsstt)?")
+# A date within a cell.
+_DATED = re.compile(r"\d+[-/.]\d+[-/.]\d+")
+# The column of a zone.
+_ZONE = re.compile(r"(time)?(tz|zone|utcoffset|gmtoffset)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moments:
+    """Times (n,) of a table [unix s], None where it tells none; the `columns` that they came from
+    where those are not the one that is named like a time, the `clues` to their zone, and notes.
+    """
+
+    times: NDArray[np.float64] | None = None
+    columns: tuple[str, ...] = ()
+    clues: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def read_moments(
+    path: Path,
+    table: Table,
+    found: Mapping[str, Column],
+    named: str | None,
+    zone: tzinfo | None,
+    *,
+    placed: bool,
+) -> Moments:
+    """The times of a table's rows; `named` is the column that the caller says they are in, `zone`
+    that of times that name none. Of a track, which is `placed`, those of a clock that was not set
+    are left out.
+    """
+    told, clues = zone_told(table)
+    try:
+        read, columns = _read(table, found, named, zone or told)
+        if read is None:
+            if named is not None:
+                cell = cells_of(table, named)[0]
+                raise TrackError(
+                    f"column {named!r} holds {cell!r} and the like, which are no times; give unix "
+                    "seconds or ISO 8601."
+                )
+            return Moments()
+        times, lost = plausible(read[0]) if placed else (read[0], [])
+    except InputError as error:
+        raise TrackError(f"{path}: {error}", settings=error.settings) from None
+    return Moments(times=times, columns=tuple(columns), clues=tuple(clues), notes=(*read[1], *lost))
+
+
+def _read(
+    table: Table, found: Mapping[str, Column], named: str | None, zone: tzinfo | None
+) -> tuple[tuple[NDArray[np.float64], list[str]] | None, list[str]]:
+    """Times and notes by a date and a time in two columns, and these; or by the column of the time.
+    Seconds since 1970 count before a date and a time, which may be local.
+    """
+    alone = cells_of(table, found["time"].name) if "time" in found else None
+    pair = _date_and_time(table.header)
+    if named is None and pair is not None and not _counts_seconds(alone):
+        both = [cells_of(table, name) for name in pair]
+        texts = [
+            # A clock that says the day too needs no other column for it.
+            clock if _DATED.match(clock) else f"{day} {clock}"
+            for day, clock in zip(*both, strict=True)
+        ]
+        read = read_times(texts, " ".join(pair), zone)
+        if read is not None:
+            return read, list(pair)
+    return (None if alone is None else read_times(alone, found["time"].name, zone)), []
+
+
+def _counts_seconds(cells: Sequence[str] | None) -> bool:
+    """Whether a column holds seconds, or less of them, since 1970."""
+    probe = [one for one in map(number, (cells or [])[:50]) if one is not None]
+    return bool(probe) and EARLIEST_S < np.median(in_seconds(np.array(probe))) < LATEST_S
+
+
+def zone_told(table: Table) -> tuple[tzinfo | None, list[str]]:
+    """The zone that a column of its own names, and the column."""
+    for name in table.header:
+        if _ZONE.fullmatch(re.sub(r"[^a-z]", "", name.lower())):
+            zone = zone_in_cells(cells_of(table, name))
+            return zone, [name] if zone else []
+    return None, []
+
+
+def _date_and_time(header: Sequence[str]) -> tuple[str, str] | None:
+    """The columns of the date and of the time of day, where a table has one of each."""
+    plain = {re.sub(r"[^a-z]", "", name.lower()): name for name in header}
+    days = [name for text, name in plain.items() if _DATE.fullmatch(text)]
+    clocks = [name for text, name in plain.items() if _TIME.fullmatch(text)]
+    # Of several the one that says that it is no local time.
+    for some in (days, clocks):
+        some.sort(key=lambda name: "utc" not in name.lower() and "gmt" not in name.lower())
+    return (days[0], clocks[0]) if days and clocks else None

@@ -1,0 +1,92 @@
+"""Positions as loggers write them: degrees, their sides, whole numbers of 1e-7 degrees."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.io.readers.columns import Column
+from grebe.io.readers.table import Table, cells_of, numbers_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Whole numbers beyond this are degrees times 1e7, as autopilots and receivers log them; metres of
+# a projection are less.
+E7_FROM = E7 = 1e7
+# Columns that say on which side of the equator and of Greenwich a place is.
+_SIDES = {
+    "lat": re.compile(
+        r"(lat(itude)?)?(ns|nors|nsindicator)|lat(itude)?(hemi(sphere)?|dir(ection)?)"
+    ),
+    "lon": re.compile(
+        r"(lon(gitude)?)?(ew|eorw|ewindicator)|lon(gitude)?(hemi(sphere)?|dir(ection)?)"
+    ),
+}
+# A longitude whose header says that it counts to the west, a latitude that counts to the south.
+_WESTWARDS = {
+    "lat": re.compile(r"[(\[]\s*(s|south)\s*[)\]]", re.IGNORECASE),
+    "lon": re.compile(r"[(\[]\s*(w|west)\s*[)\]]", re.IGNORECASE),
+}
+
+
+def read_places(
+    table: Table, found: Mapping[str, Column]
+) -> tuple[NDArray[np.float64], list[str], list[str]]:
+    """Positions (n, 2), longitude and latitude [deg], of a table's columns `lon` and `lat`; notes,
+    and the columns that told their sides.
+    """
+    signed: dict[str, NDArray[np.float64]] = {}
+    notes, clues = list[str](), list[str]()
+    for key in _SIDES:
+        column = found[key].name
+        cells = cells_of(table, column)
+        signed[key], said, named = _with_side(table, column, key, numbers_of(cells))
+        notes += said
+        clues += named
+    lonlat, scaled = _degrees(signed["lon"], signed["lat"])
+    return lonlat, [*notes, *scaled], clues
+
+
+def _with_side(
+    table: Table, column: str, key: str, degrees: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], list[str], list[str]]:
+    """Latitudes or longitudes (n,) that a column of N and S, or E and W, or their own header puts
+    on the other side; notes, and the column of the letters.
+    """
+    here, there = {"lat": ("N", "S"), "lon": ("E", "W")}[key]
+    for name in table.header:
+        if not _SIDES[key].fullmatch(re.sub(r"[^a-z]", "", name.lower())):
+            continue
+        cells = cells_of(table, name)
+        said = np.array([cell.strip().upper() for cell in cells])
+        if np.isin(said, (here, there, "")).all() and (said != "").any():
+            turned = np.where(said == there, -np.abs(degrees), degrees)
+            return turned, [f"{name}: the side of {column}"], [name]
+    if _WESTWARDS[key].search(column):
+        text = f"{column}: counted to the {'west' if key == 'lon' else 'south'}"
+        return -np.abs(degrees), [text], []
+    return degrees, [], []
+
+
+def _degrees(
+    lon: NDArray[np.float64], lat: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Positions (n, 2) in degrees, from degrees, from whole numbers of 1e-7 degrees, or from
+    longitudes that count on to 360.
+    """
+    lonlat = np.column_stack([lon, lat])
+    known = lonlat[np.isfinite(lonlat).all(axis=1) & (lonlat != 0).any(axis=1)]
+    if not len(known):
+        return lonlat, []
+    whole = bool((known == np.rint(known)).all())
+    if whole and np.median(np.abs(known).max(axis=1)) > E7_FROM:
+        return lonlat / E7, ["positions in 1e-7 degrees: converted to degrees"]
+    middle = np.median(known, axis=0)
+    if 180 < middle[0] <= 360 and abs(middle[1]) <= 90:
+        lonlat[:, 0] -= np.where(lonlat[:, 0] > 180, 360.0, 0.0)
+        return lonlat, ["longitudes from 0 to 360: those beyond 180 are west"]
+    return lonlat, []
