@@ -170,10 +170,9 @@ def survey_of(survey: Survey, revision: PlanRevision, sortie: Sortie | None = No
     if sortie is None:
         return replace(survey, targets=revision.targets, corridors=revision.corridors)
     places = slice(sortie.first - 1, sortie.last)
-    fleet = survey.settings.fleet if survey.settings else None
     return replace(
         survey,
-        vessel=(fleet and fleet.vessel(sortie.boat)) or survey.vessel,
+        vessel=survey.vessel_of(sortie.boat),
         targets=revision.targets[places],
         corridors=revision.corridors[places],
         start=sortie.start,

@@ -85,6 +85,11 @@ class Survey:
         if self.water.is_empty or not self.water.is_valid:
             raise InputError("The survey's water is not a valid polygon.")
 
+    def vessel_of(self, boat: int) -> Vessel | None:
+        """The vessel of a fleet's boat by its number, from 1: its own, or the survey's."""
+        fleet = self.settings.fleet if self.settings else None
+        return (fleet and fleet.vessel(boat)) or self.vessel
+
     @property
     def sets(self) -> list[TargetSet]:
         """The target sets Omega_1 ... Omega_K."""

@@ -111,11 +111,10 @@ class QuantityMap:
     @property
     def error95(self) -> float:
         """Half the width of the 95 % interval of the median place."""
-        if self.on_scale is None:
-            return Z95 * float(np.median(self.sd[self.grid.inside]))
-        mean, sd = (one[self.grid.inside] for one in self.on_scale)
-        width = self.scale.back(mean + Z95 * sd) - self.scale.back(mean - Z95 * sd)
-        return float(np.median(width)) / 2
+        inside, ends = self.grid.inside, self.interval95
+        if not ends:
+            return Z95 * float(np.median(self.sd[inside]))
+        return float(np.median((ends["high95"] - ends["low95"])[inside])) / 2
 
     def in_unit(self, step: float) -> float:
         """What a small step on the map's scale is in the quantity's unit, at the map's median."""

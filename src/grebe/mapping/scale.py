@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.special import ndtr
 
+from grebe.mapping.way import blocks_of
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -123,12 +125,8 @@ def scale_of(positions: Array, values: Array) -> Scale:
     """
     if len(values) == 0 or values.min() <= 0 or values.std() < LEAST_SPREAD * values.mean():
         return LINEAR
-    _, blocks = np.unique(
-        np.floor(positions / APART_M).astype(np.int64), axis=0, return_inverse=True
-    )
-    blocks = np.asarray(blocks).ravel()
-    counts = np.bincount(blocks)
-    means = np.bincount(blocks, np.log(values)) / counts
+    blocks = blocks_of(positions, APART_M)
+    means = np.bincount(blocks, np.log(values)) / np.bincount(blocks)
     plain = np.exp(means)
     variances = float(np.var(plain)), float(np.var(means))
     if min(variances) <= 0:

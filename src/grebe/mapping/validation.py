@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 
 from grebe.mapping.methods.base import Field, Readings
 from grebe.mapping.scale import LINEAR, Scale
+from grebe.mapping.way import blocks_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,8 +108,9 @@ def prove(
     if not len(errors.error):
         return None
     simple = _simple_errors(readings, folds, scale)
-    in_unit = scale.mean(errors.read + errors.error, errors.sd) - scale.back(errors.read)
-    in_unit = errors.error if scale is LINEAR else in_unit
+    in_unit = errors.error
+    if scale is not LINEAR:
+        in_unit = scale.mean(errors.read + errors.error, errors.sd) - scale.back(errors.read)
     msdr = float(np.mean(errors.z**2))
     return Validation(
         left_out=left_out,
@@ -157,10 +159,7 @@ def _turns(folds: Indices) -> list[NDArray[np.bool_]]:
 
 def stretch_folds(positions: Array, side_m: float, seed: int = 0) -> Indices:
     """The turn (n,) in which each sample's block of water is left out."""
-    _, blocks = np.unique(
-        np.floor(positions / side_m).astype(np.int64), axis=0, return_inverse=True
-    )
-    blocks = np.asarray(blocks).ravel()
+    blocks = blocks_of(positions, side_m)
     turn = np.random.default_rng(seed).integers(STRETCH_TURNS, size=int(blocks.max()) + 1)
     return turn[blocks]
 
@@ -177,9 +176,7 @@ def line_folds(positions: Array, seed: int = 0) -> tuple[Indices, Literal["lines
         return turn[lines], "lines", count
     low, extent = positions.min(axis=0), np.ptp(positions, axis=0)
     side = max(float(extent.max()) / BLOCKS_PER_SIDE, 1e-9)
-    blocks = np.floor((positions - low) / side).astype(np.int64)
-    _, folds = np.unique(blocks, axis=0, return_inverse=True)
-    folds = np.asarray(folds).ravel()
+    folds = blocks_of(positions - low, side)
     return folds, "blocks", int(folds.max()) + 1
 
 

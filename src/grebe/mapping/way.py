@@ -26,6 +26,13 @@ def half_cell_m(step_m: float) -> float:
     return min(step_m / np.sqrt(2.0), REACH_M)
 
 
+def blocks_of(positions: Array, side_m: float) -> NDArray[np.int64]:
+    """The square block of water, by a number from 0, in which each position (n, 2) lies."""
+    corners = np.floor(positions / side_m).astype(np.int64)
+    _, blocks = np.unique(corners, axis=0, return_inverse=True)
+    return np.asarray(blocks, dtype=np.int64).ravel()
+
+
 def off_the_way(way: Array, places: Array) -> Array:
     """Distance [m] of places (m, 2) from the line through the samples (n, 2) in their order, which
     is broken where they lie too far apart.

@@ -52,14 +52,12 @@ def compare_surveys(earlier: Path, later: Path, resolution_m: float | None = Non
 
     Raises `InputError` where they are one survey, or share no water or no quantity.
     """
-    refuse_the_same([earlier, later])
-    with SurveyFile.open(earlier) as one, SurveyFile.open(later) as other:
-        days = _day(one), _day(other)
-        water = common_water([one.survey, other.survey])
-        mapper = Mapper(water, make_grid(water, resolution_m))
-        before, missing_before = maps_in(one, one.survey, mapper)
-        after, missing_after = maps_in(other, one.survey, mapper)
-        survey = one.survey
+    first, second = sailed([earlier, later])
+    survey = first.survey
+    water = common_water([survey, second.survey])
+    mapper = Mapper(water, make_grid(water, resolution_m))
+    before, missing_before = maps_in(earlier, survey, mapper)
+    after, missing_after = maps_in(later, survey, mapper)
     missing_before += [f"{before[key].quantity.label}: only here" for key in before.keys() - after]
     missing_after += [f"{after[key].quantity.label}: only here" for key in after.keys() - before]
     common = [key for key in before if key in after]
@@ -68,7 +66,7 @@ def compare_surveys(earlier: Path, later: Path, resolution_m: float | None = Non
         raise InputError(f"{earlier} and {later} have no mapped quantity in common ({why}).")
     return Changes(
         survey=survey,
-        days=days,
+        days=(first.day, second.day),
         by_quantity={
             key: Change(before=before[key], difference=difference(before[key], after[key]))
             for key in common
@@ -95,28 +93,45 @@ def write_changes(changes: Changes, out: Path) -> dict[str, Path]:
     return written
 
 
-def refuse_the_same(paths: Sequence[Path]) -> None:
-    """Raise `InputError` where the same readings are given twice: they would be sure of
-    themselves.
+@dataclass(frozen=True, kw_only=True)
+class Sailed:
+    """A survey file that holds samples, and when the first and the last were taken [unix s]."""
+
+    path: Path
+    survey: Survey
+    span_s: tuple[float, float]
+
+    @property
+    def middle_s(self) -> float:
+        """The middle of its time [unix s]."""
+        return sum(self.span_s) / 2
+
+    @property
+    def day(self) -> str:
+        """The day on which it began, in UTC."""
+        return f"{datetime.fromtimestamp(self.span_s[0], UTC):%Y-%m-%d}"
+
+
+def sailed(paths: Sequence[Path]) -> list[Sailed]:
+    """Open surveys that are to be compared. `InputError` where one holds no samples, or where the
+    same readings are given twice: they would be sure of themselves.
     """
     seen: dict[bytes, Path] = {}
+    found: list[Sailed] = []
     for path in paths:
         with SurveyFile.open(path) as file:
-            samples = file.samples()
+            survey, samples = file.survey, file.samples()
         if len(samples) == 0:
             raise InputError(f"{path} holds no samples; sail it or import a track first.")
         columns = (samples.times, *(samples.values[key] for key in sorted(samples.values)))
-        key = hashlib.sha256(
-            b"".join(np.ascontiguousarray(one).tobytes() for one in columns)
-        ).digest()
+        readings = b"".join(np.ascontiguousarray(one).tobytes() for one in columns)
+        key = hashlib.sha256(readings).digest()
         if key in seen:
             raise InputError(f"{seen[key]} and {path} hold the same readings.")
         seen[key] = path
-
-
-def _day(file: SurveyFile) -> str:
-    times = file.samples().times
-    return f"{datetime.fromtimestamp(float(times.min()), UTC):%Y-%m-%d}" if len(times) else "?"
+        span_s = float(samples.times.min()), float(samples.times.max())
+        found.append(Sailed(path=path, survey=survey, span_s=span_s))
+    return found
 
 
 def common_water(surveys: Sequence[Survey]) -> shapely.Polygon:
@@ -141,14 +156,14 @@ def common_water(surveys: Sequence[Survey]) -> shapely.Polygon:
     return largest
 
 
-def maps_in(
-    file: SurveyFile, base: Survey, mapper: Mapper
-) -> tuple[dict[str, QuantityMap], list[str]]:
+def maps_in(path: Path, base: Survey, mapper: Mapper) -> tuple[dict[str, QuantityMap], list[str]]:
     """The maps of a survey on the common grid, in the frame of another; all its samples count, also
     those outside the common water. And what could not be mapped.
     """
-    samples = file.samples()
-    moved = samples.moved(base.frame.to_local(file.survey.frame.to_wgs84(samples.positions)))
-    corrected = moved.with_values(corrected_values(samples, file.lags()))
-    maps, left_out = map_all(mapper, corrected, file.quantities)
+    with SurveyFile.open(path) as file:
+        samples, lags, quantities = file.samples(), file.lags(), file.quantities
+        frame = file.survey.frame
+    moved = samples.moved(base.frame.to_local(frame.to_wgs84(samples.positions)))
+    corrected = moved.with_values(corrected_values(samples, lags))
+    maps, left_out = map_all(mapper, corrected, quantities)
     return {one.quantity.key: one for one in maps}, left_out

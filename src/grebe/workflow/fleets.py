@@ -273,9 +273,7 @@ class FleetRun:
         file.append_revision(replace(new, sorties=tuple(sorties)))
 
     def _vessel_of(self, boat: int) -> Vessel:
-        survey = self.survey_file.survey
-        fleet = fleet_of(survey)
-        vessel = (fleet and fleet.vessel(boat)) or survey.vessel
+        vessel = self.survey_file.survey.vessel_of(boat)
         if vessel is None:
             raise PlanError("The survey does not say for which vessel it was planned.")
         return vessel

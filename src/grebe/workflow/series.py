@@ -17,7 +17,6 @@ from grebe.core.survey import Survey
 from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.export.geotiff import write_bands
 from grebe.io.export.netcdf_series import SeriesFields, write_series_netcdf
-from grebe.io.store import SurveyFile
 from grebe.mapping.difference import refuse_other_unit
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
@@ -31,7 +30,7 @@ from grebe.mapping.trend import (
     fit_trend,
 )
 from grebe.report import canvas, series_figures
-from grebe.workflow.differences import common_water, maps_in, refuse_the_same
+from grebe.workflow.differences import common_water, maps_in, sailed
 from grebe.workflow.files import make_folder
 
 if TYPE_CHECKING:
@@ -53,17 +52,6 @@ class Series:
     left_out: tuple[str, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Survey:
-    path: Path
-    survey: Survey
-    span_s: tuple[float, float]
-
-    @property
-    def middle_s(self) -> float:
-        return sum(self.span_s) / 2
-
-
 def map_series(
     paths: Sequence[Path],
     resolution_m: float | None = None,
@@ -76,8 +64,7 @@ def map_series(
 
     `on_done` is told after each survey how many are mapped, and of how many.
     """
-    refuse_the_same(paths)
-    surveys = sorted((_opened(path) for path in paths), key=lambda one: one.middle_s)
+    surveys = sorted(sailed(paths), key=lambda one: one.middle_s)
     check_times(np.array([one.middle_s for one in surveys]), seasonal=seasonal)
     base = surveys[0].survey
     water = common_water([one.survey for one in surveys])
@@ -86,8 +73,7 @@ def map_series(
     firsts: dict[str, QuantityMap] = {}
     left_out: list[str] = []
     for done, one in enumerate(surveys, start=1):
-        with SurveyFile.open(one.path) as file:
-            found, missing = maps_in(file, base, mapper)
+        found, missing = maps_in(one.path, base, mapper)
         left_out += [f"{one.path}: {text}" for text in missing]
         for key, mapped in found.items():
             refuse_other_unit(firsts.setdefault(key, mapped).quantity, mapped.quantity)
@@ -128,13 +114,6 @@ def _with_season(
         except InputError as error:
             left_out.append(f"{firsts[key].quantity.label}: {str(error).rstrip('.')}")
     return kept
-
-
-def _opened(path: Path) -> _Survey:
-    with SurveyFile.open(path) as file:
-        times = file.samples().times
-        span = float(times.min()), float(times.max())
-        return _Survey(path=path, survey=file.survey, span_s=span)
 
 
 def _with_trends(

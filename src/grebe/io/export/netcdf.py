@@ -101,17 +101,25 @@ def _write_time(
     """
     moments = {one.change.moment_s for one in maps if one.is_of_moment}
     of_moment = len(moments) == 1 and all(one.is_of_moment for one in maps)
-    time = dataset.createVariable("time", "f8")
+    time = time_variable(dataset, "moment of the maps" if of_moment else "middle of the survey")
+    time[...] = moments.pop() if of_moment else (entry.first_s + entry.last_s) / 2
+
+
+def time_variable(
+    dataset: netCDF4.Dataset, long_name: str, dimensions: tuple[str, ...] = ()
+) -> netCDF4.Variable:
+    """The coordinate of the time [unix s]."""
+    time = dataset.createVariable("time", "f8", dimensions)
     time.setncatts(
         {
             "standard_name": "time",
-            "long_name": "moment of the maps" if of_moment else "middle of the survey",
+            "long_name": long_name,
             "units": "seconds since 1970-01-01T00:00:00Z",
             "calendar": "standard",
             "axis": "T",
         }
     )
-    time[...] = moments.pop() if of_moment else (entry.first_s + entry.last_s) / 2
+    return time
 
 
 def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:

@@ -13,7 +13,12 @@ import numpy as np
 from grebe.core.frames import LocalFrame
 from grebe.core.quantity import Quantity
 from grebe.io.export.catalogue import ACDD, CatalogueEntry, acdd
-from grebe.io.export.netcdf import field_variable, standard_named, write_grid
+from grebe.io.export.netcdf import (
+    field_variable,
+    standard_named,
+    time_variable,
+    write_grid,
+)
 from grebe.io.whole import written_whole
 from grebe.mapping.grid import Grid
 
@@ -58,24 +63,10 @@ def write_series_netcdf(
     ):
         bounds = write_grid(dataset, grid, frame)
         dataset.setncatts({"Conventions": f"CF-1.8, {ACDD}", **acdd(entry, bounds)})
-        _write_times(dataset, times)
+        dataset.createDimension("time", len(times))
+        time_variable(dataset, "middle of each survey", ("time",))[:] = times
         for one in several:
             _write_quantity(dataset, one, np.searchsorted(times, one.times_s), len(times))
-
-
-def _write_times(dataset: netCDF4.Dataset, times: Array) -> None:
-    dataset.createDimension("time", len(times))
-    variable = dataset.createVariable("time", "f8", ("time",))
-    variable.setncatts(
-        {
-            "standard_name": "time",
-            "long_name": "middle of each survey",
-            "units": "seconds since 1970-01-01T00:00:00Z",
-            "calendar": "standard",
-            "axis": "T",
-        }
-    )
-    variable[:] = times
 
 
 def _write_quantity(

@@ -43,7 +43,7 @@ _MONTHS_FIRST = ("%m/%d/%Y", "%m-%d-%Y", "%m/%d/%y", "%m%d%y")
 _YEAR_FIRST = ("%Y-%m-%d", "%Y/%m/%d", "%Y%m%d", "%y%m%d")
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H%M%S")
 _OFFSET = re.compile(r"(?:GMT|UTC)\s*([+-])(\d\d?)(?::?(\d\d))?(?!\d)", re.IGNORECASE)
-_BARE_OFFSET = re.compile(r"()([+-])(\d\d?)(?::?(\d\d))?")
+_BARE_OFFSET = re.compile(r"([+-])(\d\d?)(?::?(\d\d))?")
 
 
 def zone_of(name: str) -> tzinfo:
@@ -61,8 +61,7 @@ def zone_in_header(header: str) -> tzinfo | None:
     """The offset that a header such as `Date Time, GMT-04:00` names."""
     found = _OFFSET.search(header)
     if found is not None:
-        sign, hours, minutes = found.groups()
-        return _offset(sign, hours, minutes)
+        return _offset(*found.groups())
     return UTC if re.search(r"(?<![a-z])utc(?![a-z])", header, re.IGNORECASE) else None
 
 
@@ -76,7 +75,7 @@ def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
     text = said.pop()
     bare = _BARE_OFFSET.fullmatch(text)
     if bare is not None:
-        return _offset(bare[2], bare[3], bare[4])
+        return _offset(*bare.groups())
     try:
         return zone_in_header(text) or zone_of(text)
     except InputError:

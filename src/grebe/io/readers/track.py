@@ -150,11 +150,11 @@ def read_readings(
     if "lat" in found and "lon" in found:
         lonlat, said, sides = read_places(table, found)
     columns = {key: one.name for key, one in found.items()}
-    if moments.columns:
+    by_two = bool(moments.columns)
+    named_so = {name for key, name in columns.items() if not (by_two and key == "time")}
+    used = {*named_so, *moments.columns, *moments.clues, *sides}
+    if by_two:
         columns["time"] = " and ".join(moments.columns)
-    used = {*(one.name for one in found.values()), *moments.columns, *moments.clues, *sides}
-    if len(moments.columns) > 1 and "time" in found:
-        used -= {found["time"].name} - set(moments.columns)
     return Readings(
         lonlat=lonlat,
         times=moments.times,
