@@ -406,3 +406,38 @@ def test_a_stamp_of_digits_is_no_count_of_seconds(tmp_path):
         lambda k: f"202407030915{k:02},2024-07-03,09:15:{k:02}",
     )  # fmt: skip
     assert at(path) == "2024-07-03T09:15:00+00:00"
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon"),
+    [
+        ("45°30.5'N", "71°12.06'W"),
+        ("N 45 30 30", "W 71 12 3.6"),
+        ("45:30:30 N", "71:12:03.6 W"),
+        ("45° 30′ 30″", "-71° 12′ 3.6″"),
+        ("45.508333 N", "71.201 W"),
+    ],
+)
+def test_degrees_with_minutes_and_sides_are_read(tmp_path, lat, lon):
+    path = tmp_path / "t.csv"
+    rows = "\n".join(f'{1.6e9 + k},"{lat}","{lon}",7.{k}'.replace("″", '""') for k in range(9))
+    path.write_text("time,lat,lon,ph\n" + rows)
+    read = read_track(path)
+    assert read.lonlat[0] == pytest.approx([-71.201, 45.508333], abs=1e-6)
+    assert any("degrees with minutes or sides" in note for note in read.notes)
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["Latitude,N/S,Longitude,E/W", "Latitude (DDMM.MMMM),Longitude (DDDMM.MMMM)"],
+)
+def test_receivers_numbers_of_degrees_and_minutes_are_read(tmp_path, header):
+    sides = "N/S" in header
+    path = tmp_path / "t.csv"
+    place = "4530.50{k},N,00112.06,W" if sides else "4530.50{k},-00112.06"
+    path.write_text(
+        f"time,{header},ph\n"
+        + "\n".join(f"{1.6e9 + k},{place.format(k=k)},7.{k}" for k in range(9))
+    )
+    read = read_track(path)
+    assert read.lonlat[0] == pytest.approx([-1.201, 45.508333], abs=1e-6)

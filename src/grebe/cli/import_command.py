@@ -47,7 +47,10 @@ def command(
     as_json: bool,
     **named: str | None,
 ) -> None:
-    """Import the data of TRACK (a logger's table); its convex hull becomes the region."""
+    """Import the data of TRACK; its convex hull becomes the region.
+
+    TRACK is a logger's table, a GPX, an ArduPilot .tlog or .bin, or sentences of NMEA.
+    """
     options.refuse_same(track, options.checked_output(path))
     done = import_track(
         track,

@@ -8,16 +8,16 @@ say what output is which thruster and where its neutral lies.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
 from grebe.identification.drive_log import DriveLog, unwrapped
+from grebe.io.readers.log_messages import messages_in
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,7 +47,7 @@ def read_telemetry(path: Path) -> DriveLog:
     """Read a .tlog; `InputError` says what is missing in it."""
     rows = _Rows()
     source = 0
-    for message in _messages(path, _TELEMETRY):
+    for message in messages_in(path, _TELEMETRY):
         kind = message.get_type()
         source = source or message.get_srcSystem()
         if message.get_srcSystem() != source:
@@ -74,7 +74,7 @@ def read_dataflash(path: Path) -> DriveLog:
     attitudes: list[tuple[float, ...]] = []
     fixes: list[tuple[float, ...]] = []
     rates: list[tuple[float, float]] = []
-    for message in _messages(path, _DATAFLASH):
+    for message in messages_in(path, _DATAFLASH):
         kind = message.get_type()
         if kind == "PARM":
             rows.parameters[str(message.Name)] = float(message.Value)
@@ -95,33 +95,6 @@ def read_dataflash(path: Path) -> DriveLog:
     rows.places = filtered or _places(fixes)
     rows.headings = _with_rates(rows.headings or attitudes, rates)
     return _log(path, rows)
-
-
-def _messages(path: Path, kinds: list[str]) -> Iterator[Any]:
-    try:
-        from pymavlink import DFReader, mavutil
-    except ImportError:
-        raise InputError(
-            f"{path}: reading an autopilot's log takes pymavlink; install grebe with its extra "
-            "'mavlink'."
-        ) from None
-    try:
-        if path.suffix.lower() == ".bin":
-            log: Any = DFReader.DFReader_binary(str(path))
-        else:
-            log = mavutil.mavlogfile(str(path))
-    except Exception as error:
-        raise InputError(f"{path} is not an ArduPilot log ({error}).") from None
-    try:
-        while True:
-            message: Any = log.recv_match(type=kinds)
-            if message is None:
-                return
-            yield message
-    except (ValueError, TypeError, LookupError, AttributeError, OSError) as error:
-        raise InputError(f"{path} is damaged, or no log of ArduPilot ({error}).") from None
-    finally:
-        getattr(log, "close", lambda: None)()
 
 
 def _without_wraps(rows: list[tuple[float, ...]], period_s: float) -> list[tuple[float, ...]]:

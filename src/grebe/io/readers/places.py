@@ -1,9 +1,9 @@
-"""Positions as loggers write them: degrees, their sides, whole numbers of 1e-7 degrees."""
+"""Positions as loggers write them: degrees, minutes, sides, whole numbers of 1e-7 degrees."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +31,16 @@ _WESTWARDS = {
     "lat": re.compile(r"[(\[]\s*(s|south)\s*[)\]]", re.IGNORECASE),
     "lon": re.compile(r"[(\[]\s*(w|west)\s*[)\]]", re.IGNORECASE),
 }
+# An angle in degrees, or degrees and minutes, or seconds too, with its side before or behind it:
+# `45°30.5'N`, `N 45 30 30.1`, `45-30.508W`, `43.48211 N`.
+_ANGLE = re.compile(
+    r"""(?P<before>[NSEW])?\s*(?P<sign>[+-])?\s*(?P<degrees>\d{1,3}(?:\.\d+)?)\s*[°ºD:\s-]*
+        (?:(?P<minutes>[0-5]?\d(?:\.\d+)?)\s*['\u2019\u2032:\s-]*)?
+        (?:(?P<seconds>[0-5]?\d(?:\.\d+)?)\s*(?:["\u201d\u2033]|'')?)?\s*(?P<behind>[NSEW])?""",
+    re.VERBOSE,
+)
+# A header of receivers' numbers, in which the last two digits before the point are minutes.
+_MINUTES = re.compile(r"d{2,3}m{2}\.?m*", re.IGNORECASE)
 
 
 def read_places(
@@ -44,11 +54,59 @@ def read_places(
     for key in _SIDES:
         column = found[key].name
         cells = cells_of(table, column)
-        signed[key], said, named = _with_side(table, column, key, numbers_of(cells))
-        notes += said
+        angles, written = _angles(cells, column)
+        signed[key], said, named = _with_side(table, column, key, angles)
+        notes += [*written, *said]
         clues += named
+    told = len(clues) == len(_SIDES) or all(_MINUTES.search(found[key].name) for key in _SIDES)
+    if told and _hold_minutes(signed["lat"], signed["lon"]):
+        signed = {key: _from_minutes(angles) for key, angles in signed.items()}
+        notes.append("positions as DDMM.MMMM: converted to degrees")
     lonlat, scaled = _degrees(signed["lon"], signed["lat"])
     return lonlat, [*notes, *scaled], clues
+
+
+def _hold_minutes(lat: NDArray[np.float64], lon: NDArray[np.float64]) -> bool:
+    """Whether angles (n,) are beyond degrees and none has 60 minutes or more."""
+    pairs = np.abs(np.column_stack([lat, lon]))
+    pairs = pairs[np.isfinite(pairs).all(axis=1)]
+    if not len(pairs):
+        return False
+    beyond = np.median(pairs[:, 0]) > 90 and bool((pairs <= (9_000, 18_000)).all())
+    return beyond and bool((pairs % 100 < 60).all())
+
+
+def _from_minutes(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Degrees (n,) from numbers whose hundreds are degrees and the rest minutes."""
+    size = np.abs(angles)
+    return np.sign(angles) * (size // 100 + size % 100 / 60)
+
+
+def _angles(cells: Sequence[str], column: str) -> tuple[NDArray[np.float64], list[str]]:
+    """Angles (n,) [deg] of cells that are numbers or, where most are none, degrees with their
+    minutes and sides; NaN for anything else, and notes.
+    """
+    numbers = numbers_of(cells)
+    texts = sum(bool(cell.strip()) for cell in cells)
+    if np.isfinite(numbers).sum() > texts / 2:
+        return numbers, []
+    angles = np.array([_angle(cell.strip()) for cell in cells])
+    if not np.isfinite(angles).any():
+        return numbers, []
+    return angles, [f"{column}: degrees with minutes or sides, {cells[0].strip()!r} and the like"]
+
+
+def _angle(text: str) -> float:
+    """An angle [deg], south and west negative; NaN where the text is none."""
+    found = _ANGLE.fullmatch(text.upper().replace(",", "."))
+    if found is None or (found["before"] and found["behind"]):
+        return np.nan
+    whole = [float(found[part] or 0.0) for part in ("degrees", "minutes", "seconds")]
+    if found["minutes"] and "." in found["degrees"]:
+        return np.nan
+    angle = whole[0] + whole[1] / 60 + whole[2] / 3600
+    side = found["before"] or found["behind"] or ""
+    return -angle if side in {"S", "W"} or found["sign"] == "-" else angle
 
 
 def _with_side(

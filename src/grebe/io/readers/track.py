@@ -19,10 +19,11 @@ from grebe.core.errors import TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
 from grebe.io.readers.columns import OXYGEN, Column, find_columns
+from grebe.io.readers.formats import read_logged
 from grebe.io.readers.moments import read_moments
 from grebe.io.readers.places import read_places
 from grebe.io.readers.profile import Profile
-from grebe.io.readers.table import Table, cells_of, numbers_of, read_table
+from grebe.io.readers.table import Table, cells_of, numbers_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -141,7 +142,7 @@ def read_readings(
     """Read a table's rows, in the quantities' own units; `placed`: it must have positions."""
     profile = profile or Profile()
     given = {**profile.columns, **(columns or {})}
-    table = read_table(path, header_from, profile.names)
+    table = read_logged(path, header_from, profile.names)
     found = find_columns(path, table.header, given, quantities, placed=placed)
     named = given.get("time")
     moments = read_moments(path, table, found, named, zone or profile.zone, placed=placed)

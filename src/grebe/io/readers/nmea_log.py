@@ -1,0 +1,63 @@
+"""Sentences of NMEA 0183 that a receiver wrote to a file, as a table: a row for each position."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from grebe.core.errors import TrackError
+from grebe.io.readers.table import Table
+from grebe.io.readers.text import read_text
+
+HEADER = ["time", "latitude", "longitude", "water temperature (degC)", "water depth (m)"]
+# A sentence; programs that log may write a time of their own before it.
+SENTENCE = re.compile(r"\$[A-Z]{2}[A-Z]{3},[^$]*\*[0-9A-Fa-f]{2}")
+
+
+def read_nmea(path: Path) -> Table:
+    """Read the positions of a log of sentences, with what the sounder (DPT) and the probe (MTW)
+    said since the one before; `TrackError` where none tells the date, which RMC alone does.
+    """
+    import pynmea2
+
+    rows: list[list[str]] = []
+    damaged = 0
+    said = {"MTW": "", "DPT": ""}
+    for text in SENTENCE.findall(read_text(path)):
+        try:
+            sentence: Any = pynmea2.parse(text, check=True)
+        except pynmea2.ParseError:
+            damaged += 1
+            continue
+        kind = getattr(sentence, "sentence_type", "")
+        if kind == "MTW":
+            said["MTW"] = str(sentence.temperature or "")
+        elif kind == "DPT":
+            said["DPT"] = _below_surface(sentence)
+        elif kind == "RMC" and sentence.status == "A" and sentence.datestamp:
+            rows.append([*_fix(sentence), said["MTW"], said["DPT"]])
+            said = dict.fromkeys(said, "")
+    if not rows:
+        raise TrackError(
+            f"{path}: no sentence RMC tells a position with its date; let the receiver send RMC."
+        )
+    notes = (f"{damaged} damaged sentences: left out",) if damaged else ()
+    return Table(header=HEADER, rows=rows, notes=notes)
+
+
+def _fix(sentence: Any) -> tuple[str, str, str]:
+    """Time, latitude, longitude."""
+    return (
+        sentence.datetime.isoformat(),
+        f"{sentence.latitude:.8f}",
+        f"{sentence.longitude:.8f}",
+    )
+
+
+def _below_surface(sentence: Any) -> str:
+    """Depth [m]: below the transducer; an offset that is positive adds its own."""
+    try:
+        return f"{float(sentence.depth) + max(float(sentence.offset or 0.0), 0.0):.2f}"
+    except (TypeError, ValueError):
+        return ""
