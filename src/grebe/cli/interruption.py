@@ -16,6 +16,7 @@ import signal
 import socket
 import threading
 import time
+from contextlib import suppress
 from types import FrameType
 from typing import Protocol
 
@@ -84,7 +85,9 @@ def _watch(heard: socket.socket, told: socket.socket) -> None:
         number = heard.recv(1)[0]
     sentence, code = ENDS[signal.Signals(number)]
     for mission in _MISSIONS:
-        mission.stop(sentence)
+        # A line that is broken must not keep the next boat from being stopped.
+        with suppress(Exception):
+            mission.stop(sentence)
     time.sleep(GRACE_S)
     forget_parts()
     output.fail(sentence)

@@ -146,32 +146,32 @@ class Instruments(Protocol):
         ...
 
 
+@dataclass(frozen=True, kw_only=True)
+class AsDriven:
+    """What a boat is to whoever steers it over a link: the hull under an autopilot's inner loops is
+    another plant than the hull.
+
+    `model` is the boat as it should be taken to be, None for the survey's own. `holds_motion`: an
+    autopilot holds the speed and yaw rate of an order, whatever its thrusts, and the boat cannot be
+    judged by what these do. `braking_share`: the share of its model's thrust astern that it can be
+    trusted to brake with.
+    """
+
+    model: Vessel | None = None
+    holds_motion: bool = False
+    braking_share: float = 1.0
+
+
 @runtime_checkable
-class ModelledLink(Protocol):
-    """A link that knows the boat better than the survey does: the hull under an autopilot's inner
-    loops is a different plant from the hull.
-    """
+class DrivenLink(Protocol):
+    """A link that knows the boat better than the survey does."""
 
     @property
-    def model(self) -> Vessel:
-        """The boat as whoever steers should take it to be."""
-        ...
-
-    @property
-    def drives_motion(self) -> bool:
-        """Whether an autopilot holds the speed and yaw rate of an order, whatever its thrusts."""
+    def as_driven(self) -> AsDriven:
+        """The boat as it is driven over this link."""
         ...
 
 
-def braking_share(link: BoatLink) -> float:
-    """The share of its model's thrust astern that a link's boat can be trusted to brake with: its
-    own `braking_share` where it has one, all of it otherwise.
-    """
-    return float(getattr(link, "braking_share", 1.0))
-
-
-def drives_thrusts(link: BoatLink) -> bool:
-    """Whether the thrusts of an order reach the thrusters, so that the boat can be judged by
-    what they do; an autopilot's inner loops give other ones.
-    """
-    return not (isinstance(link, ModelledLink) and link.drives_motion)
+def as_driven(link: BoatLink) -> AsDriven:
+    """The boat as it is driven over a link: what the link says, or else as the survey has it."""
+    return link.as_driven if isinstance(link, DrivenLink) else AsDriven()

@@ -54,3 +54,8 @@ class StopsInEmergency(Protocol):
     def emergency(self) -> EmergencyStop | None:
         """How the boat is stopped without the mission."""
         ...
+
+
+def emergency_of(link: object) -> EmergencyStop | None:
+    """How a link's boat is stopped without the mission; None where nobody else can."""
+    return link.emergency if isinstance(link, StopsInEmergency) else None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from grebe.links.base import BoatLink, BoatStatus, Observation, Order
+from grebe.links.base import AsDriven, BoatLink, BoatStatus, Observation, Order, as_driven
+from grebe.links.emergency import EmergencyStop, emergency_of
 
 
 class PassingLink:
@@ -37,6 +38,16 @@ class PassingLink:
     def stop(self) -> None:
         """See `BoatLink`."""
         self._link.stop()
+
+    @property
+    def as_driven(self) -> AsDriven:
+        """See `DrivenLink`."""
+        return as_driven(self._link)
+
+    @property
+    def emergency(self) -> EmergencyStop | None:
+        """See `StopsInEmergency`."""
+        return emergency_of(self._link)
 
     def close(self) -> None:
         """See `BoatLink`."""

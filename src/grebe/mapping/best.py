@@ -10,8 +10,9 @@ import numpy as np
 from grebe.mapping.calibration import Calibration, for_few, spread
 from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
 from grebe.mapping.scale import LINEAR, Scale
+from grebe.mapping.unrest import calmed, unrest_of
 from grebe.mapping.validation import STRETCH_M, Validation, predicted, prove, stretch_folds
-from grebe.mapping.way import half_cell_m
+from grebe.mapping.way import cell_m
 
 # Of more readings a share proves the map: along a way they lie closer than what is left out is
 # wide, and more of them tell the same.
@@ -61,14 +62,19 @@ def _tried(method: Method, readings: Readings, domain: Domain, scale: Scale) -> 
     positions = readings.positions
     near = [predicted(readings, found, stretch_folds(positions, side)) for side in STRETCH_M]
     validation, far = proof
+    unrest = unrest_of(near)
     stretches = [int(np.ptp(positions, axis=0).sum() / side) + 1 for side in STRETCH_M]
-    on_way = [spread(one, count) for one, count in zip(near, stretches, strict=True)]
+    on_way = [
+        spread(calmed(one, unrest), count) for one, count in zip(near, stretches, strict=True)
+    ]
+    lines = spread(calmed(far, unrest), validation.pieces) * for_few(validation.pieces)
     calibration = Calibration(
         on_way=float(np.exp(np.mean(np.log(on_way)))),
         # Off the way there is less to tell by: no map is made surer there than its model is.
-        off_way=max(spread(far, validation.pieces) * for_few(validation.pieces), 1.0),
+        off_way=max(lines, 1.0),
         way=way,
-        wide_m=half_cell_m(domain.grid.step_m),
+        wide_m=cell_m(domain.grid.step_m),
+        unrest=unrest,
     )
     told = [max(one.rmse, 1e-300) for one in (*near, far) if len(one.error)]
     score = float(np.mean(np.log(told))) if told else np.inf

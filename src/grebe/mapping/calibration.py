@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import stdtrit
 
+from grebe.mapping.unrest import Unrest
 from grebe.mapping.validation import Z50, Z95, Errors
 from grebe.mapping.way import REACH_M, off_the_way
 
@@ -32,16 +33,22 @@ BELIEF_PIECES = 3.0
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
     """Factors of the standard deviations on the way and off it; `way` (n, 2) is the samples', and
-    places within `wide_m` of it are on it.
+    places within `wide_m` of it are on it. `unrest` is where errors are larger than elsewhere.
     """
 
     on_way: float = 1.0
     off_way: float = 1.0
     way: Array | None = None
     wide_m: float = 0.0
+    unrest: Unrest | None = None
 
     def factor(self, places: Array) -> Array:
         """The factor at each place (m, 2)."""
+        usual = self._usual(places)
+        return usual if self.unrest is None else usual * self.unrest.factor(places)
+
+    def _usual(self, places: Array) -> Array:
+        """The factor at each place, where the water is no more restless than elsewhere."""
         if self.way is None or self.on_way == self.off_way:
             return np.full(len(places), self.on_way)
         away = np.maximum(off_the_way(self.way, places) - self.wide_m, 0.0)

@@ -40,10 +40,11 @@ Z50, Z95 = 0.6745, 1.9600
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """What was predicted of left-out samples: `error` (m,) and its standard deviation `sd` (m,),
-    the reading's noise in it, and what was `read` (m,).
+    """What was predicted of left-out samples at `places` (m, 2): `error` (m,) and its standard
+    deviation `sd` (m,), the reading's noise in it, and what was `read` (m,).
     """
 
+    places: Array
     error: Array
     sd: Array
     read: Array
@@ -136,15 +137,18 @@ def predicted(readings: Readings, field: Field, folds: Indices, most: int = MOST
     errors: list[Array] = [nothing]
     sds: list[Array] = [nothing]
     read: list[Array] = [nothing]
+    where: list[Array] = [np.empty((0, 2))]
     for out in _turns(folds):
         rest = field.given(readings.part(~out))
         judged = np.flatnonzero(out)
         judged = judged[:: -(-len(judged) // most)]
         places = readings.positions[judged]
+        where.append(places)
         read.append(readings.values[judged])
         errors.append(rest.mean(places) - read[-1])
         sds.append(np.sqrt(rest.sd(places) ** 2 + field.model.nugget))
     return Errors(
+        places=np.concatenate(where),
         error=np.concatenate(errors),
         sd=np.maximum(np.concatenate(sds), np.finfo(float).tiny),
         read=np.concatenate(read),

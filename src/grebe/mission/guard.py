@@ -7,6 +7,7 @@ out here; what it decides is told as an event, and done.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import replace
 from datetime import datetime
 from typing import Protocol
@@ -102,7 +103,7 @@ class Guard:
         self._dark_s = math.inf if until is None else (until - started).total_seconds()
         self._pilot = pilot or default_pilot(vessel)
         self._memory = Memory()
-        self._asked: Asked | None = None
+        self._asked: deque[Asked] = deque()
         if settings.comes_home:
             self.ask(Request.HOME, settings.comes_home)
         self._fence: Fence | None = None
@@ -124,7 +125,7 @@ class Guard:
 
     def ask(self, request: Request, why: str) -> None:
         """Ask something; it is answered at the next estimate. Safe from any thread."""
-        self._asked = Asked(request=request, why=why)
+        self._asked.append(Asked(request=request, why=why))
 
     @property
     def state(self) -> SafetyState:
@@ -162,7 +163,8 @@ class Guard:
         if self.state is SafetyState.RETURNING:
             self._home.follow(observation)
         facts = self._facts(observation, weather, thrusts, reached, status)
-        asked, self._asked = self._asked, None
+        # Each is taken out by itself: another thread may ask meanwhile.
+        asked = tuple(self._asked.popleft() for _ in range(len(self._asked)))
         self.depth_m = None
         after = advised(self._memory, facts, self._settings, self._as_said, asked)
         self._become(after, observation)
@@ -365,7 +367,7 @@ class Guard:
         """Time [s] and energy [Wh] home; None, 0 where nobody must know them."""
         memory = self._memory
         asks = self._settings.watches_home or status.battery_share is not None
-        asks = asks or self._asked is not None
+        asks = asks or bool(self._asked or memory.asked)
         asks = asks or memory.against_s is not None or memory.tired_s is not None
         if not asks:
             return None, 0.0

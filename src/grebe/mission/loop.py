@@ -46,8 +46,7 @@ from grebe.links.base import (
     Instruments,
     Observation,
     Order,
-    braking_share,
-    drives_thrusts,
+    as_driven,
 )
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.gate import Gate, OverError
@@ -119,12 +118,12 @@ class Mission:
             self._targets, link, self._settings.sampling, quantities, instruments
         )
         observes = self._settings.observes
-        by_thrusts = drives_thrusts(link)
+        driven = as_driven(link)
         self._tracker = Tracker(
             controller.vessel,
             observes=observes,
-            corrects=observes and by_thrusts and isinstance(controller, AdaptableHelm),
-            holds_motion=not by_thrusts,
+            corrects=observes and not driven.holds_motion and isinstance(controller, AdaptableHelm),
+            holds_motion=driven.holds_motion,
         )
         self._reached = controller.reached = reached
         self._gate = Gate(link)
@@ -132,12 +131,12 @@ class Mission:
         self._guard = Guard(
             survey,
             controller.vessel,
-            replace(safety, weaker_share=safety.weaker_share * braking_share(link)),
+            replace(safety, weaker_share=safety.weaker_share * driven.braking_share),
             self._tell_change,
             started,
             pilot,
             lookout,
-            by_motion=not by_thrusts,
+            by_motion=driven.holds_motion,
         )
         self._next_step_s = 0.0
         self._deadline_s = math.inf

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from grebe.control.controller import Command, StepStatus
@@ -13,7 +14,7 @@ from grebe.core.vessel import Vessel
 from grebe.identification.manoeuvre import Manoeuvre
 from grebe.links.base import BoatLink
 from grebe.mission.loop import Mission, MissionSettings
-from grebe.mission.recorders import MemoryRecorder
+from grebe.mission.recorders import Listener, MemoryRecorder
 from grebe.mission.sampling import InSets
 
 STEP_S = 0.1
@@ -57,8 +58,12 @@ class ManoeuvreHelm:
         return Command(thrusts=thrusts, plan=None, status=StepStatus.SOLVED, target=0, split=0)
 
 
-def fly_manoeuvre(survey: Survey, manoeuvre: Manoeuvre, link: BoatLink) -> ManoeuvreEnd:
-    """Drive a manoeuvre in a survey's water; the boat is left without thrust."""
+def fly_manoeuvre(
+    survey: Survey, manoeuvre: Manoeuvre, link: BoatLink, listeners: Sequence[Listener] = ()
+) -> ManoeuvreEnd:
+    """Drive a manoeuvre in a survey's water; the boat is left without thrust. `listeners` hear its
+    events.
+    """
     north, east = manoeuvre.circle.north_m + NOWHERE_NEAR_M, manoeuvre.circle.east_m
     away = rectangle((north, north + 1.0), (east, east + 1.0), (0.0, 1.0))
     target = Target(seq=1, kind="transit", set=away)
@@ -68,7 +73,7 @@ def fly_manoeuvre(survey: Survey, manoeuvre: Manoeuvre, link: BoatLink) -> Manoe
         link,
         MemoryRecorder(),
         MissionSettings(sampling=InSets(), limit_s=LONGEST_S, observes=False),
-        listeners=[lambda event: _end(mission, manoeuvre, event)],
+        listeners=[*listeners, lambda event: _end(mission, manoeuvre, event)],
     )
     report = mission.run()
     return ManoeuvreEnd(complete=report.message == OVER, message=report.message)

@@ -50,7 +50,7 @@ class Replanner:
     _open: OpenWater | None = None
     _left_out: set[int] = field(default_factory=set[int])
     _thread: threading.Thread | None = None
-    _new: NewOrder | PlanError | None = None
+    _new: NewOrder | Exception | None = None
     _since_s: float | None = None
     _weather: Weather | None = None
 
@@ -101,6 +101,8 @@ class Replanner:
         new, self._new = self._new, None
         if isinstance(new, PlanError):
             raise new
+        if isinstance(new, Exception):
+            raise PlanError(f"Planning anew failed ({type(new).__name__}: {new}).") from new
         if reached != new.reached:
             self._ask(new.revision.reason, new.revision.note, reached, place, weather)
             return None
@@ -123,24 +125,27 @@ class Replanner:
     ) -> None:
         halfway = Halfway(reached=reached, place=place, sortie=self.sortie)
         try:
-            new = replanned(
-                self.revision,
-                self.survey,
-                self._water(),
-                halfway,
-                vessel=self.vessel,
-                weather=weather,
-                reason=reason,
-                note=note,
-                without=self._left_out,
-            )
-        except PlanError as error:
+            self._new = self._planned(reason, note, halfway, weather)
+        # The loop hears of whatever goes wrong: a thread that dies in silence leaves it waiting.
+        except Exception as error:
             self._new = error
-            return
+
+    def _planned(self, reason: Reason, note: str, halfway: Halfway, weather: Weather) -> NewOrder:
+        new = replanned(
+            self.revision,
+            self.survey,
+            self._water(),
+            halfway,
+            vessel=self.vessel,
+            weather=weather,
+            reason=reason,
+            note=note,
+            without=self._left_out,
+        )
         part = None if self.sortie is None else new.sortie(self.sortie.number)
         survey = survey_of(self.survey, new, part)
-        self._new = NewOrder(
-            revision=new, survey=survey, helm=self.helm_of(survey), reached=reached
+        return NewOrder(
+            revision=new, survey=survey, helm=self.helm_of(survey), reached=halfway.reached
         )
 
     def _water(self) -> OpenWater:

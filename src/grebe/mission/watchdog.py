@@ -24,7 +24,7 @@ from grebe.core.errors import GrebeError, LinkError
 from grebe.core.events import MissionEvent, Step
 from grebe.links import guard
 from grebe.links.base import BoatLink
-from grebe.links.emergency import EmergencyStop, StopsInEmergency
+from grebe.links.emergency import EmergencyStop, emergency_of
 from grebe.mission.recorders import Listener
 
 # What the process may take to start and to import the action [s].
@@ -158,16 +158,12 @@ def taken_notes(journal: Path) -> list[str]:
 def guarded(link: BoatLink, journal: Path | None = None) -> Generator[list[Listener]]:
     """Have a link's boat watched while the mission runs; give the listeners that this takes.
 
-    A link that offers no emergency stop is not watched.
+    A link that offers no emergency stop is not watched. `LinkError` where the watchdog does not
+    start; the caller closes the link.
     """
-    stop = link.emergency if isinstance(link, StopsInEmergency) else None
+    stop = emergency_of(link)
     if stop is None:
         yield []
         return
-    try:
-        watchdog = Watchdog(stop, journal)
-    except LinkError:
-        link.close()
-        raise
-    with watchdog:
+    with Watchdog(stop, journal) as watchdog:
         yield [watchdog]

@@ -212,6 +212,9 @@ def _method(one: QuantityMap, t: Texts) -> str:
         said.append(
             t("calibrated", on_way=f"{factors.on_way:.2f}", off_way=f"{factors.off_way:.2f}")
         )
+        if factors.unrest is not None:
+            least, most = np.quantile(factors.unrest.factor(one.grid.nodes), [0.05, 0.95])
+            said.append(t("unrest", least=f"{least:.2f}", most=f"{most:.2f}"))
     return " ".join(said)
 
 

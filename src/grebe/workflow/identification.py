@@ -18,10 +18,11 @@ from grebe.io.export.drive_csv import DriveCsv
 from grebe.io.export.vessel import write_vessel
 from grebe.io.readers.drive import read_drive
 from grebe.io.store import SurveyFile
-from grebe.links.base import ModelledLink, Order
+from grebe.links.base import Order, as_driven
 from grebe.links.recording import RecordingLink
 from grebe.mission.departure import Departure
 from grebe.mission.manoeuvre import ManoeuvreEnd, fly_manoeuvre
+from grebe.mission.watchdog import guarded, journal_beside
 from grebe.report import canvas
 from grebe.report.identification_figures import identification_figure
 from grebe.workflow.run import BoatAt
@@ -104,8 +105,14 @@ def drive_manoeuvre(
     )
     with DriveCsv(to, force=force) as log:
         link = boat_at(departure)
-        by_motion = isinstance(link, ModelledLink)
-        end = fly_manoeuvre(survey, manoeuvre, RecordingLink(link, _ThrottleSink(log, boat)))
+        by_motion = as_driven(link).holds_motion
+        recorded = RecordingLink(link, _ThrottleSink(log, boat))
+        try:
+            with guarded(link, journal_beside(survey_path)) as guards:
+                end = fly_manoeuvre(survey, manoeuvre, recorded, guards)
+        except BaseException:
+            link.close()
+            raise
     notes = (
         ("this boat was steered by its speed, and the thrusts in the log are wishes: identify it "
          "from the autopilot's own log",)

@@ -196,7 +196,11 @@ def map_numbers(one: QuantityMap) -> dict[str, Any]:
         "method": one.method.key,
         "reason": one.reason,
         "scale": one.scale.name,
-        "sd_factors": {"on_way": one.calibration.on_way, "off_way": one.calibration.off_way},
+        "sd_factors": {
+            "on_way": one.calibration.on_way,
+            "off_way": one.calibration.off_way,
+            "by_place": one.calibration.unrest is not None,
+        },
         "variogram": {
             "kind": model.kind,
             "nugget": model.nugget,

@@ -14,7 +14,7 @@ from grebe.control.solvers.base import SolverBuilder
 from grebe.core.events import Warned
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
-from grebe.links.base import BoatLink, Instruments, ModelledLink
+from grebe.links.base import BoatLink, Instruments, as_driven
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
@@ -72,33 +72,31 @@ def run_survey(
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     survey_file.claim()
     link = boat_at(departure)
-    known = as_known_to(link, departure)
     try:
-        helm = helm_of(known)
-        _begin(survey_file, departure, link.source, now, listeners)
+        known = as_known_to(link, departure)
+        helm, pilot = helm_of(known), pilot_of(known, helm_of)
+        with guarded(link, journal_beside(survey_file.path)) as guards, no_long_pauses():
+            _begin(survey_file, departure, link.source, now, listeners)
+            mission = Mission(
+                departure.survey,
+                helm,
+                link,
+                SurveyRecorder(survey_file),
+                settings,
+                quantities=departure.quantities,
+                listeners=[*guards, *listeners],
+                started=departure.started,
+                reached=departure.reached,
+                pilot=pilot,
+                replanner=_replanner(survey_file, known, pilot, link) if replans else None,
+                instruments=instruments,
+            )
+            if on_ready is not None:
+                on_ready(mission)
+            return mission.run()
     except BaseException:
         link.close()
         raise
-
-    pilot = pilot_of(known, helm_of)
-    with guarded(link, journal_beside(survey_file.path)) as guards, no_long_pauses():
-        mission = Mission(
-            departure.survey,
-            helm,
-            link,
-            SurveyRecorder(survey_file),
-            settings,
-            quantities=departure.quantities,
-            listeners=[*guards, *listeners],
-            started=departure.started,
-            reached=departure.reached,
-            pilot=pilot,
-            replanner=_replanner(survey_file, known, pilot, link) if replans else None,
-            instruments=instruments,
-        )
-        if on_ready is not None:
-            on_ready(mission)
-        return mission.run()
 
 
 def _begin(
@@ -118,7 +116,8 @@ def _begin(
 
 def as_known_to(link: BoatLink, departure: Departure) -> Departure:
     """The departure with the boat as its link knows it."""
-    return replace(departure, vessel=link.model) if isinstance(link, ModelledLink) else departure
+    model = as_driven(link).model
+    return departure if model is None else replace(departure, vessel=model)
 
 
 def pilot_of(departure: Departure, helm_of: HelmOf) -> Pilot:

@@ -22,6 +22,7 @@ from grebe.mission.safety.machine import (
 from grebe.mission.safety.reserve import Battery, must_go_home, watched_battery, way_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, SafetyState
+from grebe.mission.safety.stuck import Motion
 from grebe.mission.safety.thrusters import Turning, dead_thruster, watched_turning
 from grebe.simulation.plant import Plant
 
@@ -144,7 +145,7 @@ def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
 
     def at(time_s, memory, *, mute_s=0.0, asked=None):
         name = "the sonde" if mute_s else ""
-        return advised(memory, facts(time_s, mute=name, mute_s=mute_s), settings, BOAT, asked)
+        return advised(memory, facts(time_s, mute=name, mute_s=mute_s), settings, BOAT, asked or ())
 
     waiting = at(31.0, at(30.0, Memory(), mute_s=20.0), mute_s=21.0)
     assert (waiting.state, waiting.cause) == (SafetyState.HOLDING, Cause.UNMEASURED)
@@ -152,7 +153,7 @@ def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
     again = at(50.0, waiting)
     assert (again.state, again.cause) == (SafetyState.SURVEYING, Cause.MEASURES)
     told = Asked(request=Request.GO_ON, why="temperature will do")
-    without = at(60.0, waiting, mute_s=50.0, asked=told)
+    without = at(60.0, waiting, mute_s=50.0, asked=(told,))
     assert without.state is SafetyState.SURVEYING
     assert at(90.0, without, mute_s=80.0).state is SafetyState.SURVEYING
     # Once it has spoken its next silence counts again.
@@ -162,7 +163,9 @@ def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
 
 def test_a_boat_that_waits_goes_home_while_the_battery_lasts():
     settings = replace(EASY, max_s=100.0)
-    held = advised(Memory(), facts(10.0), settings, BOAT, Asked(request=Request.HOLD, why="wait"))
+    held = advised(
+        Memory(), facts(10.0), settings, BOAT, (Asked(request=Request.HOLD, why="wait"),)
+    )
     assert advised(held, facts(69.0, home_s=30.0), settings, BOAT).state is SafetyState.HOLDING
     sent = advised(held, facts(70.0, home_s=30.0), settings, BOAT)
     assert (sent.state, sent.cause) == (SafetyState.RETURNING, Cause.TIME)
@@ -175,14 +178,19 @@ def test_the_states_and_how_they_follow_each_other():
     assert (memory.state, memory.cause) == (SafetyState.HOLDING, Cause.FENCE)
     memory = advised(memory, facts(3.0), settings, BOAT)
     assert (memory.state, memory.cause) == (SafetyState.SURVEYING, Cause.INSIDE_AGAIN)
-    memory = advised(memory, facts(4.0), settings, BOAT, Asked(request=Request.HOLD, why="wait"))
+    memory = advised(memory, facts(4.0), settings, BOAT, (Asked(request=Request.HOLD, why="wait"),))
     assert (memory.state, memory.message) == (SafetyState.HOLDING, "wait")
     memory = blinded(memory, 5.0, 2.0, settings)
     assert memory.cause is Cause.BLIND
     memory = advised(memory, facts(6.0), settings, BOAT)
+    assert (memory.state, memory.message) == (SafetyState.HOLDING, "wait")
+    on = Asked(request=Request.GO_ON, why="now")
+    memory = advised(memory, facts(6.5), settings, BOAT, (on,))
+    memory = blinded(memory, 6.6, 2.0, settings)
+    memory = advised(memory, facts(6.8), settings, BOAT)
     assert (memory.state, memory.cause) == (SafetyState.SURVEYING, Cause.SEES)
     asked = Asked(request=Request.HOME, why="rain")
-    memory = advised(memory, facts(7.0, home_s=10.0), settings, BOAT, asked)
+    memory = advised(memory, facts(7.0, home_s=10.0), settings, BOAT, (asked,))
     assert (memory.state, memory.message) == (SafetyState.RETURNING, "rain")
     memory = advised(memory, facts(9.0, at_home=True), settings, BOAT)
     assert memory.state is SafetyState.STOPPED
@@ -204,7 +212,7 @@ def test_a_boat_that_is_braked_at_the_fence_too_often_goes_home_and_then_ends():
 
 def test_a_boat_that_no_way_leads_home_ends_where_it_is():
     asked = Asked(request=Request.HOME, why="rain")
-    memory = advised(Memory(), facts(), SafetySettings(), BOAT, asked)
+    memory = advised(Memory(), facts(), SafetySettings(), BOAT, (asked,))
     memory = without_way_home(memory, 1.0, "home is on land")
     assert memory.end.value == "home_not_reached"
     assert memory.message == "rain, but: home is on land"
@@ -212,3 +220,22 @@ def test_a_boat_that_no_way_leads_home_ends_where_it_is():
 
 def test_a_limit_that_is_none_sends_nobody_home():
     assert must_go_home(Battery(), facts(1e6, home_s=math.inf), EASY) is None
+
+
+def test_what_is_asked_while_the_boat_must_be_freed_is_answered_after():
+    """Called home at the very estimate at which weeds are found, it goes home once it is free."""
+    settings = SafetySettings()
+    held = Motion(behind_m=99.0, since_s=0.0, time_s=60.0)
+    asked = (Asked(request=Request.HOME, why="rain"),)
+    memory = advised(Memory(motion=held), facts(60.0), settings, BOAT, asked)
+    assert memory.state is SafetyState.FREEING
+    free = advised(memory, facts(61.0 + settings.astern_s), settings, BOAT)
+    home = advised(free, facts(62.0 + settings.astern_s), settings, BOAT)
+    assert (home.state, home.message) == (SafetyState.RETURNING, "rain")
+
+
+def test_requests_of_one_moment_are_answered_in_their_order():
+    both = (Asked(request=Request.HOME, why="rain"), Asked(request=Request.HOLD, why="a swimmer"))
+    memory = advised(Memory(), facts(), SafetySettings(), BOAT, both)
+    assert (memory.state, memory.resumes) == (SafetyState.HOLDING, SafetyState.RETURNING)
+    assert memory.message == "a swimmer"

@@ -19,7 +19,7 @@ from grebe.core.events import State
 from grebe.core.frames import LocalFrame
 from grebe.core.inner_loop import braking_share, under_speed_control
 from grebe.core.vessel import Vessel
-from grebe.links.base import IDLE, BoatStatus, Observation, Order
+from grebe.links.base import IDLE, AsDriven, BoatStatus, Observation, Order
 from grebe.links.emergency import EmergencyStop
 from grebe.links.mavlink.navigation import Fix, Navigator
 from grebe.links.mavlink.orders import motion_order, sticks_order, sticks_released
@@ -132,7 +132,7 @@ class MavlinkLink:
 
     @property
     def model(self) -> Vessel:
-        """See `ModelledLink`: under the autopilot's inner loops the hull is another plant."""
+        """The boat for whoever steers: under inner loops the hull is another plant."""
         if not self.drives_motion:
             return self._hull
         kept = self._settings
@@ -144,9 +144,14 @@ class MavlinkLink:
         )
 
     @property
-    def braking_share(self) -> float:
-        """See `grebe.links.base.braking_share`."""
-        return braking_share(self._hull, self.model) if self.drives_motion else 1.0
+    def as_driven(self) -> AsDriven:
+        """See `DrivenLink`."""
+        model, holds = self.model, self.drives_motion
+        return AsDriven(
+            model=model,
+            holds_motion=holds,
+            braking_share=braking_share(self._hull, model) if holds else 1.0,
+        )
 
     def prepare(self) -> None:
         """Ask for the streams, match the clocks, learn where the autopilot counts from.

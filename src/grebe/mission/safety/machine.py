@@ -61,7 +61,8 @@ class Memory:
     tried since `reached` targets. `against_s`: since when the boat is carried off
     (`carried`: by a current or a wind that is stronger than it) or outside its fence;
     `tired_s`: since when it is little faster than what carries it. `unheeded`: somebody has told
-    the boat to go on without the instrument that is silent.
+    the boat to go on without the instrument that is silent. `asked` is what somebody has asked and
+    nobody has answered yet.
     """
 
     state: SafetyState = SafetyState.SURVEYING
@@ -78,6 +79,7 @@ class Memory:
     carried: bool = False
     tired_s: float | None = None
     unheeded: bool = False
+    asked: tuple[Asked, ...] = ()
     motion: Motion = field(default_factory=Motion)
     turning: Turning = field(default_factory=Turning)
     battery: Battery = field(default_factory=Battery)
@@ -94,16 +96,23 @@ def advised(
     facts: Facts,
     settings: SafetySettings,
     vessel: Vessel,
-    asked: Asked | None = None,
+    asked: tuple[Asked, ...] = (),
 ) -> Memory:
-    """Return what the boat does from this estimate on, and why."""
-    seen = _watched(memory, facts, settings, vessel)
+    """Return what the boat does from this estimate on, and why.
+
+    What is `asked` in an estimate at which the boat has to be stopped or freed is answered after.
+    """
+    asked = (*memory.asked, *asked)
+    seen = replace(_watched(memory, facts, settings, vessel), asked=asked)
     for judge in (_stops, _frees):
         changed = judge(seen, facts, settings)
         if changed is not None:
             return changed
-    if asked is not None:
-        return _answered(seen, facts, asked)
+    if asked:
+        seen = replace(seen, asked=())
+        for one in asked:
+            seen = _answered(seen, facts, one)
+        return seen
     return _judged(seen, facts, settings)
 
 
@@ -173,8 +182,12 @@ def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySetti
     if memory.cause is Cause.BLIND:
         return memory
     passing = memory.state in (SafetyState.HOLDING, SafetyState.FREEING)
+    # Who was told to hold its place holds it once it sees again.
+    held = memory.cause is Cause.HOLD
+    again = (Asked(request=Request.HOLD, why=memory.message),) if held else ()
     return replace(
         memory,
+        asked=(*again, *memory.asked),
         state=SafetyState.HOLDING,
         cause=Cause.BLIND,
         message="no usable estimate: the boat is braked and left without thrust",
