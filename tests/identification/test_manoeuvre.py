@@ -70,7 +70,7 @@ def test_the_circle_lies_in_free_water_and_is_reached_without_land_between():
     survey = square_survey(100.0)
     circle = circle_in(survey, (10.0, 10.0))
     area = shapely.Point(circle.north_m, circle.east_m).buffer(circle.radius_m)
-    assert circle.radius_m == 50.0 or survey.water.buffer(0.1).covers(area)
+    assert survey.water.buffer(0.1).covers(area)
     asked = circle_in(survey, (10.0, 10.0), 20.0)
     assert (asked.north_m, asked.east_m) == pytest.approx((20.0, 20.0), abs=0.5)
     wall = shapely.box(30.0, -1.0, 40.0, 101.0)

@@ -66,7 +66,7 @@ def test_the_command_line_sails_a_boat_behind_a_socket(path):
             capture_output=True, text=True, timeout=60, check=False,
         )  # fmt: skip
         assert declined.returncode == 6
-        assert "nobody confirmed it" in declined.stderr
+        assert "nobody confirmed the start" in declined.stderr
         done = subprocess.run(
             [*GREBE, "run", str(path), "--link", url, "--json"], input="ARM\n",
             capture_output=True, text=True, timeout=120, check=False,

@@ -17,7 +17,7 @@ from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.methods.passes import Passes, fit_passes
 from grebe.mapping.posterior import Posterior, fit_rough, fit_smooth
-from grebe.mapping.way import REACH_M, cell_m, off_the_way, passed
+from grebe.mapping.way import REACH_M, half_cell_m, off_the_way, passed
 
 SPACE = CovarianceModel(kind="matern32", sill=1.0, range_m=25.0, nugget=1e-3)
 FLEETING = Fleeting(variance=0.3, memory_s=60.0)
@@ -254,12 +254,12 @@ def test_nobody_knows_the_way_between_readings_far_apart():
 def test_a_node_whose_cell_the_way_crosses_is_on_it():
     way = np.column_stack([np.arange(100.0), np.zeros(100)])
     places = np.column_stack([np.full(4, 50.0), [0.0, 2.0, 3.0, 300.0]])
-    factors = Calibration(on_way=0.5, off_way=2.0, way=way, wide_m=cell_m(np.sqrt(2)))
+    factors = Calibration(on_way=0.5, off_way=2.0, way=way, wide_m=half_cell_m(2 * np.sqrt(2)))
     on, edge, beside, far = factors.factor(places)
     assert on == edge == 0.5
     assert 0.5 < beside < far
     assert far == pytest.approx(2.0)
-    assert cell_m(100.0) == REACH_M
+    assert half_cell_m(100.0) == REACH_M
 
 
 def test_few_lines_tell_less_of_how_wide_an_interval_must_be():

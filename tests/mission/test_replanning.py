@@ -6,13 +6,16 @@ from datetime import UTC, datetime
 import pytest
 import shapely
 
-from grebe.core.dynamics import Weather
+from grebe.core.dynamics import CALM, Weather
+from grebe.core.errors import PlanError
 from grebe.core.events import EndReason
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
+from grebe.core.revision import first_revision
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
+from grebe.mission.replanning import Replanner
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.workflow.run import run_survey, steered_by
@@ -83,3 +86,22 @@ def test_nothing_is_planned_anew_where_nothing_is_otherwise(tmp_path, survey):
     assert len(revisions) == 1
     assert watched.duration_s == plain.duration_s
     assert watched.path_m == plain.path_m
+
+
+def test_an_order_that_cannot_be_made_ends_the_wait_for_it(survey, monkeypatch):
+    """Whatever goes wrong beside the loop is heard there; it must not wait for ever."""
+    monkeypatch.setattr(
+        "grebe.mission.replanning.replanned",
+        lambda *_, **__: [].pop(),  # an error of no plan's
+    )
+    plans = Replanner(
+        survey=survey,
+        revision=first_revision(survey),
+        vessel=BOAT,
+        helm_of=lambda _: None,
+        waits=True,
+    )
+    plans.give_up(4, 3, (0.0, 0.0), CALM)
+    with pytest.raises(PlanError, match="IndexError"):
+        plans.ready(3, (0.0, 0.0), CALM)
+    assert not plans.is_busy

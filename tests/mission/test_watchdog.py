@@ -15,7 +15,9 @@ from grebe.core.dynamics import CALM
 from grebe.core.errors import LinkError
 from grebe.core.events import Estimate, Step
 from grebe.io.store import SurveyFile
-from grebe.links.emergency import EmergencyStop
+from grebe.links.base import AsDriven, as_driven
+from grebe.links.emergency import EmergencyStop, emergency_of
+from grebe.links.passing import PassingLink
 from grebe.mission.watchdog import Watchdog, journal_beside, taken_notes
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -205,3 +207,35 @@ def test_a_mission_has_its_boat_guarded_and_the_next_one_tells_what_the_guard_di
         assert [event.time for event in warned] == [NOON]
         assert "1970-01-01 00:00:00 UTC: the mission was dead" in warned[0].message
     assert log(boat) == []
+
+
+def test_what_was_recorded_is_kept_where_the_watchdog_does_not_start(boat):
+    """A mission is forgotten only once all that the new one needs is there."""
+    closed = []
+
+    def boat_at(departure):
+        link = SimulatedWorld()(departure)
+        link.emergency = EmergencyStop(action="no_such_module:stop")
+        close = link.close
+        link.close = lambda: (closed.append(True), close())
+        return link
+
+    with SurveyFile.create(boat / "s.gpkg", square_survey(), meta={}, force=True) as file:
+        simulate(file)
+        before = file.count("samples"), len(file.track())
+        with pytest.raises(LinkError):
+            simulate(file, world=boat_at, force=True)
+        assert (file.count("samples"), len(file.track())) == before
+    assert closed
+
+
+def test_a_link_that_wraps_another_passes_on_how_its_boat_is_driven_and_stopped():
+    class Autopilot:
+        as_driven = AsDriven(holds_motion=True, braking_share=0.4)
+        emergency = EmergencyStop(action="boat:stop")
+
+    wrapped = PassingLink(Autopilot())
+    assert as_driven(wrapped) == Autopilot.as_driven
+    assert emergency_of(wrapped) == Autopilot.emergency
+    assert emergency_of(PassingLink(object())) is None
+    assert as_driven(PassingLink(object())) == AsDriven()

@@ -117,7 +117,7 @@ def test_other_computers_are_not_let_in_without_tls_name_and_password(
     tls = ("--host", "0.0.0.0", "--certificate", chain, "--key", key, "--dir", tmp_path)
     assert "by which name" in refusal(*tls)
     monkeypatch.setenv(PASSWORD_VARIABLE, "short")
-    assert "12 signs" in refusal(*tls, "--name", "boat.local")
+    assert "12 characters" in refusal(*tls, "--name", "boat.local")
     wrong = ("--host", "0.0.0.0", "--certificate", key, "--key", chain, "--name", "x")
     assert "no certificate and its key" in refusal(*wrong)
     assert "other computers" in refusal("--name", "boat.local")

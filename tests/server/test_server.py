@@ -416,6 +416,19 @@ def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
 
 
 @pytest.mark.slow
+def test_targets_are_known_by_their_numbers_and_not_by_their_places(simulated_survey):
+    """After a revision the order is another; a page must not mark its neighbours."""
+    path, _, _ = simulated_survey
+    watch = Watch("x", path, Lease())
+    watch.state = library.snapshot("x", path)
+    targets = watch.state["targets"] = [
+        {**one, "state": "open"} for one in reversed(watch.state["targets"])
+    ]
+    watch._take_lists({"targets": [[targets[0]["seq"], "reached"]]}, {}, 0.0)
+    assert [one["state"] for one in targets] == ["reached"] + ["open"] * (len(targets) - 1)
+
+
+@pytest.mark.slow
 def test_a_map_is_read_where_there_is_water_alone(simulated_survey):
     path, survey, _ = simulated_survey
     lon, lat = survey.frame.to_wgs84((0.0, 0.0)).tolist()

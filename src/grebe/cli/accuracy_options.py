@@ -55,7 +55,7 @@ def refuse_without_goal(asked: dict[str, Any]) -> None:
     """Refuse what is of another goal."""
     for name, flag in (("sd_share", "--sd"), ("like", "--like"), ("quantity", "--quantity")):
         if asked[name] is not None and asked["goal"] != "accuracy":
-            raise UsageError(f"{flag} is of --goal accuracy; give that too.")
+            raise UsageError(f"{flag} requires --goal accuracy.")
 
 
 def cell_of(asked: dict[str, Any]) -> float | None:

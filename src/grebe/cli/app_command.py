@@ -203,7 +203,7 @@ def _password(file: Path | None) -> str:
         )
     if len(password) < LEAST_LENGTH:
         raise UsageError(
-            f"A password that others can guess at has {LEAST_LENGTH} signs or more.",
+            f"A password for access from elsewhere needs {LEAST_LENGTH} characters or more.",
             settings=("password_file",),
         )
     return password
@@ -220,7 +220,7 @@ def _door(host: str, port: int) -> socket.socket:
     except OSError as error:
         door.close()
         raise InputError(
-            f"Port {port} of {host} cannot be had ({error.strerror}); is the app open already?",
+            f"Cannot listen on port {port} of {host} ({error.strerror}); is the app open already?",
             settings=("port",),
         ) from None
     return door

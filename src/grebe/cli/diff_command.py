@@ -53,7 +53,7 @@ def command(
     if len(surveys) == 2:
         if seasonal:
             raise UsageError(
-                "Two surveys have no trend that a season could be told from.",
+                "Two surveys are too few to tell a season from a trend.",
                 settings=("seasonal",),
             )
         rows = _differences(surveys[0], surveys[1], out, resolution_m)

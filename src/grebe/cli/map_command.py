@@ -132,7 +132,10 @@ def command(
         _map_many(files, task, engine_of(workers, scheduler), force=force, as_json=as_json)
         return
     if len(files) != 1:
-        raise UsageError(f"{len(files)} surveys are given, and one is mapped.", settings=("many",))
+        raise UsageError(
+            f"{len(files)} surveys were given; only one can be mapped at a time without --many.",
+            settings=("many",),
+        )
     make_folder(out)
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} holds maps already; give another folder, or --force.")

@@ -300,7 +300,7 @@ def _run(
 def _only(urls: tuple[str, ...]) -> str:
     url, *others = urls
     if others:
-        raise UsageError("One boat has one --link; several are of a fleet.")
+        raise UsageError("One boat takes one --link; several are for a fleet.")
     return url
 
 
@@ -340,7 +340,7 @@ def _refuse_for_fleets(instruments: tuple[str, ...], run: dict[str, Any], *, liv
     asked = {"--instrument": bool(instruments), "--live": live, "--replan": run["replans"]}
     for flag, given in asked.items():
         if given:
-            raise UsageError(f"{flag} is of one boat's mission; run a boat's part by --sortie.")
+            raise UsageError(f"{flag} works for one boat only; run its part with --sortie.")
 
 
 def _show_preview(

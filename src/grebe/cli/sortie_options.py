@@ -66,7 +66,7 @@ def sorties_of(
     if battery_wh is None and minutes is None:
         if harbours or reserve is not None:
             raise UsageError(
-                "--harbour and --reserve are of sorties; give --battery or --sortie-minutes too."
+                "--harbour and --reserve apply to sorties; give --battery or --sortie-minutes too."
             )
         return None
     return SortieSettings(

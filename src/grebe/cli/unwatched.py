@@ -49,9 +49,9 @@ class Unwatched:
                 self._waiting.append(text)
                 self._idle = False
                 self._changed.notify_all()
-            if self._writer is None:
-                self._writer = threading.Thread(target=self._write_on, daemon=True)
-                self._writer.start()
+                if self._writer is None:
+                    self._writer = threading.Thread(target=self._write_on, daemon=True)
+                    self._writer.start()
         return len(text)
 
     def flush(self) -> None:

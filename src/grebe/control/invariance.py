@@ -61,7 +61,6 @@ class Counterexample:
     """
 
     state: tuple[float, ...]
-    best_input: tuple[float, float]
     least_excess: float
     between: float
 
@@ -125,7 +124,6 @@ class SetCheck:
         steepest = max(self._sensitivity(state, pair) for pair in _grid(low, high, COARSE))
         return Counterexample(
             state=tuple(state.tolist()),
-            best_input=(float(inputs[k, 0]), float(inputs[k, 1])),
             least_excess=float(out[k]),
             between=SENSITIVITY_ALLOWANCE * steepest * reach,
         )

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 STANDARD_ATM_HPA = 1013.25
-# Molar mass of oxygen [g/mol]: micromoles a litre to milligrams.
-MG_PER_UMOL = 0.0319988
 KELVIN = 273.15
 
 

@@ -51,7 +51,7 @@ class SortieSettings:
                 )
         if not 0 <= self.reserve < 1:
             raise UsageError(
-                f"A reserve of {self.reserve:g} is none; give a share from 0 to less than 1.",
+                f"A reserve of {self.reserve:g} is impossible; give a share from 0 to less than 1.",
                 settings=("reserve",),
             )
 

@@ -22,6 +22,14 @@ _RESERVED = frozenset({"fid", "geom", "time", "lat", "lon", "target_seq", "speed
 Span = tuple[float, float]
 
 
+def inline(label: str) -> str:
+    """A name as it stands within a sentence: lower case, unless its first word has a spelling of
+    its own, such as pH or ORP.
+    """
+    first = label.split(" ", 1)[0]
+    return label[:1].lower() + label[1:] if first[1:].islower() else label
+
+
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """What is possible and what is usual for one quantity, in its unit.
@@ -135,6 +143,11 @@ class Quantity:
     def label(self) -> str:
         """The English name."""
         return self.labels["en"]
+
+    @property
+    def inline(self) -> str:
+        """The English name as it stands within a sentence: `temperature`, but `pH`."""
+        return inline(self.label)
 
     def label_in(self, language: str) -> str:
         """The name in a language, in English where it has none."""

@@ -39,7 +39,9 @@ class EstimateErrors:
         if min(self.position_m, self.heading_rad, self.velocity_mps, self.late_s) < 0:
             raise UsageError("Errors of estimates and their delay are 0 or more.")
         if not 0 <= self.lost_share < 1:
-            raise UsageError(f"A share of {self.lost_share} of estimates cannot be lost; give 0-1.")
+            raise UsageError(
+                f"The share of lost estimates must be from 0 to less than 1, not {self.lost_share}."
+            )
 
     @property
     def scale(self) -> tuple[float, float, float, float, float, float]:

@@ -46,7 +46,6 @@ class Bathymetry:
     volume_m3: float
     volume_sd_m3: float
     mean_depth_m: float
-    mean_depth_sd_m: float
     max_depth_m: float
     max_depth_sd_m: float
     curve: Hypsography
@@ -96,7 +95,6 @@ def bathymetry(
         volume_m3=volume,
         volume_sd_m3=volume_sd,
         mean_depth_m=volume / area_m2,
-        mean_depth_sd_m=volume_sd / area_m2,
         max_depth_m=deepest,
         max_depth_sd_m=max_sd,
         curve=Hypsography(

@@ -12,7 +12,7 @@ from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
 from grebe.mapping.scale import LINEAR, Scale
 from grebe.mapping.unrest import calmed, unrest_of
 from grebe.mapping.validation import STRETCH_M, Validation, predicted, prove, stretch_folds
-from grebe.mapping.way import cell_m
+from grebe.mapping.way import half_cell_m
 
 # Of more readings a share proves the map: along a way they lie closer than what is left out is
 # wide, and more of them tell the same.
@@ -73,7 +73,7 @@ def _tried(method: Method, readings: Readings, domain: Domain, scale: Scale) -> 
         # Off the way there is less to tell by: no map is made surer there than its model is.
         off_way=max(lines, 1.0),
         way=way,
-        wide_m=cell_m(domain.grid.step_m),
+        wide_m=half_cell_m(domain.grid.step_m),
         unrest=unrest,
     )
     told = [max(one.rmse, 1e-300) for one in (*near, far) if len(one.error)]

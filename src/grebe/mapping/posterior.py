@@ -248,7 +248,9 @@ class Posterior:
         return IMPOSSIBLE if white is None else white.log_likelihood
 
     def _whitened(self, matrix: Array) -> _Whitened | None:
-        """The values under a covariance, which is lost; None for one that is none."""
+        """The values whitened by a covariance, which is overwritten; None where it is not positive
+        definite.
+        """
         (factorise,) = get_lapack_funcs(("potrf",), (matrix,))
         # By columns, as LAPACK has it, the transpose of a symmetric matrix needs no copy.
         upper, failed = factorise(matrix.T, lower=0, overwrite_a=1, clean=1)

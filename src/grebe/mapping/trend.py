@@ -70,7 +70,7 @@ class Trend:
 
     @property
     def clear(self) -> NDArray[np.bool_]:
-        """Where the water has changed, so that 5 % of the places said so have not."""
+        """Where the water has changed, at a false discovery rate of 5 %."""
         return self.adjusted_p <= DISCOVERY_RATE
 
 

@@ -19,12 +19,11 @@ REACH_M = 3.0
 LONGEST_LEG_M = 40.0
 
 
-def cell_m(step_m: float) -> float:
-    """How far the nodes can be, of a map whose nodes are `step_m` apart, between which a place is
-    interpolated: for a place on the way to be read as one, all four of them must be on it. No more
-    than `REACH_M`.
+def half_cell_m(step_m: float) -> float:
+    """How far from a node of a map, whose nodes are `step_m` apart, its cell reaches: a node stands
+    for its cell, so one whose cell the way crosses is on the way. No more than `REACH_M`.
     """
-    return min(step_m * np.sqrt(2.0), REACH_M)
+    return min(step_m / np.sqrt(2.0), REACH_M)
 
 
 def blocks_of(positions: Array, side_m: float) -> NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""One recorder and any number of listeners behind one page: what a mission speaks to."""
+"""Passes the events of a mission to one recorder and any number of listeners."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Helm(Protocol):
 
 @runtime_checkable
 class AdaptableHelm(Protocol):
-    """Who can go on with another boat than the one that it began with."""
+    """A helm that can switch to a corrected vessel under way."""
 
     def take_for(self, vessel: Vessel) -> None:
         """Plan for another boat from now on."""
@@ -45,7 +45,7 @@ class AdaptableHelm(Protocol):
 
 @runtime_checkable
 class ForeseeingHelm(Protocol):
-    """Who can plan for thrusters that answer late."""
+    """A helm that can allow for thrusters that lag."""
 
     def expect(self, thrusters: SlowThrusters | None) -> None:
         """Plan the next step for these thrusters; None for such as answer at once."""

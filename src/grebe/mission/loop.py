@@ -65,13 +65,13 @@ from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport, Statistics
 from grebe.mission.way_home import Pilot
 
-# Where a mission is that never had an estimate.
+# The state that is told of a mission that never received an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # Time without a usable estimate after which the thrusters are stopped.
 BLIND_S = 1.5
 # The quantity that says how much water is below the boat.
 DEPTH = "water_depth_m"
-# A mission that nobody dates begins here: simulated time needs no calendar.
+# Where a mission begins that is given no date: simulated time needs no calendar.
 SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
 
 

@@ -77,7 +77,8 @@ class Sampler:
         if self._instruments is None:
             return []
         self._way.append((observation.time_s - observation.age_s, observation.state))
-        while self._way[0][0] < observation.time_s - REMEMBERED_S:
+        # The newest stays, however late it was heard.
+        while len(self._way) > 1 and self._way[0][0] < observation.time_s - REMEMBERED_S:
             self._way.popleft()
         found: list[Sample] = []
         for reading in self._instruments.readings():

@@ -58,7 +58,7 @@ class Waterways:
     def __init__(
         self, cells: list[Cell], network: Network, water: shapely.Polygon, cell_m: float
     ) -> None:
-        self._cells, self._network, self._cell_m = cells, network, cell_m
+        self._cells, self._cell_m = cells, cell_m
         self._allowed = water.buffer(ROUNDING_M, join_style="mitre")
         shapely.prepare(self._allowed)
         self._water = water

@@ -41,7 +41,7 @@ class Endurance:
 
 
 def endurance_of(vessel: Vessel, settings: PlanSettings, travel: Travel) -> Endurance:
-    """Return how far a boat may go; `PlanError` where the stated weather lets nobody home.
+    """Return how far a boat may go; `PlanError` where no boat gets home in the stated weather.
 
     The worst of the weather is a current and a wind as strong as stated, straight against the
     boat, whichever way it goes.

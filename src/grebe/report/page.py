@@ -12,6 +12,7 @@ import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
+from grebe.core.quantity import inline
 from grebe.io.whole import write_text_whole
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
@@ -249,8 +250,8 @@ def _paragraph(data: ReportData, t: Texts) -> str:
         vessel=t["a_boat"] if vessel is None else t("a_vessel", vessel=vessel.name),
         sensors=data.meta.get("sensors", t["sensors_not_stated"]),
         samples=f"{len(samples):,}",
-        quantities=", ".join(one.quantity.label_in(t.language) for one in data.maps).lower(),
-        methods="; ".join(dict.fromkeys(one.method.label for one in data.maps)).lower(),
+        quantities=", ".join(inline(one.quantity.label_in(t.language)) for one in data.maps),
+        methods="; ".join(dict.fromkeys(inline(one.method.label) for one in data.maps)),
         step=f"{data.maps[0].grid.step_m:.1f}",
         version=data.meta.get("software_version", ""),
     )

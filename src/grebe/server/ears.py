@@ -13,6 +13,7 @@ import json
 import os
 import secrets
 import socket
+import struct
 import threading
 import time
 from collections.abc import Callable, Generator
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 EACH_S = 0.1
 # A client that does not take what it is told for so long is dropped [s].
 PATIENCE_S = 2.0
+PATIENCE = struct.pack("ll", int(PATIENCE_S), 0)
 BY_THE_APP = "by the operator in the app"
 
 
@@ -102,6 +104,8 @@ class Ears:
                 client.close()
                 return
             client.settimeout(None)
+            # A time-out of the socket itself would end the reading of orders too, which waits.
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, PATIENCE)
             with self._lock:
                 self._clients.append(client)
             while line := lines.readline(200):
@@ -135,9 +139,7 @@ class Ears:
         with self._lock:
             for client in tuple(self._clients):
                 try:
-                    client.settimeout(PATIENCE_S)
                     client.sendall(line)
-                    client.settimeout(None)
                 except OSError:
                     self._clients.remove(client)
                     client.close()

@@ -63,7 +63,7 @@ class Library:
         return path
 
     def summaries(self) -> list[dict[str, Any]]:
-        """What the list of surveys shows, the newest first; files that are none are left out."""
+        """What the list of surveys shows, the newest first; unreadable files are left out."""
         found: list[dict[str, Any]] = []
         for survey_id, path in self.paths().items():
             with suppress(GrebeError, OSError):
@@ -340,8 +340,8 @@ def replay(path: Path) -> dict[str, Any]:
         places = np.array(_places(survey, states[:, :2])).reshape(-1, 2)
         spots = np.array(_places(survey, samples.positions)).reshape(-1, 2)
         reached = sorted(
-            (at.timestamp() - zero, seq)
-            for seq, at in enumerate(file.progress().reached_at, 1)
+            (at.timestamp() - zero, target.seq)
+            for target, at in zip(survey.targets, file.progress().reached_at, strict=True)
             if at is not None
         )
         return {

@@ -89,7 +89,11 @@ class Watch:
     async def _listen(self, reader: asyncio.StreamReader) -> None:
         try:
             while line := await reader.readline():
-                self._take(json.loads(line))
+                told = json.loads(line)
+                self._take(told)
+                if told.get("revised"):
+                    await self._read()
+                    self._tell_all_anew()
         except (OSError, ValueError):
             pass
         self._writer = None
@@ -159,17 +163,21 @@ class Watch:
                 *told["targets"],
             ]
             changes = [one for one in changes if one[1] == "reached" or one[0] not in reached]
+            targets = self._by_number()
             for seq, word in changes:
-                if 0 < seq <= len(state["targets"]):
-                    state["targets"][seq - 1]["state"] = word
+                if seq in targets:
+                    targets[seq]["state"] = word
             delta["targets"] = changes
         if told.get("events"):
             state["events"] = [*state["events"], *told["events"]][-library.LOG_LINES :]
             delta["events"] = [_since(event, zero) for event in told["events"]]
 
     def _is_current(self, seq: int) -> bool:
-        targets = self.state["targets"]
-        return 0 < seq <= len(targets) and targets[seq - 1]["state"] == "current"
+        return self._by_number().get(seq, {}).get("state") == "current"
+
+    def _by_number(self) -> dict[int, dict[str, Any]]:
+        """The targets by their numbers: after a revision these are not their places."""
+        return {one["seq"]: one for one in self.state["targets"]}
 
     def _tell_map(self) -> None:
         now = asyncio.get_running_loop().time()
@@ -226,10 +234,10 @@ class Watch:
             if loop.time() > end:
                 raise LinkError("The mission did not begin within three minutes.")
             await asyncio.sleep(0.05)
-        self.state = {}
+        # Read before anything is heard: a listener must never find an empty state.
+        await self._read()
         await self.ready()
-        if self.state:
-            self.state["status"] |= {"rate": voyage.rate, "link": voyage.link}
+        self.state["status"] |= {"rate": voyage.rate, "link": voyage.link}
         self._tell_all_anew()
 
     async def _ended(self) -> None:

@@ -53,7 +53,6 @@ class Made:
     frame: LocalFrame
     positions: NDArray[np.float64]
     flags: NDArray[np.int64]
-    forming: bool
 
 
 @dataclass(kw_only=True)
@@ -126,9 +125,7 @@ def _made(path: str, quantity: str, *, forming: bool) -> Made:
         one = _forming(path, survey.water, *taken)
     else:
         one = Mapper(survey.water, make_grid(survey.water)).map_quantity(*taken)
-    made = Made(
-        map=one, frame=survey.frame, positions=samples.positions, flags=flags, forming=forming
-    )
+    made = Made(map=one, frame=survey.frame, positions=samples.positions, flags=flags)
     _KEPT[key] = made
     while len(_KEPT) > KEPT:
         _KEPT.popitem(last=False)
@@ -319,7 +316,6 @@ def difference(path: str, other: str, quantity: str) -> dict[str, Any]:
         frame=changes.survey.frame,
         positions=np.zeros((0, 2)),
         flags=np.zeros(0, dtype=np.int64),
-        forming=False,
     )
     found = change.difference.mean
     return _grid(made, found, "difference", change.before.quantity.unit, None, None)

@@ -18,6 +18,7 @@ from grebe.core.events import (
     MissionEvent,
     Prediction,
     Reached,
+    Revised,
     SafetyChanged,
     SampleTaken,
     Started,
@@ -116,6 +117,9 @@ class Telling:
             case Reached():
                 self._list("targets").append([event.target_seq, "reached"])
                 self._reached(event)
+            case Revised():
+                self._status["targets"] = self._status.get("targets", 0) + event.more
+                self._changed["revised"] = True
             case SafetyChanged():
                 self._status |= {
                     "doing": event.after,
@@ -165,7 +169,7 @@ class Telling:
     def _reached(self, event: Reached) -> None:
         self._status["reached"] = event.count
         done = event.count - self._reached_at_start
-        left = len(self._survey.targets) - event.count
+        left = self._status.get("targets", len(self._survey.targets)) - event.count
         if self._began is not None and done > 0:
             each_s = (event.time.timestamp() - self._began) / done
             self._status["eta_s"] = round(left * each_s, 1)

@@ -78,7 +78,7 @@ def prior_of_range(practical_range_m: float) -> CovarianceModel:
     """
     if not 0 < practical_range_m < math.inf:
         raise UsageError(
-            f"A range of {practical_range_m:g} m is none; give a positive number of metres.",
+            f"A range of {practical_range_m:g} m is impossible; give a positive number of metres.",
             settings=("range_m",),
         )
     return CovarianceModel(
@@ -189,7 +189,9 @@ def _sure_enough(
     cell_m = prior.practical_range_m * sd_share
     for _ in range(TRIALS):
         try:
-            one = expected(planned(replace(settings, cell_m=cell_m, minutes=None)), prior, said)
+            one = expected(
+                planned(replace(settings, cell_m=cell_m, minutes=None, energy_wh=None)), prior, said
+            )
         except PlanError:
             # Cells that are larger than the water.
             high, cell_m = cell_m, math.sqrt(max(low, 0.1 * cell_m) * cell_m)

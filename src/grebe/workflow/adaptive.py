@@ -66,11 +66,14 @@ class Wish:
             raise UsageError(f"There is no goal {self.goal!r}; choose {', '.join(GOALS)}.")
         if (self.goal == "threshold") != (self.threshold is not None):
             raise UsageError(
-                "A threshold is of the goal threshold, and that needs one.",
+                "The goal 'threshold' needs a threshold, and no other goal takes one.",
                 settings=("threshold", "goal"),
             )
         if not 0 < self.minutes < math.inf:
-            raise UsageError(f"{self.minutes:g} minutes are no time.", settings=("minutes",))
+            raise UsageError(
+                f"{self.minutes:g} minutes is impossible; give a positive number.",
+                settings=("minutes",),
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

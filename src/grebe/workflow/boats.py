@@ -63,7 +63,7 @@ def boat_named(
 
 def _simulated(rest: str, harbour: Harbour) -> BoatAt:
     if rest:
-        raise LinkError(f"The simulated boat is 'sim:' alone; what does {rest!r} mean?")
+        raise LinkError(f"'sim:' takes nothing after the colon; remove {rest!r}.")
     return harbour.world
 
 
@@ -86,7 +86,7 @@ def _nmea(rest: str, harbour: Harbour) -> BoatAt:
 
 
 def _replay(rest: str, harbour: Harbour) -> BoatAt:  # noqa: ARG001
-    """A recorded survey; nobody is moved by it."""
+    """A recorded survey played back; no boat moves."""
     from grebe.workflow.replay import replay_boat
 
     return replay_boat(rest)

@@ -29,12 +29,10 @@ def nmea_boat(rest: str, confirm: Callable[[str], bool]) -> BoatAt:
 
     def boat_at(departure: Departure) -> NmeaLink:
         link = open_nmea(settings, departure.survey.frame, departure.vessel)
-        said = (
-            f"This sends thrusts to the boat that {settings.source} tells of; it drives by itself."
-        )
+        said = f"This sends thrusts to the boat at {settings.source}, which then drives by itself."
         if not confirm(said):
             link.close()
-            raise StoppedError("The boat was told nothing: nobody confirmed it.")
+            raise StoppedError("No command was sent: nobody confirmed the start.")
         return link
 
     return boat_at

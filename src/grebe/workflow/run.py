@@ -1,4 +1,4 @@
-"""Run a survey: whoever steers, whatever boat, one way."""
+"""Run a survey with any helm and any boat link."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def as_known_to(link: BoatLink, departure: Departure) -> Departure:
 
 
 def pilot_of(departure: Departure, helm_of: HelmOf) -> Pilot:
-    """Return what makes who steers another way than the survey's: home, or a new order."""
+    """Return a factory of helms for other routes: the way home, or a new order."""
 
     def pilot(way: Survey) -> Helm:
         return helm_of(replace(departure, survey=way, reached=0))

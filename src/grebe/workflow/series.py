@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import InputError
-from grebe.core.quantity import Quantity
+from grebe.core.quantity import Quantity, inline
 from grebe.core.survey import Survey
 from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.export.geotiff import write_bands
@@ -194,8 +194,8 @@ def _entry(series: Series, quantities: Sequence[Quantity]) -> CatalogueEntry:
         last_s=float(spans.max()),
         every_s=float(np.ptp(spans.mean(axis=1))) / (len(spans) - 1),
         credits={
-            "summary": f"Maps of {', '.join(names).lower()} in the surface water by {len(spans)} "
-            f"surveys from {begun:%Y-%m-%d} to {ended:%Y-%m-%d}, each with its standard "
-            "deviation, and the trend of each place."
+            "summary": f"Maps of {', '.join(map(inline, names))} in the surface water by "
+            f"{len(spans)} surveys from {begun:%Y-%m-%d} to {ended:%Y-%m-%d}, each with its "
+            "standard deviation, and the trend of each place."
         },
     )

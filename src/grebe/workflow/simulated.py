@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +20,6 @@ from grebe.simulation.faults import NO_FAULTS, Faults, FaultyPlant
 from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water, conditioned_water, free_water
-
-if TYPE_CHECKING:
-    pass
 
 # Samples further than this from the region say nothing of its water [m].
 NEAR_M = 1000.0

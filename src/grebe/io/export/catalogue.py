@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 import shapely
 
 from grebe.core.errors import InputError
+from grebe.core.quantity import inline
 
 ACDD = "ACDD-1.3"
 VOCABULARY = "CF Standard Name Table v93"
@@ -55,8 +56,8 @@ class CatalogueEntry:
         """What there is, in a sentence."""
         when = f"{datetime.fromtimestamp(self.first_s, UTC):%Y-%m-%d}"
         return self.credits.get("summary") or (
-            f"Maps of {', '.join(self.quantities).lower()} in the surface water, each with its "
-            f"standard deviation, interpolated from samples that a boat took on {when}."
+            f"Maps of {', '.join(map(inline, self.quantities))} in the surface water, each with "
+            f"its standard deviation, interpolated from samples that a boat took on {when}."
         )
 
     @property

@@ -158,7 +158,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
     sd.setncatts(
         {
             **standard_named(quantity.standard_name, " standard_error"),
-            "long_name": f"standard deviation of the signal of {quantity.label.lower()}",
+            "long_name": f"standard deviation of the signal of {quantity.inline}",
             "units": quantity.cf_unit,
         }
     )
@@ -168,7 +168,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
         text = {"low95": "lower", "high95": "upper"}[name]
         end.setncatts(
             {
-                "long_name": f"{text} end of the 95 % interval of {quantity.label.lower()}",
+                "long_name": f"{text} end of the 95 % interval of {quantity.inline}",
                 "units": quantity.cf_unit,
             }
         )
@@ -221,7 +221,7 @@ def _write_draws(dataset: netCDF4.Dataset, one: QuantityMap, draws: np.ndarray) 
         number.setncatts({"standard_name": "realization", "long_name": "number of the draw",
                           "units": "1"})  # fmt: skip
         number[:] = np.arange(len(draws))
-    label = one.quantity.label.lower()
+    label = one.quantity.inline
     variable = field_variable(dataset, f"{one.quantity.key}_draw", draws, ("realization", "y", "x"))
     variable.setncatts(
         {

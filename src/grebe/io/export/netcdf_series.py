@@ -73,7 +73,7 @@ def _write_quantity(
     dataset: netCDF4.Dataset, one: SeriesFields, rows: NDArray[np.intp], count: int
 ) -> None:
     quantity, key = one.quantity, one.quantity.key
-    name = quantity.label.lower()
+    name = quantity.inline
 
     def in_time(fields: Array) -> Array:
         whole = np.full((count, *fields.shape[1:]), np.nan)

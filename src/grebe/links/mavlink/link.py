@@ -69,7 +69,7 @@ class MavlinkSettings:
         if self.drive not in ("motion", "sticks"):
             raise UsageError(f"A boat is driven by motion or by sticks, not by {self.drive!r}.")
         if not min(self.silence_s, self.find_s, self.settle_s) > 0:
-            raise UsageError("A MAVLink line's silence and the search for it last longer than 0 s.")
+            raise UsageError("Time-outs of a MAVLink line must be longer than 0 s.")
         if not 0 <= self.system <= 255:
             raise UsageError(f"A MAVLink system has a number from 1 to 255, not {self.system}.")
 
@@ -183,7 +183,7 @@ class MavlinkLink:
             f"This arms the boat ({dialect.name}, system {vehicle.system}), changes its mode from "
             f"{vehicle.mode_name} to {dialect.mode_name(mode)}, and lets it drive by itself."
         ):
-            raise StoppedError("The boat was not armed: nobody confirmed it.")
+            raise StoppedError("The boat was not armed: nobody confirmed the start.")
         self._in_charge = True
         if dialect.asks_orders_first:
             self._repeat_idle(1.0)

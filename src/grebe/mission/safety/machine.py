@@ -32,7 +32,7 @@ TIRED_SHARE, TIRED_S = 0.35, 5.0
 UNHELD_M = 1.0
 # What a boat holds its place for until somebody, or something, lets it go on.
 WAITS = (Cause.HOLD, Cause.UNMEASURED)
-# What the boat must be faster than its current by to be going anywhere [m/s].
+# The speed that the boat must have in hand over the current to make headway [m/s].
 LEAST_REACH_MPS = 0.05
 
 
