@@ -62,8 +62,8 @@ def test_a_survey_goes_on_where_it_pays_and_its_map_becomes_surer(path):
     ("words", "said"),
     [
         (("--quantity", "gold", "--minutes", 2), "no quantity 'gold'"),
-        (("--quantity", "ph", "--minutes", 2, "--goal", "threshold"), "needs one"),
-        (("--quantity", "ph", "--minutes", -2), "no time"),
+        (("--quantity", "ph", "--minutes", 2, "--goal", "threshold"), "needs a threshold"),
+        (("--quantity", "ph", "--minutes", -2), "impossible"),
         (("--quantity", "ph", "--minutes", 0.01), "give more"),
     ],
 )

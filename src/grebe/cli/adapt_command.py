@@ -9,7 +9,8 @@ import click
 from grebe.cli import options, output
 from grebe.core.errors import PlanError, UsageError
 from grebe.io.store import SurveyFile
-from grebe.workflow.adaptive import GOALS, Wish, adapted
+from grebe.workflow.adaptive import adapted
+from grebe.workflow.wish import GOALS, Wish
 
 
 @click.command(name="adapt")

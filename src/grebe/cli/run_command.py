@@ -11,12 +11,14 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
+from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_of
 from grebe.cli.fleet_run import explain, fleet_numbers, run_fleet
 from grebe.cli.interruption import heed_mission, ignore_hangup
 from grebe.cli.live_view import live_view
+from grebe.cli.rule_options import rule_of, rule_options
 from grebe.cli.safety_options import ONCE, safety_of, safety_options
+from grebe.cli.world_options import world_of, world_options
 from grebe.control.rules.base import Rule
-from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, LinkError, StoppedError, UsageError
 from grebe.core.events import EndReason
@@ -24,7 +26,6 @@ from grebe.core.quantities import BUILTIN, Quantities
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
-from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
 from grebe.mission.loop import Mission
 from grebe.mission.sampling import InSets, InWindow
@@ -38,25 +39,6 @@ from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 from grebe.workflow.sorties import kept_by_plan, sortie_states
-from grebe.workflow.steering import RULES, SOLVERS, rule_named, solver_named
-
-DEFAULTS = Dual()
-WEIGHTS = {
-    "alpha": "Weight of the squared distance (Eq. 2), for single and dual.",
-    "beta": "Weight of the squared thrusts (Eq. 2), for single and dual.",
-    "p": "Weight of the current set (Eq. 7), for dual.",
-    "q": "Weight of the next set (Eq. 7), for dual.",
-}
-
-
-def _weight_options(command: Any) -> Any:
-    for name, what in reversed(WEIGHTS.items()):
-        default = getattr(DEFAULTS, name)
-        option = click.option(
-            f"--{name}", type=float, default=default, show_default=True, help=what
-        )
-        command = option(command)
-    return command
 
 
 @click.command(name="run")
@@ -71,77 +53,8 @@ def _weight_options(command: Any) -> Any:
     "speaks NMEA, replay:FILE[?speed=10|max] a recorded one, python:FILE.py one of your own; of a "
     "fleet once for each boat.  [default: sim:]",
 )
-@click.option(
-    "--rule",
-    type=click.Choice(list(RULES)),
-    default="lookahead",
-    show_default=True,
-    help="Who plans.",
-)
-@click.option(
-    "--solver",
-    type=click.Choice(list(SOLVERS)),
-    default="fast",
-    show_default=True,
-    help="Who solves.",
-)
-@click.option("--horizon", type=int, help="N, in stages [lookahead 24, else 15].")
-@click.option("--step", "step_s", type=float, help="T [s] [lookahead 0.5, else 1].")
-@click.option(
-    "--epsilon",
-    type=float,
-    default=DEFAULTS.epsilon,
-    show_default=True,
-    help="For single and dual: from how far off the next set counts (Definition 8).",
-)
-@_weight_options
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=1,
-    show_default=True,
-    help="Of the simulated water.",
-)
-@click.option(
-    "--current",
-    type=options.NORTH_EAST,
-    default="0,0",
-    show_default=True,
-    help="True current [m/s]; the controller is not told.",
-)
-@click.option(
-    "--wind",
-    type=options.NORTH_EAST,
-    default="0,0",
-    show_default=True,
-    help="True wind force [N]; the controller is not told.",
-)
-@click.option(
-    "--mismatch",
-    type=click.FloatRange(0, 1, max_open=True),
-    default=0.0,
-    show_default=True,
-    help="Share by which the simulated boat may differ from the controller's model.",
-)
-@click.option(
-    "--noise",
-    type=click.FloatRange(min=0),
-    default=0.0,
-    show_default=True,
-    help="Standard deviation of the estimated velocities [m/s].",
-)
-@click.option(
-    "--lost",
-    type=click.FloatRange(0, 1, max_open=True),
-    default=0.0,
-    show_default=True,
-    help="Share of the state estimates that never arrive.",
-)
-@click.option(
-    "--water",
-    type=options.EXISTING,
-    help="CSV track or survey file on whose samples the simulated water is conditioned.",
-)
+@rule_options
+@world_options
 @click.option(
     "--sample-in-sets-only",
     "in_sets_only",
@@ -171,6 +84,7 @@ def _weight_options(command: Any) -> Any:
     help="Plan the rest anew, while the boat sails, where a target is not reached in time (it is "
     "left out) or the current is another than was planned with.",
 )
+@adaptive_options
 @click.option("--live", is_flag=True, help="Open the app on this mission, and print its address.")
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
@@ -244,6 +158,7 @@ def _judge(
     for url in urls:
         boat_named(url)
     safety_of(run, now)
+    wish_of(run)
     _settings(run)
     for one in instruments:
         instrument_named(one)
@@ -285,6 +200,7 @@ def _run(
             now,
             _mission_settings(run, now, survey_file),
             replans=run["replans"],
+            extends=onward_of(run, survey_file),
             listeners=[
                 ProgressMeter(bar.update),
                 Alarm(output.note),
@@ -337,7 +253,12 @@ def _mission_settings(
 
 def _refuse_for_fleets(instruments: tuple[str, ...], run: dict[str, Any], *, live: bool) -> None:
     """What one boat can, and a fleet cannot yet."""
-    asked = {"--instrument": bool(instruments), "--live": live, "--replan": run["replans"]}
+    asked = {
+        "--instrument": bool(instruments),
+        "--live": live,
+        "--replan": run["replans"],
+        "--adaptive": run["adaptive_key"] is not None,
+    }
     for flag, given in asked.items():
         if given:
             raise UsageError(f"{flag} works for one boat only; run its part with --sortie.")
@@ -373,16 +294,7 @@ def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:
 
 def _settings(run: dict[str, Any]) -> tuple[Rule, SolverBuilder, SimulatedWorld]:
     """Turn the options of a run into its rule, its solver and the world's settings."""
-    rule = rule_named(run["rule"], run | {"stages": run["horizon"]})
-    solver = solver_named(run["solver"])
-    world = SimulatedWorld(
-        weather=options.weather_of(run["current"], run["wind"]),
-        mismatch=run["mismatch"],
-        errors=EstimateErrors(velocity_mps=run["noise"], lost_share=run["lost"]),
-        water_from=None if run["water"] is None else Path(run["water"]),
-        seed=run["seed"],
-    )
-    return rule, solver, world
+    return *rule_of(run), world_of(run)
 
 
 def _as_before(ctx: click.Context, run: dict[str, Any], recorded: str) -> dict[str, Any]:

@@ -218,8 +218,9 @@ class Mission:
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
         """Why the mission ends at this estimate; None where it goes on."""
         surveys = self._guard.state is SafetyState.SURVEYING
-        if self._done and not self._waits_for_others():
-            return EndReason.COMPLETE, "every target is reached"
+        if self._done and not self._waits_for_others() and not self._extends(observation):
+            why = "" if self._replanner is None else self._replanner.over
+            return EndReason.COMPLETE, "every target is reached" + (f"; {why}" if why else "")
         if request := self._requested_stop():
             return EndReason.STOPPED, request
         if self._guard.end is not None:
@@ -246,6 +247,11 @@ class Mission:
             self._guard.ask(Request.HOLD, "its part is done, and it makes room for others")
         return True
 
+    def _extends(self, observation: Observation) -> bool:
+        """Whether the mission goes on after its last target; the boat waits for where."""
+        plans, place = self._replanner, observation.state[:2]
+        return plans is not None and plans.goes_on(observation.time_s, self._reached, place)
+
     def _gives_up(self, observation: Observation) -> bool:
         """Whether the mission goes on without the target that it does not reach."""
         if self._replanner is None or self._done:
@@ -257,9 +263,10 @@ class Mission:
     def _replan(self, observation: Observation) -> None:
         """Take a new order of what is left where there is one, or ask for one."""
         plans, place = self._replanner, observation.state[:2]
-        if plans is None or self._done or self._guard.state is not SafetyState.SURVEYING:
+        if plans is None or self._guard.state is not SafetyState.SURVEYING:
             return
-        plans.watch(observation.time_s, self._reached, place, self._weather)
+        if not self._done:
+            plans.watch(observation.time_s, self._reached, place, self._weather)
         try:
             new = plans.ready(self._reached, place, self._weather)
         except PlanError as error:

@@ -11,9 +11,10 @@ import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from grebe.core.dynamics import CALM, Weather
-from grebe.core.errors import PlanError
+from grebe.core.errors import GrebeError, PlanError
 from grebe.core.revision import PlanRevision, Reason, Sortie, survey_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
@@ -35,10 +36,17 @@ class NewOrder:
     reached: int
 
 
+# Where a mission goes on that has sailed its order, by the revision that it sails, how far it has
+# come and its time [s]; `PlanError` says why it does not.
+Extension = Callable[[PlanRevision, Halfway, float], PlanRevision]
+
+
 @dataclass(kw_only=True)
 class Replanner:
     """Keeps a mission's plan and makes revisions of it; `survey` is the whole of it, `helm_of`
-    makes who steers a part. `waits` where the loop waits for a new order.
+    makes who steers a part. `waits` where the loop waits for a new order. `heeds`: targets out of
+    reach and another weather are causes of a new order; `extends` says where the mission goes on
+    once its order is sailed, and `over` why it does not.
     """
 
     survey: Survey
@@ -47,6 +55,9 @@ class Replanner:
     helm_of: Callable[[Survey], Helm]
     sortie: Sortie | None = None
     waits: bool = False
+    heeds: bool = True
+    extends: Extension | None = None
+    over: str = ""
     _open: OpenWater | None = None
     _left_out: set[int] = field(default_factory=set[int])
     _thread: threading.Thread | None = None
@@ -61,7 +72,7 @@ class Replanner:
 
     def give_up(self, seq: int, reached: int, place: tuple[float, float], weather: Weather) -> None:
         """Ask for an order without a target that is not reached in time."""
-        if self.is_busy:
+        if self.is_busy or not self.heeds:
             return
         self._left_out.add(seq)
         note = f"target {seq} was not reached in time and is left out"
@@ -71,6 +82,8 @@ class Replanner:
         self, time_s: float, reached: int, place: tuple[float, float], weather: Weather
     ) -> None:
         """Ask for an order for the weather where it has long been another than was planned with."""
+        if not self.heeds:
+            return
         planned = self._weather or (self.survey.settings.weather if self.survey.settings else CALM)
         north = weather.current_north_mps - planned.current_north_mps
         east = weather.current_east_mps - planned.current_east_mps
@@ -87,6 +100,14 @@ class Replanner:
             f"{planned.current_north_mps:+.2f}, {planned.current_east_mps:+.2f}"
         )
         self._ask("weather", note, reached, place, weather)
+
+    def goes_on(self, time_s: float, reached: int, place: tuple[float, float]) -> bool:
+        """Whether the mission goes on after its last target; where it does is asked for, once."""
+        if self.extends is None or self.over:
+            return False
+        if not self.is_busy:
+            self._start(self._extend, Halfway(reached=reached, place=place), time_s)
+        return True
 
     def ready(self, reached: int, place: tuple[float, float], weather: Weather) -> NewOrder | None:
         """Return the new order once it is there; one that has become stale is asked for anew.
@@ -114,21 +135,32 @@ class Replanner:
     def _ask(
         self, reason: Reason, note: str, reached: int, place: tuple[float, float], weather: Weather
     ) -> None:
-        work = threading.Thread(
-            target=self._work, args=(reason, note, reached, place, weather), daemon=True
-        )
-        self._thread = work
-        work.start()
-
-    def _work(
-        self, reason: Reason, note: str, reached: int, place: tuple[float, float], weather: Weather
-    ) -> None:
         halfway = Halfway(reached=reached, place=place, sortie=self.sortie)
+        self._start(self._replan, reason, note, halfway, weather)
+
+    def _start(self, work: Callable[..., None], *told: Any) -> None:
+        def watched() -> None:
+            try:
+                work(*told)
+            # The loop hears of whatever goes wrong: after a thread's silent death it would wait.
+            except Exception as error:
+                self._new = error
+
+        self._thread = threading.Thread(target=watched, daemon=True)
+        self._thread.start()
+
+    def _replan(self, reason: Reason, note: str, halfway: Halfway, weather: Weather) -> None:
+        self._new = self._planned(reason, note, halfway, weather)
+
+    def _extend(self, halfway: Halfway, time_s: float) -> None:
+        assert self.extends is not None
         try:
-            self._new = self._planned(reason, note, halfway, weather)
-        # The loop hears of whatever goes wrong: a thread that dies in silence leaves it waiting.
-        except Exception as error:
-            self._new = error
+            new = self.extends(self.revision, halfway, time_s)
+        # What was to be surveyed is: no more is an end like any other.
+        except GrebeError as error:
+            self.over = str(error)
+            return
+        self._new = self._ordered(new, halfway)
 
     def _planned(self, reason: Reason, note: str, halfway: Halfway, weather: Weather) -> NewOrder:
         new = replanned(
@@ -142,6 +174,9 @@ class Replanner:
             note=note,
             without=self._left_out,
         )
+        return self._ordered(new, halfway)
+
+    def _ordered(self, new: PlanRevision, halfway: Halfway) -> NewOrder:
         part = None if self.sortie is None else new.sortie(self.sortie.number)
         survey = survey_of(self.survey, new, part)
         return NewOrder(

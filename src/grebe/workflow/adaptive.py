@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import norm
 
 from grebe.core.dynamics import CALM
-from grebe.core.errors import InputError, PlanError, UsageError
+from grebe.core.errors import InputError, PlanError
 from grebe.core.revision import PlanRevision
 from grebe.core.samples import Samples
 from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
@@ -29,6 +29,7 @@ from grebe.planning.place_ways import PlaceWays, place_ways
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, OpenWater, put_in_order
 from grebe.planning.travel import Travel, travel_of
+from grebe.workflow.wish import Wish
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,8 +38,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-Goal = Literal["accuracy", "threshold", "hot-spot"]
-GOALS: tuple[Goal, ...] = ("accuracy", "threshold", "hot-spot")
 # Places that can be gone to, about so many; a target is drawn in to this share of its cell.
 PLACES, CORE = 900, 0.6
 # The time is used from so much on, in so many trials.
@@ -48,32 +47,6 @@ FULL, FITTINGS = 0.93, 5
 READING_EACH_S, APART_SHARE = 1.0, 0.5
 # A hot spot is what may lie above so high a share of the map's values.
 HOT_SHARE = 0.95
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wish:
-    """What a survey goes on for: `minutes` more, for the accuracy of a quantity's map everywhere,
-    for where it crosses a `threshold`, or for where it is highest.
-    """
-
-    quantity: str
-    minutes: float
-    goal: Goal = "accuracy"
-    threshold: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.goal not in GOALS:
-            raise UsageError(f"There is no goal {self.goal!r}; choose {', '.join(GOALS)}.")
-        if (self.goal == "threshold") != (self.threshold is not None):
-            raise UsageError(
-                "The goal 'threshold' needs a threshold, and no other goal takes one.",
-                settings=("threshold", "goal"),
-            )
-        if not 0 < self.minutes < math.inf:
-            raise UsageError(
-                f"{self.minutes:g} minutes is impossible; give a positive number.",
-                settings=("minutes",),
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +118,7 @@ def adapted(
         vessel=vessel,
         weather=settings.weather or CALM,
         reason="adaptive",
-        note=f"{len(route)} places more for {_said(wish)}, in {wish.minutes:g} minutes",
+        note=f"{len(route)} places more for {wish.text}, in {wish.minutes:g} minutes",
     )
     return Adapted(revision=new, before_sd=before, expected_sd=after, places=len(route))
 
@@ -162,14 +135,6 @@ def _predicted_s(
     straight = np.hypot(*np.diff(ways.places[way], axis=0).T)
     around_m = float((ways.lengths_m[way[:-1], way[1:]] - straight).sum())
     return travel.path_s(taut) + around_m * float(np.mean(travel.slowness))
-
-
-def _said(wish: Wish) -> str:
-    if wish.goal == "threshold":
-        return f"where {wish.quantity} crosses {wish.threshold:g}"
-    if wish.goal == "hot-spot":
-        return f"where {wish.quantity} is highest"
-    return f"the accuracy of {wish.quantity}"
 
 
 def _numbered(revision: PlanRevision, known: int) -> PlanRevision:

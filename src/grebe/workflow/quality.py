@@ -22,20 +22,24 @@ def check_samples(survey_file: SurveyFile, quantities: Quantities | None = None)
 
     `quantities` are those that the file declares, with other limits; None takes the file's.
     """
-    samples = survey_file.samples()
-    # A reading within two overlapping sets is recorded for each: it is checked once.
-    rows = np.column_stack([samples.times, samples.positions, *samples.values.values()])
-    _, once, back = np.unique(rows, axis=0, return_index=True, return_inverse=True, equal_nan=True)
-    kept = np.sort(once)
-    back = np.searchsorted(kept, once[back.ravel()])
     known = survey_file.quantities if quantities is None else quantities
-    quality = _checked(samples.rows(kept), survey_file.survey.water, known)
-    quality = replace(quality, flags={key: one[back] for key, one in quality.flags.items()})
+    quality = judged(survey_file.samples(), survey_file.survey.water, known)
     survey_file.set_flags(quality.flags)
     survey_file.set_meta(
         "quality", json.dumps({"counts": quality.counts, "notes": list(quality.notes)})
     )
     return quality
+
+
+def judged(samples: Samples, water: shapely.Polygon, known: Quantities) -> Quality:
+    """The quality of all samples of a survey; nothing is stored."""
+    # A reading within two overlapping sets is recorded for each: it is checked once.
+    rows = np.column_stack([samples.times, samples.positions, *samples.values.values()])
+    _, once, back = np.unique(rows, axis=0, return_index=True, return_inverse=True, equal_nan=True)
+    kept = np.sort(once)
+    back = np.searchsorted(kept, once[back.ravel()])
+    quality = _checked(samples.rows(kept), water, known)
+    return replace(quality, flags={key: one[back] for key, one in quality.flags.items()})
 
 
 def _checked(samples: Samples, water: shapely.Polygon, known: Quantities) -> Quality:

@@ -21,7 +21,7 @@ from grebe.mission.departure import Departure, prepare
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
-from grebe.mission.replanning import Replanner
+from grebe.mission.replanning import Extension, Replanner
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
@@ -54,13 +54,15 @@ def run_survey(
     force: bool = False,
     sortie: int | None = None,
     replans: bool = False,
+    extends: Extension | None = None,
     listeners: Sequence[Listener] = (),
     on_ready: Callable[[Mission], None] | None = None,
     instruments: Instruments | None = None,
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures; of a plan
     in sorties through those of one, the first that is not done where `sortie` names none. With
-    `replans` the rest is planned anew where a target is out of reach or the current another.
+    `replans` the rest is planned anew where a target is out of reach or the current another;
+    `extends` says where the mission goes on once its order is sailed.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
     mission sets out and what the link knows of the boat; `listeners` hear its events; `on_ready`
@@ -88,7 +90,7 @@ def run_survey(
                 started=departure.started,
                 reached=departure.reached,
                 pilot=pilot,
-                replanner=_replanner(survey_file, known, pilot, link) if replans else None,
+                replanner=_replanner(survey_file, known, pilot, link, replans, extends),
                 instruments=instruments,
             )
             if on_ready is not None:
@@ -130,9 +132,18 @@ def pilot_of(departure: Departure, helm_of: HelmOf) -> Pilot:
 
 
 def _replanner(
-    survey_file: SurveyFile, departure: Departure, pilot: Callable[[Survey], Helm], link: BoatLink
-) -> Replanner:
-    """What plans the rest anew; a boat whose time is not the clock's waits for it."""
+    survey_file: SurveyFile,
+    departure: Departure,
+    pilot: Callable[[Survey], Helm],
+    link: BoatLink,
+    heeds: bool,
+    extends: Extension | None,
+) -> Replanner | None:
+    """What plans the rest anew, where anything is to; a boat whose time is not the clock's waits
+    for it.
+    """
+    if not heeds and extends is None:
+        return None
     numbers = {target.seq for target in departure.survey.targets}
     sorties = survey_file.revision.sorties
     first = {one.number: survey_file.revision.targets[one.first - 1].seq for one in sorties}
@@ -143,6 +154,8 @@ def _replanner(
         helm_of=pilot,
         sortie=next((one for one in sorties if first[one.number] in numbers), None),
         waits=isinstance(link, SimulatedLink),
+        heeds=heeds,
+        extends=extends,
     )
 
 

@@ -1,0 +1,88 @@
+"""The options of a mission that goes on where it pays, once its order is sailed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from grebe.core.errors import UsageError
+from grebe.workflow.wish import GOALS, Wish
+
+if TYPE_CHECKING:
+    from grebe.io.store import SurveyFile
+    from grebe.workflow.adaptive_run import Onward
+
+
+def adaptive_options(command: Any) -> Any:
+    """Add the options of a mission that goes on where it pays."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+_OPTIONS = (
+    click.option(
+        "--adaptive",
+        "adaptive_key",
+        metavar="QUANTITY",
+        help="Once the order is sailed, go on where readings pay most for this quantity's map.",
+    ),
+    click.option("--more-minutes", type=float, help="With --adaptive: for so long. Needed."),
+    click.option(
+        "--goal",
+        type=click.Choice(GOALS),
+        help="With --adaptive: the map's accuracy everywhere, where the quantity crosses a "
+        "threshold, or where it is highest.  [default: accuracy]",
+    ),
+    click.option(
+        "--threshold", type=float, help="With --goal threshold: which, in the quantity's unit."
+    ),
+    click.option(
+        "--until-sd",
+        type=click.FloatRange(min=0, min_open=True),
+        help="With --adaptive: end sooner, once the map's standard deviation is so small, in the "
+        "quantity's unit.",
+    ),
+)
+
+
+def wish_of(run: dict[str, Any]) -> Wish | None:
+    """What a mission goes on for; None where nothing was asked."""
+    key = run["adaptive_key"]
+    flags = ("--more-minutes", "--goal", "--threshold", "--until-sd")
+    given = [flag for flag in flags if run[flag[2:].replace("-", "_")] is not None]
+    if key is None:
+        if given:
+            raise UsageError(f"{given[0]} requires --adaptive.")
+        return None
+    if run["more_minutes"] is None:
+        raise UsageError("--adaptive needs --more-minutes: for how long.")
+    return Wish(
+        quantity=key,
+        minutes=run["more_minutes"],
+        goal=run["goal"] or "accuracy",
+        threshold=run["threshold"],
+        sd=run["until_sd"],
+    )
+
+
+def onward_of(run: dict[str, Any], survey_file: SurveyFile) -> Onward | None:
+    """Where a mission goes on, by what its file holds by then; None where nothing was asked.
+
+    Refuses what its file will never hold, before anything moves.
+    """
+    wish = wish_of(run)
+    if wish is None:
+        return None
+    if survey_file.revision.sorties:
+        raise UsageError("--adaptive is for a survey of one mission; this one is in sorties.")
+    if wish.quantity not in survey_file.quantities:
+        known = ", ".join(survey_file.quantities)
+        raise UsageError(
+            f"--adaptive {wish.quantity}: {survey_file.path} has no such quantity; it has {known}."
+        )
+    # The map's half of the house takes a second to import: others need not wait for it.
+    from grebe.workflow.adaptive_run import Onward
+
+    return Onward(path=survey_file.path, wish=wish)

@@ -1,0 +1,53 @@
+"""What a survey that was sailed may go on for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from grebe.core.errors import UsageError
+
+Goal = Literal["accuracy", "threshold", "hot-spot"]
+GOALS: tuple[Goal, ...] = ("accuracy", "threshold", "hot-spot")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What a survey goes on for: `minutes` more, for the accuracy of a quantity's map everywhere,
+    for where it crosses a `threshold`, or for where it is highest; or less, once the map's standard
+    deviation is no more than `sd`, in the quantity's unit.
+    """
+
+    quantity: str
+    minutes: float
+    goal: Goal = "accuracy"
+    threshold: float | None = None
+    sd: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.goal not in GOALS:
+            raise UsageError(f"There is no goal {self.goal!r}; choose {', '.join(GOALS)}.")
+        if (self.goal == "threshold") != (self.threshold is not None):
+            raise UsageError(
+                "The goal 'threshold' needs a threshold, and no other goal takes one.",
+                settings=("threshold", "goal"),
+            )
+        if not 0 < self.minutes < math.inf:
+            raise UsageError(
+                f"{self.minutes:g} minutes is impossible; give a positive number.",
+                settings=("minutes",),
+            )
+        if self.sd is not None and not 0 < self.sd < math.inf:
+            raise UsageError(
+                f"A standard deviation of {self.sd:g} is impossible.", settings=("sd",)
+            )
+
+    @property
+    def text(self) -> str:
+        """What it is for, in words."""
+        if self.goal == "threshold":
+            return f"where {self.quantity} crosses {self.threshold:g}"
+        if self.goal == "hot-spot":
+            return f"where {self.quantity} is highest"
+        return f"the accuracy of {self.quantity}"

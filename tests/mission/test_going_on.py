@@ -1,0 +1,74 @@
+"""A mission that has sailed its order goes on where it pays, until its time or its wish is over."""
+
+import json
+
+import pytest
+import shapely
+from click.testing import CliRunner
+from conftest import FRAME
+
+from grebe.cli.main import grebe
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.vessel import PRESETS
+from grebe.io.store import SurveyFile
+from grebe.planning.planner import plan_survey
+from grebe.planning.region import Region
+from grebe.workflow.files import write_survey
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def path(tmp_path):
+    region = Region(name="x", frame=FRAME, water=shapely.box(0, 0, 90, 90))
+    path = tmp_path / "s.gpkg"
+    settings = PlanSettings(cell_m=30.0, core=0.4, shore_margin_m=3.0)
+    write_survey(path, plan_survey(region, PRESETS["spyboat"], settings))
+    return path
+
+
+def run(path, *words):
+    return CliRunner().invoke(grebe, ["run", str(path), *map(str, words), "--json"])
+
+
+def test_it_goes_on_in_rounds_without_landing_and_ends_in_time(path):
+    done = run(path, "--adaptive", "temperature_degc", "--more-minutes", 6)
+    assert done.exit_code == 0, done.output
+    with SurveyFile.open(path) as file:
+        revisions, events = file.revisions(), file.events()
+        sailed_s = file.track().seconds[-1]
+    assert [one.reason for one in revisions] == ["planned", *["adaptive"] * (len(revisions) - 1)]
+    assert len(revisions) >= 3
+    first = next(one.time for one in events if one.code == "plan_revised")
+    began = next(one.time for one in events if one.code == "mission_started")
+    assert 4 * 60 < sailed_s - (first - began).total_seconds() < 7.5 * 60
+    assert sum(one.code == "mission_started" for one in events) == 1
+    assert "are over" in next(one.message for one in events if one.code == "mission_complete")
+    assert json.loads(done.stdout)["targets"] == len(revisions[-1].targets)
+
+
+def test_it_ends_once_the_map_is_as_sure_as_was_asked(path):
+    words = ("--adaptive", "temperature_degc", "--more-minutes", 20, "--until-sd", 9.0)
+    done = run(path, *words)
+    assert done.exit_code == 0, done.output
+    with SurveyFile.open(path) as file:
+        assert len(file.revisions()) == 1
+        (said,) = [one.message for one in file.events() if one.code == "mission_complete"]
+    assert "temperature_degc is known to" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--adaptive", "ph"), "--adaptive needs --more-minutes"),
+        (("--more-minutes", 5), "--more-minutes requires --adaptive"),
+        (("--adaptive", "ph", "--more-minutes", -1), "impossible"),
+        (("--adaptive", "ph", "--more-minutes", 5, "--goal", "threshold"), "needs a threshold"),
+        (("--adaptive", "gold", "--more-minutes", 5), "no such quantity"),
+    ],
+)
+def test_what_does_not_go_together_is_said_before_anything_moves(path, words, said):
+    done = run(path, *words)
+    assert said in str(done.exception) + done.output
+    with SurveyFile.open(path) as file:
+        assert file.track_ends() is None
