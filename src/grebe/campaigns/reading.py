@@ -38,8 +38,10 @@ def read_campaign(path: Path) -> Read:
     """
     try:
         written = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read: {error}.") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text: a campaign is described in TOML.") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}).") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is not TOML: {error}.") from None
     _only(path, "", written, TOP)
@@ -60,6 +62,12 @@ def _campaign(path: Path, written: Mapping[str, Any]) -> Campaign:
     claim = _table(path, written, "claim", {"confidence", "share"})
     if "within_minutes" not in success:
         raise InputError(f"{path} says of no mission when it is late; add within_minutes = ...")
+    for name, value in (*success.items(), *claim.items()):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{path}: {name} is a number; write it without quotes.")
+    for name in ("missions", "seed"):
+        if type(written.get(name, 1)) is not int:
+            raise InputError(f"{path}: {name} is a whole number, not {written[name]!r}.")
     spreads = {name: spread_of(name, value) for name, value in written.get("draw", {}).items()}
     for rule in _words(spreads, "rule"):
         rule_named(rule)

@@ -58,6 +58,27 @@ def refuse_without_goal(asked: dict[str, Any]) -> None:
             raise UsageError(f"{flag} requires --goal accuracy.")
 
 
+def refuse_with_goal(asked: dict[str, Any], vessels: int) -> None:
+    """Refuse what a plan for accuracy, which is one mission of one boat, does not heed."""
+    if asked["goal"] != "accuracy":
+        return
+    given = {
+        "--battery": asked["sortie_battery_wh"] is not None,
+        "--sortie-minutes": asked["sortie_minutes"] is not None,
+        "--harbour": bool(asked["harbours"]),
+        "--boats": asked["boats"] > 1,
+        "a second --vessel": vessels > 1,
+        "--pattern": asked["pattern"] != PlanSettings.pattern,
+        "--core": asked["core"] != PlanSettings.core,
+    }
+    for flag, is_given in given.items():
+        if is_given:
+            raise UsageError(
+                f"--goal accuracy plans one mission of one boat and chooses pattern and cells; "
+                f"leave {flag} out."
+            )
+
+
 def cell_of(asked: dict[str, Any]) -> float | None:
     """The cells' size of a plan for accuracy: None with a budget; any where --sd chooses it."""
     if asked["cell_m"] is not None:
@@ -90,6 +111,9 @@ def plan_surest(
         if like is None
         else prior_of_survey(like, asked["quantity"])
     )
+    zones, notes = read_zones(no_go, region)
+    for text in notes:
+        output.note(f"note: {text}")
     with output.Countdown("plans", CHOICES, quiet=quiet) as bar:
         return plan_for_accuracy(
             region,
@@ -98,7 +122,7 @@ def plan_surest(
             prior,
             sd_share=asked["sd_share"],
             start_lonlat=start,
-            no_go=read_zones(no_go, region),
+            no_go=zones,
             on_done=bar.update,
         )
 

@@ -8,7 +8,9 @@ from pathlib import Path
 import click
 
 from grebe.cli import options, output
-from grebe.core.errors import InputError, PlanError
+from grebe.core.errors import InputError, PlanError, UsageError
+from grebe.core.revision import survey_of
+from grebe.core.survey import Survey
 from grebe.io.export.route import write_export
 from grebe.io.export.samples import Measured, write_results, writer_of
 from grebe.io.store import SurveyFile
@@ -25,9 +27,14 @@ from grebe.io.store import SurveyFile
     help="What to write: .plan, .waypoints, .gpx, .kml or .geojson of the plan; .csv, .parquet or "
     ".wqx.csv of the samples.",
 )
+@click.option(
+    "--sortie",
+    type=click.IntRange(min=1),
+    help="Which sortie of a plan in sorties, or which boat's part of a fleet's.",
+)
 @options.force_option
 @options.json_option
-def command(file: Path, path: Path, force: bool, as_json: bool) -> None:
+def command(file: Path, path: Path, sortie: int | None, force: bool, as_json: bool) -> None:
     """Write the plan, or the samples, of FILE for another program.
 
     .plan is QGroundControl's, with the shore as a fence, .waypoints Mission Planner's. .csv and
@@ -42,7 +49,7 @@ def command(file: Path, path: Path, force: bool, as_json: bool) -> None:
         _export_samples(write, file, path, as_json=as_json)
         return
     with SurveyFile.open(file) as survey_file:
-        survey = survey_file.survey
+        survey = _part(survey_file, sortie)
     if not survey.targets:
         raise PlanError(f"{file} has no targets to export; make a plan with grebe plan.")
     write_export(survey, path)
@@ -51,6 +58,21 @@ def command(file: Path, path: Path, force: bool, as_json: bool) -> None:
         as_json=as_json,
         next_command=f"grebe run {file}",
     )
+
+
+def _part(survey_file: SurveyFile, sortie: int | None) -> Survey:
+    """What is sailed in one go: the whole survey, or one sortie. Strung together, sorties would be
+    one route beyond any battery, and across the land between their ends.
+    """
+    revision = survey_file.revision
+    if sortie is not None:
+        return survey_of(survey_file.survey, revision, revision.sortie(sortie))
+    if len(revision.sorties) > 1:
+        raise UsageError(
+            f"{survey_file.path} is planned in {len(revision.sorties)} sorties; say which one: "
+            "--sortie 1."
+        )
+    return survey_file.survey
 
 
 def _export_samples(

@@ -16,6 +16,7 @@ from grebe.cli.accuracy_options import (
     accuracy_options,
     cell_of,
     plan_surest,
+    refuse_with_goal,
     refuse_without_goal,
 )
 from grebe.cli.sortie_options import fleet_of, sortie_options, sorties_of
@@ -174,6 +175,7 @@ def command(
     boats = [vessel_of(one) for one in vessels]
     boat = boats[0]
     refuse_without_goal(asked)
+    refuse_with_goal(asked, len(vessels))
     settings = _settings(asked, starts, boats, region)
     start = starts[0] if starts else None
     water, notes = read_region(
@@ -299,7 +301,12 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
             f"{one.number}: {one.time_s / 60:.0f} min, {one.energy_wh:.0f} Wh{_whose(planned, one)}"
             for one in planned.revision.sorties
         ]
-        numbers["over_bound"] = round(planned.legs_s / planned.bound_s - 1, 4)
+        over = round(planned.legs_s / planned.bound_s - 1, 4)
+        settings = planned.survey.settings
+        in_one_go = settings is not None and settings.sorties is None
+        numbers["over_equal_share" if in_one_go else "over_bound"] = over
+        # These are of one way through all cells, and several ways need not be as long.
+        del numbers["lower_bound_m"], numbers["gap"]
     return numbers
 
 

@@ -152,6 +152,26 @@ def revised(
     )
 
 
+def as_planned(revisions: Sequence[PlanRevision]) -> PlanRevision:
+    """Return the last revision that no mission has made: what is sailed by who begins anew."""
+    return next(one for one in reversed(revisions) if one.reason in ("planned", "shared"))
+
+
+def begun_anew(revisions: Sequence[PlanRevision]) -> PlanRevision | None:
+    """Return the revision that goes back to the order as it was planned; None where it is that."""
+    last, planned = revisions[-1], as_planned(revisions)
+    if last.number == planned.number:
+        return None
+    return revised(
+        last,
+        reason=planned.reason,
+        note=f"begun anew with the order of revision {planned.number}",
+        targets=planned.targets,
+        corridors=planned.corridors,
+        sorties=planned.sorties,
+    )
+
+
 def numbered_on(old: PlanRevision, new: Sequence[Target]) -> tuple[Target, ...]:
     """Return new targets with the numbers that follow all that were given before."""
     return tuple(replace(target, seq=old.highest_seq + i) for i, target in enumerate(new, 1))

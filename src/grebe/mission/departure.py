@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 from grebe.core.errors import PlanError, SurveyFileError, UsageError
 from grebe.core.events import State
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
-from grebe.core.revision import Sortie, survey_of
+from grebe.core.revision import Sortie, as_planned, survey_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
@@ -73,6 +73,9 @@ def prepare(
     `SurveyFileError` for one that has been run and is neither resumed nor forced.
     """
     survey = survey_file.survey
+    if force:
+        # What a mission revised goes with that mission.
+        survey = survey_of(survey, as_planned(survey_file.revisions()))
     if survey.vessel is None or survey.start is None or not survey.targets:
         raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
     reached = survey_file.progress().reached

@@ -22,7 +22,7 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
-from grebe.mission.lookout import LEAST_WAIT_S, Lookout
+from grebe.mission.lookout import LEAST_WAIT_S, LONGEST_WAIT_S, Lookout
 from grebe.mission.safety.fence import (
     FOLLOWED_DOUBT,
     FOLLOWED_S,
@@ -42,6 +42,7 @@ from grebe.mission.safety.machine import (
     advised,
     at_the_fence,
     blinded,
+    crowded_out,
     gone_on,
     in_traffic,
     without_way_home,
@@ -246,6 +247,9 @@ class Guard:
             and (ahead is None or lookout.is_clear(facts.place, ahead))
         ):
             self._become(gone_on(self._memory, facts), observation)
+            return
+        if waits and waited > LONGEST_WAIT_S:
+            self._become(crowded_out(self._memory, facts), observation)
             return
         if self._memory.cause in (Cause.TRAFFIC, *WAITS):
             place = lookout.place_to_wait(fence, facts.place)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 WISH_M = 12.0
 # Boats farther apart than this need no lookout: two of them stop within less.
 NEAR_M = 60.0
-# A boat that waits, waits so long at least [s].
-LEAST_WAIT_S = 2.0
+# A boat that waits, waits so long at least, and at most: then others stand in its way for good [s].
+LEAST_WAIT_S, LONGEST_WAIT_S = 2.0, 600.0
 # With each time that it is refused on its way to a place a boat asks for so much more room beside
 # it, up to the second: a large hull turns wide [m].
 MORE_ROOM_M, MOST_ROOM_M = 1.0, 12.0

@@ -40,6 +40,28 @@ def home_of(survey: Survey, settings: SafetySettings) -> Place:
     return survey.start.north_m, survey.start.east_m
 
 
+def ways_home(survey: Survey, settings: SafetySettings) -> Homeward:
+    """The ways to a survey's home; raises what `home_of` does, `PlanError` where none can be."""
+    home = home_of(survey, settings)
+    fence = fence_of(survey.water, survey.no_go, home)
+    return homeward(cast("shapely.Polygon", fence.water), home)
+
+
+def check_home(survey: Survey, settings: SafetySettings) -> None:
+    """Refuse a home that was given and that the boat could not come to: before it sets out, and not
+    once it has to come home.
+    """
+    if settings.home is None or survey.start is None:
+        return
+    try:
+        ways_home(survey, settings).way_from((survey.start.north_m, survey.start.east_m))
+    except PlanError as error:
+        lon, lat = settings.home
+        raise PlanError(
+            f"The boat could not come home to {lon:g},{lat:g}: {error}", settings=("home",)
+        ) from None
+
+
 @dataclass(kw_only=True)
 class UnderWay:
     """The way home that is being sailed."""
@@ -123,9 +145,7 @@ class WayHome:
         """The ways home, worked out when they are first asked for; None where there is none."""
         if self._ways is None and not self.no_way:
             try:
-                home = home_of(self._survey, self._settings)
-                fence = fence_of(self._survey.water, self._survey.no_go, home)
-                self._ways = homeward(cast("shapely.Polygon", fence.water), home)
+                self._ways = ways_home(self._survey, self._settings)
             except PlanError as error:
                 self.no_way = str(error)
         return self._ways

@@ -77,11 +77,22 @@ def _parts(geometry: BaseGeometry) -> list[BaseGeometry]:
 def _check_degrees(coordinates: np.ndarray, name: str) -> None:
     if not np.all(np.isfinite(coordinates)):
         raise RegionError(f"The region {name!r} has a vertex that is not a number (NaN).")
+    if np.ptp(coordinates[:, 0]) > 180:
+        raise RegionError(
+            f"The region {name!r} reaches from longitude {coordinates[:, 0].min():g} to "
+            f"{coordinates[:, 0].max():g}: water on both sides of the 180th meridian cannot be "
+            "planned as one; give each side by itself."
+        )
     lon, lat = np.abs(coordinates[:, 0]).max(), np.abs(coordinates[:, 1]).max()
     if lon <= 180 and lat <= HIGHEST_LATITUDE:
         return
     worst = coordinates[np.argmax(np.abs(coordinates).max(axis=1))]
     given = f"({worst[0]:g}, {worst[1]:g})"
+    if lon <= 180 and lat <= 90:
+        raise RegionError(
+            f"The region {name!r} has a latitude of {lat:g}: beyond {HIGHEST_LATITUDE:g} degrees "
+            "no water is planned."
+        )
     if lon <= 90 and lat <= 180:
         raise RegionError(
             f"The region {name!r} has a vertex {given}, a latitude of {lat:g}: latitude and "

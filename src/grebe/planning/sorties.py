@@ -67,10 +67,10 @@ def plan_sorties(
             "Sorties are dealt out to boats of one kind: each must fit into any boat's battery.",
             settings=("vessel", "sortie_battery_wh", "sortie_minutes"),
         )
+    places = [region.frame.place_near(region.water, one, "harbour") for one in sorties.harbours]
     start = start_lonlat or (sorties.harbours[0] if sorties.harbours else None)
     planner, notes = planner_of(region, vessel, settings, start, no_go)
     draft = planner.first_draft(quick=True)
-    places = [region.frame.place_near(region.water, one, "harbour") for one in sorties.harbours]
     lake = lake_of(planner, draft, places or [draft.start])
     endurance = endurance_of(vessel, settings, planner.travel)
     trips = trips_within(lake, endurance, on_done=on_done)

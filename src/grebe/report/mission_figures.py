@@ -101,8 +101,10 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
     """Speed and thrusts over time, the speed window shaded (the paper's Figs. 8 and 9)."""
     figure = Figure(figsize=(9.0, 4.6))
     speed, thrust = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    low = min(t.set.speed_min_mps for t in survey.targets)
-    high = max(t.set.speed_max_mps for t in survey.targets)
+    # Ways around land may be sailed at any speed.
+    cells = [t.set for t in survey.targets if t.kind == "cell"] or list(survey.sets)
+    low = min(one.speed_min_mps for one in cells)
+    high = max(one.speed_max_mps for one in cells)
     speed.axhspan(low, high, color=SKY, alpha=0.3, lw=0,
                   label=texts("window_label", low=f"{low:g}", high=f"{high:g}"))  # fmt: skip
     boats = track.each_boat()

@@ -299,7 +299,8 @@ def _status(file: SurveyFile, seen: datetime | None) -> dict[str, Any]:
 
 
 def _window(survey: Survey) -> list[float]:
-    speeds = [(one.speed_min_mps, one.speed_max_mps) for one in survey.sets]
+    cells = [one.set for one in survey.targets if one.kind == "cell"] or list(survey.sets)
+    speeds = [(one.speed_min_mps, one.speed_max_mps) for one in cells]
     if not speeds:
         return [0.0, 0.0]
     return [min(low for low, _ in speeds), max(high for _, high in speeds)]

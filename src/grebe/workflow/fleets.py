@@ -27,6 +27,7 @@ from grebe.mission.safety.traffic import Traffic
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside
+from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
 from grebe.workflow.run import HelmOf, as_known_to, no_long_pauses, pilot_of, say_first
@@ -190,6 +191,8 @@ class FleetRun:
         departures = {
             boat: self._departure(sortie, now) for boat, sortie in sorted(sorties.items())
         }
+        for departure in departures.values():
+            check_home(departure.survey, self.settings.safety)
         together = _Together(Traffic(apart_m=fleet.apart_m), list(departures))
         # Where the boats lie is known before the first of them moves.
         for boat, departure in departures.items():

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from grebe.core.errors import InputError
 from grebe.core.plan_settings import PlanSettings
@@ -60,7 +62,19 @@ def plan_region(
     """Plan a survey of a region, out of the zones that some files hold; `on_done` hears how far the
     search for sorties is, which takes minutes on a large lake.
     """
-    zones = read_zones(no_go, region)
+    zones, notes = read_zones(no_go, region)
+    planned = _planned(region, vessel, settings, start_lonlat, zones, on_done)
+    return replace(planned, notes=(*notes, *planned.notes)) if notes else planned
+
+
+def _planned(
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    start_lonlat: tuple[float, float] | None,
+    zones: Sequence[shapely.Polygon],
+    on_done: Callable[[int, int], None] | None,
+) -> Planned:
     if settings.sorties is not None:
         return plan_sorties(region, vessel, settings, start_lonlat, zones, on_done)
     if settings.fleet is not None:
@@ -79,6 +93,12 @@ def write_plan(
     picture = to.with_suffix(".png")
     if picture.is_dir():
         raise InputError(f"{picture}, where the picture of the plan would go, is a folder.")
+    if picture.exists() and not force:
+        raise InputError(
+            f"{picture}, where the picture of the plan would go, exists already; give another "
+            "name, or replace it by force.",
+            settings=("force",),
+        )
     quantities = LIMNOLOGICAL.extended(user_quantities(quantities_file, to))
     revision = planned.revision if isinstance(planned, PlannedSorties) else None
     write_survey(to, planned.survey, quantities=quantities, force=force, revision=revision)
@@ -104,6 +124,15 @@ def plan_warnings(survey: Survey) -> list[str]:
         away = survey.water.distance(shapely.Point(start.north_m, start.east_m))
         if away > ASHORE_M:
             warnings.append(f"the start lies {away:.0f} m outside the region; is it on water?")
+    sorties = None if survey.settings is None else survey.settings.sorties
+    harbours = () if sorties is None else sorties.harbours
+    for lon, lat in harbours:
+        away = survey.water.distance(shapely.Point(survey.frame.to_local((lon, lat)).tolist()))
+        if away > ASHORE_M:
+            warnings.append(
+                f"the harbour {lon:g},{lat:g} lies {away:.0f} m outside the water: the nearest "
+                "place on the water is taken"
+            )
     fastest = max(target.set.speed_max_mps for target in survey.targets)
     if vessel is not None and fastest > vessel.speed_max_mps:
         warnings.append(
@@ -113,15 +142,34 @@ def plan_warnings(survey: Survey) -> list[str]:
     return warnings
 
 
-def read_zones(paths: Sequence[Path], region: Region) -> list[shapely.Polygon]:
-    """The no-go zones of some files, in the region's frame."""
+def read_zones(
+    paths: Sequence[Path], region: Region
+) -> tuple[list[shapely.Polygon], tuple[str, ...]]:
+    """The no-go zones of some files, in the region's frame, and notes: what of a file forbids
+    nothing.
+    """
     zones: list[shapely.Polygon] = []
+    notes: list[str] = []
     for path in paths:
-        local = region.frame.geometry_to_local(read_outline(path).geometry)
+        outline = read_outline(path)
+        notes += [f"{path}: {text}" for text in outline.notes]
+        local = region.frame.geometry_to_local(outline.geometry)
         if not local.is_valid:
             raise InputError(f"{path}: holds a polygon that crosses itself; mend it first.")
-        zones += [part for part in shapely.get_parts(local) if isinstance(part, shapely.Polygon)]
-    return zones
+        if not shapely.intersects(local, region.water):
+            away = shapely.distance(local, region.water)
+            notes.append(
+                f"{path}: forbids nothing: it lies {away:.0f} m from the water; are latitude and "
+                "longitude swapped?"
+            )
+        zones += [part for part in _polygons(local) if isinstance(part, shapely.Polygon)]
+    return zones, tuple(notes)
+
+
+def _polygons(geometry: BaseGeometry) -> list[BaseGeometry]:
+    """The single parts of a geometry, whose parts may have parts."""
+    parts = getattr(geometry, "geoms", None)
+    return [geometry] if parts is None else [one for part in parts for one in _polygons(part)]
 
 
 def write_expected(chosen: Expected, survey_file: Path) -> Path:

@@ -25,7 +25,7 @@ from grebe.mission.replanning import Extension, Replanner
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
-from grebe.mission.way_home import Pilot
+from grebe.mission.way_home import Pilot, check_home
 
 BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]
@@ -72,6 +72,8 @@ def run_survey(
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
+    if settings is not None:
+        check_home(departure.survey, settings.safety)
     survey_file.claim()
     link = boat_at(departure)
     try:

@@ -7,6 +7,7 @@ What comes out is in WGS 84 degrees (longitude, latitude) and as it stands in th
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
 VECTOR_SUFFIXES = (".kml", ".kmz", ".gpx", ".shp", ".zip", ".gpkg")
 # Deeper than any outline is nested, far from where a parser would run out of stack.
 DEEPEST_JSON = 60
+# Polygons of a file that are compared with each other, for one within another.
+MOST_COMPARED = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,8 +112,29 @@ def _outline(path: Path, found: list[tuple[Any, str]], name: str, wanted: str | 
         raise RegionError(f"{path}: holds no polygon; a region is a Polygon or MultiPolygon.")
     left_out = len(geometries) - len(polygons)
     notes = (f"{left_out} features that are not polygons were left out",) if left_out else ()
+    notes += tuple(_within_others(areas))
     geometry = polygons[0] if len(polygons) == 1 else shapely.GeometryCollection(polygons)
+    if len(areas) > 1 and name in {own for _, own in areas}:
+        # A lake is called as its largest polygon is, not as an island that stands before it.
+        name = max(areas, key=lambda one: one[0].area)[1]
     return Outline(geometry=geometry, name=name or path.stem, notes=notes, features=listed)
+
+
+def _within_others(areas: list[tuple[BaseGeometry, str]]) -> Iterator[str]:
+    """Notes of polygons that lie wholly within another: an island that is drawn as a polygon of its
+    own makes no hole in the lake.
+    """
+    if len(areas) > MOST_COMPARED or not all(area.is_valid for area, _ in areas):
+        return
+    for i, (one, own) in enumerate(areas):
+        for j, (other, name) in enumerate(areas):
+            if i != j and shapely.within(one, other) and not shapely.equals(one, other):
+                inner, outer = own or f"polygon {i + 1}", name or f"polygon {j + 1}"
+                yield (
+                    f"{inner} lies within {outer} and is taken as water: if it is an island, cut "
+                    "it out of the outline, or give it by --no-go in a file of its own"
+                )
+                break
 
 
 def _polygonal(geometry: Any) -> BaseGeometry | None:

@@ -44,7 +44,7 @@ def user_quantities(given: Path | None, survey: Path) -> Quantities:
 
     None are returned where there is neither.
     """
-    path = survey.with_name(BESIDE_NAME) if given is None else given
+    path = survey.parent / BESIDE_NAME if given is None else given
     if given is None and not path.is_file():
         return Quantities()
     return read_quantities(path)

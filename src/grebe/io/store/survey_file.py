@@ -22,7 +22,7 @@ import shapely
 from grebe.core.errors import SurveyFileError
 from grebe.core.events import LogEntry, Step
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
-from grebe.core.revision import PlanRevision, survey_of
+from grebe.core.revision import PlanRevision, begun_anew, survey_of
 from grebe.core.samples import Sample, Samples
 from grebe.core.survey import Survey
 from grebe.io.store import claims, geopackage, rescue, revision_tables, schema, sessions
@@ -337,8 +337,13 @@ class SurveyFile:
             self._insert("meta", {"key": key, "value": value})
 
     def clear_mission(self) -> None:
-        """Forget track, samples, events and what was reached; the plan stays."""
+        """Forget track, samples, events and what was reached; the plan is as it was before missions
+        revised it.
+        """
+        again = begun_anew(self.revisions())
         with self._together:
+            if again is not None:
+                self.append_revision(again)
             for table in ("track", "samples", "events"):
                 self._execute(f"DELETE FROM {table}")
             self._execute("UPDATE targets SET reached_at = NULL, sample_count = 0")

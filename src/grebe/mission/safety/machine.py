@@ -162,6 +162,13 @@ def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
     return _put_on_hold(memory, facts, finding, refuge, _going(memory))
 
 
+def crowded_out(memory: Memory, facts: Facts) -> Memory:
+    """Return the end of a mission whose boat has waited for others for too long."""
+    waited_s = facts.time_s - memory.since_s
+    text = f"other boats have stood in its way for {waited_s / 60:.0f} minutes"
+    return _stopped(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
+
+
 def gone_on(memory: Memory, facts: Facts) -> Memory:
     """Return what the boat does that waited for another, now that its way is clear."""
     finding = Finding(cause=Cause.CLEAR, message="the way is clear of other boats")

@@ -63,6 +63,7 @@ ENDS: dict[Cause, EndReason] = {
     Cause.SHALLOW: EndReason.GROUNDED,
     Cause.THRUSTER: EndReason.THRUSTER_DEAD,
     Cause.CURRENT: EndReason.CURRENT_TOO_STRONG,
+    Cause.TRAFFIC: EndReason.TARGET_GIVEN_UP,
 }
 
 
