@@ -78,7 +78,7 @@ def _row(name: str, water: shapely.Polygon, minutes: float, weather: Weather) ->
     draft = planner.first_draft(quick=True)
     south = min(water.exterior.coords, key=lambda corner: corner[0])
     measured = lake_of(planner, draft, [(south[0], south[1])])
-    endurance = endurance_of(BOAT, settings, planner.travel)
+    endurance = endurance_of(BOAT, settings, planner.mean_power_w(draft))
     trips_within(measured, endurance, rounds=10)
     began = time.perf_counter()
     trips = trips_within(measured, endurance)

@@ -35,7 +35,7 @@ def lake():
     region = Region(name="lake", frame=FRAME, water=WATER)
     planner, _ = planner_of(region, PRESETS["blueboat"], wanted)
     found = lake_of(planner, planner.first_draft(quick=True), [HARBOUR])
-    ports = ports_of(found, endurance_of(PRESETS["blueboat"], wanted, planner.travel), 1.0)
+    ports = ports_of(found, endurance_of(PRESETS["blueboat"], wanted, planner.travel.power_w), 1.0)
     return SimpleNamespace(lake=found, ports=ports, costs=found.costs)
 
 

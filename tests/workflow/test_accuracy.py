@@ -114,7 +114,7 @@ def outline(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--sd", "0.5"), "of --goal accuracy"),
+        (("--sd", "0.5"), "requires --goal accuracy"),
         (("--goal", "accuracy"), "give --range or --like"),
         (("--goal", "accuracy", "--range", "50"), "needs --minutes or --wh"),
         (("--goal", "accuracy", "--range", "50", "--cell", "9"), "chooses the cells' size"),

@@ -111,7 +111,7 @@ def test_a_quantity_that_few_measured_is_left_out_with_the_reason(years, tmp_pat
     ("count", "more", "code", "says"),
     [
         (1, (), 2, "a change takes two"),
-        (2, ("--seasonal",), 2, "Two surveys have no trend"),
+        (2, ("--seasonal",), 2, "Two surveys are too few"),
         (5, ("--seasonal",), 3, "6 surveys over 2 years; there are 5"),
     ],
 )

@@ -12,7 +12,7 @@ from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.errors import PlanError, UsageError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import Vessel
-from grebe.planning.travel import WANDER, Travel, ground_speed
+from grebe.planning.travel import WANDER, ground_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,8 +40,9 @@ class Endurance:
         return (1 + HOME_SHARE) * self.homeward * worst + HOME_SLACK_S
 
 
-def endurance_of(vessel: Vessel, settings: PlanSettings, travel: Travel) -> Endurance:
-    """Return how far a boat may go; `PlanError` where no boat gets home in the stated weather.
+def endurance_of(vessel: Vessel, settings: PlanSettings, power_w: float) -> Endurance:
+    """Return how far a boat may go that surveys at a power; `PlanError` where no boat gets home in
+    the stated weather.
 
     The worst of the weather is a current and a wind as strong as stated, straight against the
     boat, whichever way it goes.
@@ -64,8 +65,8 @@ def endurance_of(vessel: Vessel, settings: PlanSettings, travel: Travel) -> Endu
     power = drive_power_w(vessel, (each, each), through)
     limits = [(60 * sorties.minutes, 1.0)] if sorties.minutes is not None else []
     if sorties.battery_wh is not None:
-        lasts_s = 3600 * sorties.battery_wh / travel.power_w
-        limits.append((lasts_s, max(1.0, power / travel.power_w)))
+        lasts_s = 3600 * sorties.battery_wh / power_w
+        limits.append((lasts_s, max(1.0, power / power_w)))
     limit_s = (1 - sorties.reserve) * min(one for one, _ in limits) / MARGIN
     homeward = max(factor for _, factor in limits)
     return Endurance(limit_s=limit_s, homeward=homeward, slowest=1 / worst)

@@ -220,7 +220,7 @@ class Planner:
         # Cells known to be too small, and the smallest that are known to do.
         low, best = SMALLEST_CELL_M, None
         for _ in range(BUDGET_TRIALS):
-            time_s = self._time_s(cell_m)
+            time_s = self._spent_s(cell_m)
             if time_s > budget_s:
                 low = cell_m
             else:
@@ -240,17 +240,27 @@ class Planner:
             )
         return best
 
-    def _time_s(self, cell_m: float) -> float:
-        """Predicted time of a plan, its transits with it."""
+    def _spent_s(self, cell_m: float) -> float:
+        """What a plan takes of the budget, its transits with it: its time, or the time for which
+        its energy would last a boat that goes straight.
+        """
         many = self.water.area / cell_m**2 > MANY_CELLS
         draft = self.draft(cell_m, self.settings.angle_deg or 0.0, quick=many)
         stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
-        return self._mission_s(draft, self._targets(draft, stops))
+        way = self._way_through(draft, self._targets(draft, stops))
+        if self.settings.minutes is not None:
+            return self.travel.path_s(way)
+        return 3600.0 * self.travel.path_wh(way) / self.travel.power_w
 
-    def _mission_s(self, draft: Draft, targets: Sequence[Target]) -> float:
-        """Predicted time of the taut way through targets."""
-        footprints = footprints_of([target.set for target in targets])
-        return self.travel.path_s(taut_way(draft.start, footprints))
+    @staticmethod
+    def _way_through(draft: Draft, targets: Sequence[Target]) -> NDArray[np.float64]:
+        """The taut way through targets, (n, 2)."""
+        return taut_way(draft.start, footprints_of([target.set for target in targets]))
+
+    def mean_power_w(self, draft: Draft) -> float:
+        """The power of a draft [W], its turns with it."""
+        shapes = [draft.cells[i].footprint for i in draft.route.order.tolist()]
+        return self.travel.mean_power_w(taut_way(draft.start, shapes))
 
     def _budget_s(self) -> float:
         if self.settings.minutes is not None:
@@ -363,14 +373,14 @@ class Planner:
         within = points[first + 1 : last + 2]
         bound = self.bound_m(draft) if bound_m is None else bound_m
         length = _length(within)
-        time_s = self._mission_s(draft, targets)
+        way = self._way_through(draft, targets)
         return PlanOutcome(
             cell_m=draft.cell_m,
             angle_deg=draft.angle_deg,
             length_m=_length(points),
             turns=_turns(points),
-            time_s=time_s,
-            energy_wh=self.travel.power_w * time_s / 3600,
+            time_s=self.travel.path_s(way),
+            energy_wh=self.travel.path_wh(way),
             lower_bound_m=bound,
             gap=length / bound - 1 if bound > 0 else 0.0,
             method=draft.route.method,

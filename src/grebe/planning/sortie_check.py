@@ -96,6 +96,6 @@ def _least_left_s(part: Survey, ways: Homeward) -> float:
             left = min(left, limit_s - spent_s - home_s - HOME_SLACK_S)
         if bounds.battery_wh is not None:
             limit_ws = 3600 * bounds.battery_wh * (1 - bounds.reserve)
-            spare_ws = limit_ws - travel.power_w * spent_s - power_home_w * home_s
+            spare_ws = limit_ws - 3600 * travel.path_wh(way[: k + 1]) - power_home_w * home_s
             left = min(left, spare_ws / travel.power_w)
     return left

@@ -72,7 +72,7 @@ def plan_sorties(
     planner, notes = planner_of(region, vessel, settings, start, no_go)
     draft = planner.first_draft(quick=True)
     lake = lake_of(planner, draft, places or [draft.start])
-    endurance = endurance_of(vessel, settings, planner.travel)
+    endurance = endurance_of(vessel, settings, planner.mean_power_w(draft))
     trips = trips_within(lake, endurance, on_done=on_done)
     planned = _laid_out(lake, trips, notes)
     return planned if settings.fleet is None else dealt(planned, settings.fleet.boats)

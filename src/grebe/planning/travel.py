@@ -31,18 +31,23 @@ TURN_SHARE = 0.5
 # How much longer a flown way takes than its taut legs and turns: 0.90 to 1.24 of eight flights'
 # predictions without it (docs/benchmarks.md).
 WANDER = 1.05
+# A turn is made with one thruster ahead and one astern, at its limits, and ended the same way: what
+# that takes beyond the power of going straight, over the time of a turn at the largest yaw rate.
+# Fitted on flown surveys of five vessels in cells of 10 to 40 m (docs/benchmarks.md).
+TURN_ENERGY = 2.0
 BEARINGS = 72
 
 
 @dataclass(frozen=True, kw_only=True)
 class Travel:
     """`slowness` (72,) [s/m] by the bearing of the leg over ground, in steps of 5 degrees from
-    north, and `turn_s_per_rad`.
+    north, and `turn_s_per_rad`; `power_w` of going straight, and `turn_j_per_rad` beyond it.
     """
 
     slowness: Array
     turn_s_per_rad: float
     power_w: float
+    turn_j_per_rad: float
 
     def leg_s(self, way: Array) -> Array:
         """Time [s] of straight legs `way` (..., 2), north and east [m]."""
@@ -59,13 +64,18 @@ class Travel:
 
     def path_s(self, points: Array) -> float:
         """Time [s] of a path through `points` (n, 2): its legs and the turns between them."""
-        way = np.diff(points, axis=0)
-        way = way[np.hypot(*way.T) > 1e-9]
-        if len(way) == 0:
-            return 0.0
-        bearing = np.arctan2(way[:, 1], way[:, 0])
-        turns = np.abs((np.diff(bearing) + math.pi) % (2 * math.pi) - math.pi)
-        return WANDER * float(np.sum(self.leg_s(way)) + self.turn_s_per_rad * np.sum(turns))
+        way = _legs(points)
+        return WANDER * (float(np.sum(self.leg_s(way))) + self.turn_s_per_rad * _turned(way))
+
+    def path_wh(self, points: Array) -> float:
+        """Energy [Wh] of a path through `points` (n, 2)."""
+        turning_j = self.turn_j_per_rad * _turned(_legs(points))
+        return (self.power_w * self.path_s(points) + turning_j) / 3600
+
+    def mean_power_w(self, points: Array) -> float:
+        """The power [W] of a path through `points` (n, 2), its turns with it."""
+        seconds = self.path_s(points)
+        return 3600 * self.path_wh(points) / seconds if seconds > 0 else self.power_w
 
 
 def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> Travel:
@@ -82,11 +92,28 @@ def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> T
     pace = float(np.mean(speeds))
     rate = 0.5 * yaw_rate_max_radps(vessel)
     thrust = 0.5 * vessel.surge_drag_n(pace)
+    power = drive_power_w(vessel, (thrust, thrust), pace)
+    turning = drive_power_w(vessel, (vessel.thrust_max_n, vessel.thrust_min_n), pace)
     return Travel(
         slowness=1.0 / speeds,
         turn_s_per_rad=TURN_SHARE / rate,
-        power_w=drive_power_w(vessel, (thrust, thrust), pace),
+        power_w=power,
+        turn_j_per_rad=TURN_ENERGY * max(turning - power, 0.0) / yaw_rate_max_radps(vessel),
     )
+
+
+def _legs(points: Array) -> Array:
+    """The legs (m, 2) of a path that are any."""
+    way = np.diff(points, axis=0)
+    return way[np.hypot(*way.T) > 1e-9]
+
+
+def _turned(way: Array) -> float:
+    """The angles between legs (m, 2), summed [rad]."""
+    if len(way) == 0:
+        return 0.0
+    bearing = np.arctan2(way[:, 1], way[:, 0])
+    return float(np.sum(np.abs((np.diff(bearing) + math.pi) % (2 * math.pi) - math.pi)))
 
 
 def ground_speed(vessel: Vessel, wanted: float, weather: Weather, bearing: float) -> float:

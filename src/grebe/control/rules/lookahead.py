@@ -50,7 +50,7 @@ FAR_WORTH, FAR_EXCESS_MPS = 10.0, 0.01
 # Of a set at the horizon's end: how many sets the taut way leads through that says where it is
 # entered, how near to that place it is asked to be, as a share of the set's side, and how large
 # the side must be, as a share of the horizon, for the boat to be told.
-SEEN_BEYOND, ENTRY_ROOM, LARGE_SHARE = 6, 0.015, 0.5
+SEEN_BEYOND, ENTRY_ROOM, LARGE_SHARE = 6, 0.015, 0.25
 # A place, unlike a whole set, may be reached only after a turn: to be safe it counts as so many
 # times as far, for the boat races for what the horizon just does not hold.
 TURN_ROOM = 2.0

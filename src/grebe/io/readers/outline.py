@@ -132,7 +132,7 @@ def _within_others(areas: list[tuple[BaseGeometry, str]]) -> Iterator[str]:
                 inner, outer = own or f"polygon {i + 1}", name or f"polygon {j + 1}"
                 yield (
                     f"{inner} lies within {outer} and is taken as water: if it is an island, cut "
-                    "it out of the outline, or give it by --no-go in a file of its own"
+                    "it out of the outline, or give it as a no-go zone in a file of its own"
                 )
                 break
 
