@@ -366,6 +366,27 @@ def test_a_copy_without_its_journal_is_known_for_one(tmp_path):
         assert "mission_open" not in closed.meta()
 
 
+def test_a_file_whose_journal_a_reader_has_folded_in_is_known_for_whole(tmp_path):
+    """A mission is killed, somebody looks at its file, and it goes on: nothing is missing."""
+    path, dead = tmp_path / "s.gpkg", tmp_path / "dead" / "s.gpkg"
+    dead.parent.mkdir()
+    with SurveyFile.create(path, square_survey(), meta={}, force=True) as file:
+        file.append_track(step(0))
+        file.begin_session(NOON)
+        file.append_track(step(1))
+        for name in ("s.gpkg", "s.gpkg-wal"):
+            shutil.copy(path.with_name(name), dead.with_name(name))
+        # While a mission writes, who looks on notes nothing.
+        with SurveyFile.open(path):
+            pass
+        assert "mission_open" in file.meta()
+    with SurveyFile.open(dead) as looked_at:
+        assert len(looked_at.track()) == 2
+    assert not dead.with_name("s.gpkg-wal").exists()
+    with SurveyFile.open(dead) as resumed:
+        assert prepare(resumed, NOON, resume=True).doubts == ()
+
+
 def test_a_preview_says_what_resuming_then_does_and_changes_nothing(tmp_path):
     path = tmp_path / "s.gpkg"
     with SurveyFile.create(path, square_survey(side_m=30.0), meta={}, force=True) as file:

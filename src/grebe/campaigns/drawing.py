@@ -84,6 +84,8 @@ def _draw_weather(axes: Axes, outcome: Outcome) -> None:
     )
     axes.set_xlabel("current [m/s]")
     axes.set_ylabel("force of the wind [N]")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0, top=max(1.0, axes.get_ylim()[1]))
     axes.set_title("In which weather")
 
 
@@ -96,4 +98,7 @@ def _scatter(axes: Axes, outcome: Outcome, x: list[float], y: list[float]) -> No
     )
     if not good.all():
         axes.plot(across[~good], up[~good], "x", ms=7, mew=1.8, color=VERMILLION, label="failed")
-    axes.legend(frameon=False)
+    # Beside the points it would look like one of them.
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2
+    )

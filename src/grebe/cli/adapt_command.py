@@ -67,12 +67,15 @@ def command(
         )
         survey_file.append_revision(found.revision)
         unit = survey_file.quantities.known(quantity).unit
+        unit = f" [{unit}]" if unit else ""
+        # Of a threshold and a hot spot the places count that may be it.
+        where = "" if goal == "accuracy" else "_where_it_matters"
     output.result(
         {
             "revision": found.revision.number,
             "places": found.places,
-            f"sd_now [{unit}]": float(f"{found.before_sd:.4g}"),
-            f"sd_expected [{unit}]": float(f"{found.expected_sd:.4g}"),
+            f"sd_now{where}{unit}": float(f"{found.before_sd:.4g}"),
+            f"sd_expected{where}{unit}": float(f"{found.expected_sd:.4g}"),
             "note": found.revision.note,
         },
         as_json=as_json,

@@ -23,6 +23,7 @@ FLAGS = {
     "instrument": "--instrument",
     "method": "--method",
     "home": "--home",
+    "until_sd": "--until-sd",
     "live": "--live",
     "certificate": "--certificate",
     "password_file": "--password-file",

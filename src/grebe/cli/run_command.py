@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Generator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NoReturn
@@ -34,7 +36,7 @@ from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.fleets import fleet_of
 from grebe.workflow.instruments import declare_quantities, instrument_named, instruments_at
-from grebe.workflow.preview import preview_of
+from grebe.workflow.preview import preview_of, way_home_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -115,13 +117,12 @@ def command(
         raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
     _judge(urls, instruments, run, now)
     if preview:
-        _show_preview(file, sortie, resume=goes_on, force=force, as_json=as_json)
+        _show_preview(file, sortie, run, now, resume=goes_on, force=force, as_json=as_json)
         return
     ignore_hangup()
-    output.compile_once()
     own = user_quantities(run.pop("quantities_file"), file)
     with (
-        SurveyFile.open(file) as survey_file,
+        _claimed(file) as survey_file,
         instruments_at(instruments, BUILTIN.extended(own)) as bench,
         output.MissionBar(quiet=as_json) as bar,
     ):
@@ -145,10 +146,23 @@ def command(
         moved = survey_file.count("track") > 0 and report.reached > before
         left = [one for one in sortie_states(survey_file) if not one.is_flown]
     ahead = f"grebe run {file}" if left else f"grebe map {file} --out maps"
-    output.result(report.numbers(), as_json=as_json, next_command=ahead)
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
+    # What to do about a mission that has targets left is said below.
+    over = report.complete or came_home
+    output.result(report.numbers(), as_json=as_json, next_command=ahead if over else "")
     if not report.complete and not came_home:
         _explain(report, file, moved=moved)
+
+
+@contextmanager
+def _claimed(file: Path) -> Generator[SurveyFile]:
+    """A survey's file that nobody else writes, and the controller compiled: in this order, for the
+    second takes a minute that need not be spent where the first cannot be had.
+    """
+    with SurveyFile.open(file) as survey_file:
+        survey_file.claim()
+        output.compile_once()
+        yield survey_file
 
 
 def _judge(
@@ -265,12 +279,21 @@ def _refuse_for_fleets(instruments: tuple[str, ...], run: dict[str, Any], *, liv
 
 
 def _show_preview(
-    file: Path, sortie: int | None, *, resume: bool, force: bool, as_json: bool
+    file: Path,
+    sortie: int | None,
+    run: dict[str, Any],
+    now: datetime,
+    *,
+    resume: bool,
+    force: bool,
+    as_json: bool,
 ) -> None:
     with SurveyFile.open(file) as survey_file:
-        departure = prepare(
-            survey_file, datetime.now(UTC), resume=resume, force=force, sortie=sortie
-        )
+        departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
+    if run["returns"]:
+        numbers = way_home_of(departure, safety_of(run, now))
+        output.result(numbers, as_json=as_json, next_command=f"grebe run {file} --return")
+        return
     which = "" if sortie is None else f" --sortie {sortie}"
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
     go = f"grebe run {file}{which}{again}"

@@ -85,12 +85,7 @@ def prepare(
         ends = survey_file.track_ends(part.boat)
         if part.reached == 0 and not force:
             return _fresh_sortie(survey_file, now, part, ends)
-        if force:
-            raise UsageError(
-                "A sortie is not begun anew, for that would forget the others; plan the survey "
-                "anew, or go on with the sortie.",
-                settings=("force", "resume"),
-            )
+        _refuse_to_repeat(part, resume=resume, force=force)
         survey, reached = part.survey, part.reached
     vessel, start = survey.vessel, survey.start
     assert vessel is not None
@@ -118,6 +113,21 @@ def prepare(
         quantities=survey_file.quantities,
         doubts=_doubts(survey_file, now, ends if resume else None),
     )
+
+
+def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:
+    """A sortie that has been begun is gone on with, and not sailed again."""
+    if force:
+        raise UsageError(
+            "A sortie is not begun anew, for that would forget the others; plan the survey "
+            "anew, or go on with the sortie.",
+            settings=("force", "resume"),
+        )
+    if part.reached == len(part.survey.targets) and not resume:
+        raise SurveyFileError(
+            f"The sortie is sailed: its {part.reached} targets are reached; go on with another.",
+            settings=("sortie",),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ East to the right, north up. Okabe-Ito colours for lines, which the colour-blind
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.transforms import offset_copy
 
 from grebe.core.survey import Survey
 from grebe.io.whole import written_whole
@@ -40,6 +42,8 @@ STYLE: dict[str, Any] = {
     "svg.hashsalt": "grebe",
 }
 DPI = 130
+# The height above a map that its scale and its arrow take [pt].
+BAND_PT = 20.0
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
@@ -113,30 +117,42 @@ def finish_map(
     _draw_scale(axes)
 
 
+def legend_below(axes: Axes) -> None:
+    """Name what is drawn, below the map and the names of its axes."""
+    handles, labels = axes.get_legend_handles_labels()
+    cast(Figure, axes.get_figure()).legend(
+        handles, labels, loc="outside lower center", ncols=3, frameon=False
+    )
+
+
 def _draw_scale(axes: Axes) -> None:
     """Above the map's right end a bar of a round length, and an arrow to the north; above both the
-    title, which may be long.
+    title, which may be long. In points, for a wide lake's map is a low one.
     """
-    axes.set_title(axes.get_title(loc="left"), loc="left", y=1.08)
+    axes.set_title(axes.get_title(loc="left"), loc="left", pad=BAND_PT)
     left, right = axes.get_xlim()
     width = right - left
     tens = 10.0 ** np.floor(np.log10(width / 4))
     length = max(share * tens for share in (1.0, 2.0, 5.0) if share * tens <= width / 4)
-    above, end = axes.get_xaxis_transform(), right - 0.05 * width
+    figure = cast(Figure, axes.get_figure())
+    above = offset_copy(axes.get_xaxis_transform(), figure, y=0.35 * BAND_PT, units="points")
+    end = right - 0.05 * width
     axes.plot(
-        [end - length, end], [1.025, 1.025], transform=above, color=BLACK, lw=2.2, clip_on=False,
+        [end - length, end], [1.0, 1.0], transform=above, color=BLACK, lw=2.2, clip_on=False,
         solid_capstyle="butt",
     )  # fmt: skip
     text = f"{length / 1000:g} km" if length >= 1000 else f"{length:g} m"
     axes.text(
-        end - 1.06 * length, 1.025, text, transform=above, fontsize="x-small", ha="right",
+        end - 1.06 * length, 1.0, text, transform=above, fontsize="x-small", ha="right",
         va="center", clip_on=False,
     )  # fmt: skip
     axes.annotate(
-        "N", xy=(0.99, 1.075), xytext=(0.99, 1.005), xycoords="axes fraction",
-        textcoords="axes fraction", ha="center", va="bottom", fontsize="x-small",
-        annotation_clip=False, arrowprops={"arrowstyle": "-|>", "color": BLACK, "lw": 0.9},
+        "N", xy=(0.99, 1.0), xytext=(0, 0.1 * BAND_PT), xycoords="axes fraction",
+        textcoords="offset points", ha="center", va="bottom", fontsize="x-small",
+        annotation_clip=False,
     )  # fmt: skip
+    arrow = offset_copy(axes.transAxes, figure, y=0.65 * BAND_PT, units="points")
+    axes.plot([0.99], [1.0], transform=arrow, marker="^", ms=4, color=BLACK, ls="", clip_on=False)
 
 
 def figure_size(survey: Survey) -> tuple[float, float]:
@@ -152,15 +168,22 @@ def aspect(survey: Survey) -> float:
     return float(np.clip((north1 - north0) / (east1 - east0), 0.4, 1.6))
 
 
+def _quiet_about_glyphs() -> None:
+    """A name in letters that the font lacks is drawn with boxes; nobody need read of it twice."""
+    warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+
+
 def png_bytes(figure: Figure) -> bytes:
     """Render a figure as PNG."""
+    _quiet_about_glyphs()
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
+    figure.savefig(buffer, format="png", dpi=DPI, bbox_inches="tight")
     return buffer.getvalue()
 
 
 def save(figure: Figure, path: Path) -> Path:
     """Save a figure in the format that the path's ending names."""
+    _quiet_about_glyphs()
     with written_whole(path) as part:
-        figure.savefig(part, dpi=DPI)
+        figure.savefig(part, dpi=DPI, bbox_inches="tight")
     return path

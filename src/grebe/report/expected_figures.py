@@ -40,7 +40,9 @@ def expected_figure(
     axes.plot(way[:, 1], way[:, 0], color=SKY, lw=0.8, label="way")
     draw_shore(axes, survey)
     draw_no_go(axes, survey)
-    figure.colorbar(shown, ax=axes, label="standard deviation of the map / of the quantity")
+    figure.colorbar(
+        shown, ax=axes, label="standard deviation of the map / of the quantity", shrink=0.8
+    )
     share = float(np.sqrt(np.nanmean(sd**2)))
     axes.set_title(f"{survey.name}: expected {share:.0%} of the quantity's standard deviation")
     finish_map(axes, survey)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -23,6 +23,7 @@ from grebe.report.canvas import (
     draw_water,
     figure_size,
     finish_map,
+    legend_below,
     styled,
 )
 
@@ -35,6 +36,10 @@ if TYPE_CHECKING:
 # Beyond so many cells their edges and arrows would be all there is to see.
 MANY_CELLS = 3_000
 ARROWS = 24
+ABOVE: dict[str, Any] = {
+    "loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2, "fontsize": 8.5,
+    "frameon": False, "borderaxespad": 0.2,
+}  # fmt: skip
 
 
 @styled
@@ -66,7 +71,7 @@ def plan_figure(survey: Survey) -> Figure:
     figure.colorbar(cells, ax=axes, label="order of visit", shrink=0.8)
     axes.set_title(f"{survey.name}: {len(survey.targets)} target sets")
     finish_map(axes, survey)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    legend_below(axes)
     return figure
 
 
@@ -92,7 +97,7 @@ def track_figure(survey: Survey, track: TrackTable, samples: Samples, texts: Tex
     draw_start(axes, survey, texts["start"])
     axes.set_title(f"{survey.name}: {texts['track_title'].lower()}")
     finish_map(axes, survey, texts["east"], texts["north"])
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    legend_below(axes)
     return figure
 
 
@@ -113,7 +118,8 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
         speed.plot(one.seconds, one.states[:, 3], color=BLUE, lw=0.9, label=label)
     speed.set_ylabel(texts["surge_axis"])
     speed.set_title(texts["speed_title"])
-    speed.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
+    # Above the curves, which may be anywhere.
+    speed.legend(**ABOVE)
     for column, name, colour in ((0, "port", ORANGE), (1, "starboard", GREEN)):
         for k, one in enumerate(boats):
             thrust.step(
@@ -129,7 +135,7 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
             thrust.axhline(limit, color=GREY, lw=0.8, ls="--")
     thrust.set_ylabel(texts["thrust_axis"])
     thrust.set_xlabel(texts["time_axis"])
-    thrust.legend(loc="upper right", ncols=2, fontsize=8.5, framealpha=0.9)
+    thrust.legend(**ABOVE)
     return figure
 
 

@@ -20,6 +20,7 @@ from grebe.report.canvas import (
     draw_water,
     figure_size,
     finish_map,
+    legend_below,
     styled,
 )
 
@@ -79,5 +80,5 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
     parts = f"{len(revision.sorties)} sorties" + (f" of {fleet.boats} boats" if fleet else "")
     axes.set_title(f"{survey.name}: {parts}")
     finish_map(axes, survey)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2, frameon=False)
+    legend_below(axes)
     return figure

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -65,9 +66,18 @@ class Library:
     def summaries(self) -> list[dict[str, Any]]:
         """What the list of surveys shows, the newest first; unreadable files are left out."""
         found: list[dict[str, Any]] = []
-        for survey_id, path in self.paths().items():
+        paths = self.paths()
+        for survey_id, path in paths.items():
             with suppress(GrebeError, OSError):
                 found.append(self.summary(survey_id, path))
+        often = Counter(one["name"] for one in found)
+        # Surveys of one water are told apart by their files.
+        found = [
+            {**one, "name": f"{one['name']} ({paths[one['id']].stem})"}
+            if often[one["name"]] > 1
+            else one
+            for one in found
+        ]
         return sorted(found, key=lambda one: one["created"], reverse=True)
 
     def summary(self, survey_id: str, path: Path) -> dict[str, Any]:

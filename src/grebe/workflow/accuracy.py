@@ -210,7 +210,7 @@ def _sure_enough(
         )
     if best is None:
         raise PlanError(
-            f"No plan with pattern {settings.pattern!r} makes the map as sure as {sd_share:g} of "
+            f"No plan makes the map as sure as {sd_share:g} of "
             "the quantity's own standard deviation; ask for less, or give a longer range.",
             settings=("sd_share", "range_m"),
         )

@@ -47,6 +47,8 @@ FULL, FITTINGS = 0.93, 5
 READING_EACH_S, APART_SHARE = 1.0, 0.5
 # A hot spot is what may lie above so high a share of the map's values.
 HOT_SHARE = 0.95
+# A threshold is crossed nowhere that is everywhere farther from the mean, in standard deviations.
+NOWHERE_SD = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,25 +89,7 @@ def adapted(
     pace = 1 / float(np.mean(travel.slowness))
     worth = _worth(survey, samples, quantities, places, wish, open_.cell_m / pace)
     ways = place_ways(places, open_.cell_m, open_.water)
-    nearest = int(np.argmin(np.hypot(*(places - np.array(place)).T)))
-    turn_m = travel.turn_s_per_rad * pace
-    route: list[int] = []
-    left, most_s, allowed_s = np.diag(worth.covariance), 60 * wish.minutes, 60 * wish.minutes
-    for _ in range(FITTINGS):
-        found, then = chosen_places(worth, ways, nearest, allowed_s, pace, turn_m)
-        if not found:
-            break
-        takes_s = _predicted_s(open_, ways, travel, place, [nearest, *found])
-        if takes_s <= most_s and len(found) >= len(route):
-            route, left = found, then
-        if FULL * most_s <= takes_s <= most_s:
-            break
-        allowed_s *= 0.5 * (1 + FULL) * most_s / max(takes_s, 1.0)
-    if not route:
-        raise PlanError(
-            f"No place that is worth a reading lies within {wish.minutes:g} minutes; give more.",
-            settings=("minutes",),
-        )
+    route, left, sails_s = _best_route(worth, ways, open_, travel, place, wish)
     before, after = (_weighted_sd(one, worth.weights) for one in (np.diag(worth.covariance), left))
     # New ways around land are numbered after all the places that could be gone to.
     known = max(target.seq for target in open_.targets)
@@ -118,9 +102,44 @@ def adapted(
         vessel=vessel,
         weather=settings.weather or CALM,
         reason="adaptive",
-        note=f"{len(route)} places more for {wish.text}, in {wish.minutes:g} minutes",
+        note=f"{len(route)} places more for {wish.text}, in {sails_s / 60:.1f} minutes",
     )
     return Adapted(revision=new, before_sd=before, expected_sd=after, places=len(route))
+
+
+def _best_route(
+    worth: Worth,
+    ways: PlaceWays,
+    open_: OpenWater,
+    travel: Travel,
+    place: tuple[float, float],
+    wish: Wish,
+) -> tuple[list[int], Array, float]:
+    """The places that take most off what matters in the time, in their order; the variances (n,)
+    that they leave, and the predicted time [s]. `PlanError` where none is near enough.
+    """
+    pace = 1 / float(np.mean(travel.slowness))
+    turn_m = travel.turn_s_per_rad * pace
+    nearest = int(np.argmin(np.hypot(*(ways.places - np.array(place)).T)))
+    route: list[int] = []
+    sails_s = 0.0
+    left, most_s, allowed_s = np.diag(worth.covariance), 60 * wish.minutes, 60 * wish.minutes
+    for _ in range(FITTINGS):
+        found, then = chosen_places(worth, ways, nearest, allowed_s, pace, turn_m)
+        if not found:
+            break
+        takes_s = _predicted_s(open_, ways, travel, place, [nearest, *found])
+        if takes_s <= most_s and len(found) >= len(route):
+            route, left, sails_s = found, then, takes_s
+        if FULL * most_s <= takes_s <= most_s:
+            break
+        allowed_s *= 0.5 * (1 + FULL) * most_s / max(takes_s, 1.0)
+    if not route:
+        raise PlanError(
+            f"No place that is worth a reading lies within {wish.minutes:g} minutes; give more.",
+            settings=("minutes",),
+        )
+    return route, left, sails_s
 
 
 def _predicted_s(
@@ -191,7 +210,14 @@ def _worth(
     weights = _variation(mapped, places, survey.water.area, cell_m)
     if wish.goal == "threshold":
         assert wish.threshold is not None
-        weights = norm.pdf((wish.threshold - mean) / sd)
+        away = np.abs(wish.threshold - mean) / sd
+        if away.min() > NOWHERE_SD:
+            raise PlanError(
+                f"{key} lies between {mean.min():.4g} and {mean.max():.4g} and crosses "
+                f"{wish.threshold:g} nowhere, by what was measured; give another threshold.",
+                settings=("threshold",),
+            )
+        weights = norm.pdf(away)
     elif wish.goal == "hot-spot":
         weights = norm.sf((np.quantile(mean, HOT_SHARE) - mean) / sd)
     weights = np.maximum(weights / max(float(weights.sum()), 1e-300), 1e-9)

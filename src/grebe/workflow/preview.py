@@ -10,6 +10,10 @@ from grebe.core.dynamics import CALM
 from grebe.core.sets import footprints_of
 from grebe.core.taut import taut_way
 from grebe.mission.departure import Departure
+from grebe.mission.safety.reserve import way_home_s
+from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.way_home import home_of, ways_home
+from grebe.planning.homeward import way_length_m
 from grebe.planning.travel import travel_of
 
 
@@ -55,6 +59,30 @@ def preview_of(departure: Departure) -> Preview:
         forgets=departure.clears,
         doubts=tuple(doubt.message for doubt in departure.doubts),
     )
+
+
+def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:
+    """Return what a boat that is brought home from where it is has before it, by name.
+
+    Raises what `ways_home` does, and `PlanError` where no way leads there.
+    """
+    survey = departure.survey
+    north, east = departure.state[:2]
+    way = ways_home(survey, safety).way_from((north, east))
+    fastest = max((one.speed_max_mps for one in survey.sets), default=1.0)
+    lon, lat = survey.frame.to_wgs84((north, east)).tolist()
+    home_lon, home_lat = survey.frame.to_wgs84(home_of(survey, safety)).tolist()
+    settings = survey.settings
+    weather = CALM if settings is None else settings.weather
+    return {
+        "lat_deg": round(lat, 7),
+        "lon_deg": round(lon, 7),
+        "home_lat_deg": round(home_lat, 7),
+        "home_lon_deg": round(home_lon, 7),
+        "distance_m": round(way_length_m(way), 1),
+        "remaining_s": round(way_home_s(departure.vessel, way, weather, fastest)[0], 1),
+        "doubts": tuple(doubt.message for doubt in departure.doubts),
+    }
 
 
 def _remaining_s(departure: Departure) -> float:

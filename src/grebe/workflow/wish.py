@@ -40,7 +40,7 @@ class Wish:
             )
         if self.sd is not None and not 0 < self.sd < math.inf:
             raise UsageError(
-                f"A standard deviation of {self.sd:g} is impossible.", settings=("sd",)
+                f"A standard deviation of {self.sd:g} is impossible.", settings=("until_sd",)
             )
 
     @property

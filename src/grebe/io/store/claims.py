@@ -30,6 +30,21 @@ def take(path: Path) -> TextIO | None:
         lock.close()
 
 
+def is_taken(path: Path) -> bool:
+    """Whether another process, or another part of this one, has claimed a survey file."""
+    lock = _lock_path(path)
+    if not lock.exists():
+        return False
+    try:
+        taken = take(path)
+    except OSError:
+        return False
+    if taken is None:
+        return True
+    drop(path, taken)
+    return False
+
+
 def drop(path: Path, lock: TextIO) -> None:
     """Give a claim up."""
     if _is_at(path, lock):

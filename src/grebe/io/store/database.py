@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 
 from grebe.core.errors import SurveyFileError
+from grebe.io.store import claims
 from grebe.io.whole import written_whole
 
 JOURNAL_BYTES = 8_000_000
@@ -97,6 +98,8 @@ def new_file(path: Path, *, force: bool) -> Generator[Path]:
             f"{path} exists already; give another name, or replace it by force.",
             settings=("force",),
         )
+    if path.exists() and claims.is_taken(path):
+        raise SurveyFileError(f"{path} is being written by a mission; give another name.")
     with written_whole(path, sqlite3.Error, UnwrittenError, error=SurveyFileError) as part:
         try:
             yield part

@@ -55,10 +55,12 @@ class SurveyFile:
     """An open survey file; use it in a `with` statement."""
 
     def __init__(
-        self, path: Path, connection: sqlite3.Connection, *, journal_missing: bool = False
+        self, path: Path, connection: sqlite3.Connection, *, had_journal: bool = True
     ) -> None:
         self.path = path
-        self.journal_missing = journal_missing
+        # Whether a mission did not come to close the file.
+        self._left_open = sessions.is_left_open(connection)
+        self._had_journal = had_journal
         self._connection = connection
         self._lock: TextIO | None = None
         self._together = Transaction(path, connection)
@@ -117,14 +119,14 @@ class SurveyFile:
             raise SurveyFileError(f"{path}: there is no such survey file.")
         if path.stat().st_size == 0:
             raise SurveyFileError(f"{path} is empty: not a survey file.")
-        journal = sessions.has_journal(path)
+        had_journal = sessions.has_journal(path)
         try:
             connection = connect(path)
             try:
                 schema.check(path, connection)
                 migrate(path, connection, schema.VERSION)
                 make_durable(connection)
-                return cls(path, connection, journal_missing=_is_bare(connection, journal=journal))
+                return cls(path, connection, had_journal=had_journal)
             except BaseException:
                 connection.close()
                 raise
@@ -194,14 +196,32 @@ class SurveyFile:
 
     def close(self) -> None:
         """Fold the write-ahead log into the file and close it."""
-        with suppress(sqlite3.Error):
+        with suppress(sqlite3.Error, OSError):
             if self._in_session:
                 sessions.leave(self._connection)
+            elif self._left_open and self._had_journal:
+                self._note_whole()
             sessions.fold(self._connection)
         self._connection.close()
         if self._lock is not None:
             claims.drop(self.path, self._lock)
             self._lock = None
+
+    def _note_whole(self) -> None:
+        """Note that nothing is missing, though nobody closed the file: what a dead mission left in
+        its journal is being folded. Where a mission still writes, nothing is noted.
+        """
+        lock = self._lock or claims.take(self.path)
+        if lock is None:
+            return
+        sessions.leave(self._connection)
+        if lock is not self._lock:
+            claims.drop(self.path, lock)
+
+    @property
+    def journal_missing(self) -> bool:
+        """Whether a mission did not come to close the file, and its journal is not there either."""
+        return self._left_open and not self._had_journal
 
     @property
     def quantities(self) -> Quantities:
@@ -488,8 +508,3 @@ class SurveyFile:
             return self._connection.execute(sql).fetchall()
         except sqlite3.Error as error:
             raise schema.damaged(self.path, str(error)) from None
-
-
-def _is_bare(connection: sqlite3.Connection, *, journal: bool) -> bool:
-    """Whether a mission did not come to close the file, and its `journal` is not there either."""
-    return not journal and sessions.is_left_open(connection)
