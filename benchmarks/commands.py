@@ -96,7 +96,7 @@ def missions_a_second(missions: int = 5) -> None:
 
 def first_run() -> None:
     """CPU seconds of the compilation before the first mission, in a copy of the package."""
-    script = "from grebe.workflow.warm import sail_a_little; sail_a_little()"
+    script = "from grebe.workflow.kernel_cache import sail_a_little; sail_a_little()"
     with tempfile.TemporaryDirectory() as name:
         environment = os.environ | {"NUMBA_CACHE_DIR": name}
         before = resource.getrusage(resource.RUSAGE_CHILDREN)

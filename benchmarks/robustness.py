@@ -11,7 +11,7 @@ from grebe.control.controller import Controller
 from grebe.core.dynamics import Weather
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.trial import Conditions, fly, meander
-from grebe.workflow.steering import rule_named
+from grebe.workflow.steering_names import rule_named
 
 MISSIONS = 200
 

@@ -19,9 +19,9 @@ from pathlib import Path
 
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.server import plans
-from grebe.server.ears import live_path
 from grebe.server.library import identity
 from grebe.server.live import Watch
+from grebe.server.mission_socket import live_path
 from grebe.server.tabs import Lease, Tab
 
 BEGAN, EACH_S, PAGES = 1.8e9, 0.1, 5

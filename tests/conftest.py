@@ -23,7 +23,7 @@ from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.store import SurveyFile
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
-from grebe.server.telling import Telling
+from grebe.server.mission_delta import Telling
 from grebe.workflow.demo import HERON, OUTLINE_M
 from grebe.workflow.files import write_survey
 from grebe.workflow.run import run_survey, steered_by

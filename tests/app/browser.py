@@ -86,7 +86,7 @@ def browser():
 
 @pytest.fixture(scope="session")
 def app(tmp_path_factory):
-    from grebe.workflow.warm import compile_controller
+    from grebe.workflow.kernel_cache import compile_controller
 
     compile_controller()
     made = App(tmp_path_factory.mktemp("surveys"))

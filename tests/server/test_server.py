@@ -24,11 +24,11 @@ from starlette.routing import Route  # noqa: E402
 from grebe.core.errors import GrebeError, InputError  # noqa: E402
 from grebe.io.store import SurveyFile  # noqa: E402
 from grebe.server import library, maps, plans  # noqa: E402
-from grebe.server.asked import parsed  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
 from grebe.server.failures import NoMapError  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
 from grebe.server.live import Watch  # noqa: E402
+from grebe.server.requests import parsed  # noqa: E402
 from grebe.server.security import Gate, Keys  # noqa: E402
 from grebe.server.tabs import PAST, QUEUE, Lease, Past, Tab, message  # noqa: E402
 from grebe.server.worker import Worker  # noqa: E402

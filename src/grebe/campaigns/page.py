@@ -16,7 +16,7 @@ from grebe.campaigns.certificate import Verdict
 from grebe.campaigns.drawing import campaign_figure
 from grebe.campaigns.run import Outcome
 from grebe.campaigns.spread import Between, Normal, OneOf, Spread
-from grebe.io.whole import write_text_whole, written_whole
+from grebe.io.atomic_write import write_text_whole, written_whole
 from grebe.report import canvas
 
 CERTIFICATE, REPORT, PICTURE = "certificate.json", "report.html", "campaign.png"

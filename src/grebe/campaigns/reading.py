@@ -16,7 +16,7 @@ from grebe.core.errors import InputError
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
-from grebe.workflow.steering import rule_named
+from grebe.workflow.steering_names import rule_named
 from grebe.workflow.vessels import vessel_of
 
 TOP = {"name", "survey", "missions", "seed", "success", "claim", "draw"}

@@ -14,8 +14,8 @@ from typing import Any
 
 from grebe.campaigns.task import Summary
 from grebe.core.errors import InputError
+from grebe.io.atomic_write import write_text_whole, written_whole
 from grebe.io.parquet import arrow_for
-from grebe.io.whole import write_text_whole, written_whole
 
 MISSIONS, IDENTITY = "missions", "campaign.json"
 # Missions in a part: what a killed campaign has to sail again at most, with its workers' own.

@@ -23,7 +23,7 @@ from grebe.mission.statistics import MissionReport
 from grebe.simulation.faults import Faults, FaultyPlant
 from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import UniformSonde
-from grebe.workflow.steering import rule_named
+from grebe.workflow.steering_names import rule_named
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -152,7 +152,7 @@ def _serve(app: Any, door: socket.socket, tls: dict[str, Any], idle_minutes: flo
 
 
 def _make_ready() -> None:
-    from grebe.workflow.warm import compile_controller
+    from grebe.workflow.kernel_cache import compile_controller
 
     compile_controller()
 

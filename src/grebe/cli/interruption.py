@@ -22,7 +22,7 @@ from typing import Protocol
 
 from grebe.cli import output
 from grebe.core.errors import StoppedError
-from grebe.io.whole import forget_parts
+from grebe.io.atomic_write import forget_parts
 
 # What a command has to end in good order [s].
 GRACE_S = 0.8

@@ -16,7 +16,7 @@ from grebe.core.errors import UsageError
 from grebe.io.store import SurveyFile
 
 if TYPE_CHECKING:
-    from grebe.server.ears import Ears
+    from grebe.server.mission_socket import Ears
 
 # The app stays for those who look at what was measured, and ends when nobody does any more.
 IDLE_MINUTES = 10.0
@@ -36,7 +36,7 @@ def live_view(survey_file: SurveyFile, *, wanted: bool) -> Generator[Ears | None
         raise UsageError(
             f"The app needs {' and '.join(missing)}: pip install 'grebe[app]'.", settings=("live",)
         )
-    from grebe.server.ears import listened_to
+    from grebe.server.mission_socket import listened_to
 
     with listened_to(survey_file) as ears:
         threading.Thread(target=_open_app, args=(survey_file.path,), daemon=True).start()

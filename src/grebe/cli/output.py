@@ -77,7 +77,7 @@ def compile_once() -> None:
     from grebe.core.kernels import is_compiled
 
     if not is_compiled():
-        from grebe.workflow.warm import compile_controller
+        from grebe.workflow.kernel_cache import compile_controller
 
         note("compiling the controller, once: about a minute")
         compile_controller()

@@ -9,7 +9,7 @@ import click
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
-from grebe.workflow.steering import RULES, SOLVERS, rule_named, solver_named
+from grebe.workflow.steering_names import RULES, SOLVERS, rule_named, solver_named
 
 DEFAULTS = Dual()
 WEIGHTS = {

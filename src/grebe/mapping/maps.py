@@ -14,10 +14,10 @@ from grebe.core.errors import InputError
 from grebe.core.quantities import Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
-from grebe.mapping.best import best_of
 from grebe.mapping.change import Change, fit_change, no_change
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
+from grebe.mapping.method_choice import best_of
 from grebe.mapping.methods.base import Domain, Method, Readings
 from grebe.mapping.methods.choice import ByShore, Choice
 from grebe.mapping.methods.passes import Passes

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from scipy.spatial.distance import pdist
 
 from grebe.mapping.covariance import KINDS, CovarianceModel, correlations, stretched
-from grebe.mapping.remembered import remembered
+from grebe.mapping.memo import remembered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

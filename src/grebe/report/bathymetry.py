@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from grebe.core.survey import Survey
-from grebe.io.whole import write_rows_whole
+from grebe.io.atomic_write import write_rows_whole
 from grebe.mapping.bathymetry import WATER_DEPTH, Bathymetry, bathymetry
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.validation import Z95

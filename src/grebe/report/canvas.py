@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import offset_copy
 
 from grebe.core.survey import Survey
-from grebe.io.whole import written_whole
+from grebe.io.atomic_write import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from grebe.core.quantity import inline
-from grebe.io.whole import write_text_whole
+from grebe.io.atomic_write import write_text_whole
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.mapping.validation import Z95

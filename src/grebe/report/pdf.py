@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from grebe.core.errors import InputError
-from grebe.io.whole import written_whole
+from grebe.io.atomic_write import written_whole
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 LONGEST_S = 120

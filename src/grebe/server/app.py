@@ -21,14 +21,14 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from grebe.core.errors import GrebeError, UsageError
-from grebe.server import asked, choices, endpoints, library
+from grebe.server import choices, endpoints, library, requests
 from grebe.server.background import DEEPEST, Background
 from grebe.server.failures import ConflictError, failed, missing
 from grebe.server.library import Library, UnknownSurveyError
 from grebe.server.live import UNDER_WAY, Fleet
+from grebe.server.mission_request import voyage_asked
 from grebe.server.security import Gate, Keys
 from grebe.server.tabs import Tab
-from grebe.server.voyage import voyage_asked
 from grebe.server.worker import Worker
 
 REPORT_HEADERS = {
@@ -111,14 +111,14 @@ class App:
 
     async def upload(self, request: Request) -> Response:
         """Keep a file from outside as a survey."""
-        async with asked.uploaded(request, self.surveys.folder) as path:
+        async with requests.uploaded(request, self.surveys.folder) as path:
             to = self.surveys.free_path(Path(request.query_params["name"]).stem)
             await self.plans.run("receive", str(path), str(to))
         return await self._summary(to)
 
     async def outline(self, request: Request) -> Response:
         """The water of a file of outlines."""
-        async with asked.uploaded(request, self.surveys.folder) as path:
+        async with requests.uploaded(request, self.surveys.folder) as path:
             found = await self.plans.run("outline", str(path))
         found["name"] = Path(request.query_params["name"]).stem[:80]
         return JSONResponse(found)
@@ -138,11 +138,11 @@ class App:
 
     async def preview(self, request: Request) -> Response:
         """What a survey would be."""
-        return JSONResponse(await self.plans.run("preview", await asked.body_of(request)))
+        return JSONResponse(await self.plans.run("preview", await requests.body_of(request)))
 
     async def keep(self, request: Request) -> Response:
         """Plan a survey and keep it."""
-        given = await asked.body_of(request)
+        given = await requests.body_of(request)
         to = self.surveys.free_path(str(given.get("name", "survey")))
         await self.plans.run("keep", given, str(to))
         return await self._summary(to)
@@ -157,12 +157,12 @@ class App:
 
     async def run(self, request: Request) -> Response:
         """Begin a mission, or go on with one."""
-        given = await asked.body_of(request)
+        given = await requests.body_of(request)
         watch = self.fleet.watch(request.path_params["id"])
         voyage = voyage_asked(given)
         if voyage.link != "sim:" and given.get("confirm") is not True:
             raise UsageError("A real boat needs to be confirmed.", settings=("confirm",))
-        tab = asked.tab_of(request)
+        tab = requests.tab_of(request)
         if self.fleet.lease.holder is None:
             self.fleet.lease.take(tab)
             self.fleet.tell_lease()
@@ -173,7 +173,7 @@ class App:
     async def order(self, request: Request) -> Response:
         """Pause, go on, come home; stop, which is every page's right."""
         watch = self.fleet.watch(request.path_params["id"])
-        tab = asked.tab_of(request)
+        tab = requests.tab_of(request)
         command = request.url.path.rpartition("/")[2]
         if command != "stop":
             self._steers(tab)
@@ -186,7 +186,7 @@ class App:
 
     async def lease(self, request: Request) -> Response:
         """Take or leave the right to steer."""
-        given, tab = await asked.body_of(request), asked.tab_of(request)
+        given, tab = await requests.body_of(request), requests.tab_of(request)
         if given.get("take") is True:
             self.fleet.lease.take(tab)
         else:
@@ -197,7 +197,7 @@ class App:
     async def events(self, request: Request) -> Response:
         """The stream of a survey: a snapshot, then what changes."""
         watch = self.fleet.watch(request.path_params["id"])
-        tab = Tab(name=asked.tab_of(request))
+        tab = Tab(name=requests.tab_of(request))
         headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
         stream = watch.stream(tab, request.headers.get("last-event-id", ""))
         return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
@@ -213,7 +213,9 @@ class App:
         """A layer of a map."""
         path, forming = await self._path_forming(request)
         given = request.query_params
-        threshold = asked.number(given["threshold"], "threshold") if "threshold" in given else None
+        threshold = (
+            requests.number(given["threshold"], "threshold") if "threshold" in given else None
+        )
         found = await self.maps.run(
             "grid", path, given.get("quantity", ""), given.get("layer", "mean"), threshold,
             given.get("side", "above"), forming=forming,
@@ -224,14 +226,14 @@ class App:
         """The value at a place."""
         path, forming = await self._path_forming(request)
         given = request.query_params
-        lon, lat = (asked.number(given.get(name, ""), name) for name in ("lon", "lat"))
+        lon, lat = (requests.number(given.get(name, ""), name) for name in ("lon", "lat"))
         quantity = given.get("quantity", "")
         return JSONResponse(await self.maps.run("at", path, quantity, lon, lat, forming=forming))
 
     async def profile(self, request: Request) -> Response:
         """Values along a line."""
         path, forming = await self._path_forming(request)
-        line = asked.line(request.query_params.get("line", ""))
+        line = requests.line(request.query_params.get("line", ""))
         quantity = request.query_params.get("quantity", "")
         return JSONResponse(await self.maps.run("profile", path, quantity, line, forming=forming))
 
@@ -250,7 +252,7 @@ class App:
     async def make_report(self, request: Request) -> Response:
         """Make the report."""
         path = self.surveys.path(request.path_params["id"])
-        language = (await asked.body_of(request)).get("language", "en")
+        language = (await requests.body_of(request)).get("language", "en")
         if language not in ("en", "fr"):
             raise UsageError("The report speaks en or fr.", settings=("language",))
         await self.maps.run("report", str(path), language)

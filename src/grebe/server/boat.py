@@ -17,14 +17,14 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Observation
 from grebe.links.passing import PassingLink
 from grebe.mission.departure import Departure
-from grebe.server.ears import listened_to
-from grebe.server.voyage import Voyage
+from grebe.server.mission_request import Voyage
+from grebe.server.mission_socket import listened_to
 from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.kernel_cache import compile_controller
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
-from grebe.workflow.steering import rule_named
-from grebe.workflow.warm import compile_controller
+from grebe.workflow.steering_names import rule_named
 
 
 class Paced(PassingLink):

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 
-from grebe.server import answers
+from grebe.server import responses
 
 Method = Literal["GET", "POST", "DELETE"]
 FILE = "application/octet-stream"
@@ -64,15 +64,17 @@ def _get(path: str, name: str, what: str, answer: Any, *query: Query) -> Endpoin
 
 ENDPOINTS: tuple[Endpoint, ...] = (
     _get("/api/openapi.json", "description", "This description.", dict[str, Any]),
-    _get("/api/options", "options", "What can be chosen.", answers.Options),
-    _get("/api/surveys", "list", "The surveys of the folder, newest first.", list[answers.Summary]),
+    _get("/api/options", "options", "What can be chosen.", responses.Options),
+    _get(
+        "/api/surveys", "list", "The surveys of the folder, newest first.", list[responses.Summary]
+    ),
     Endpoint(
         method="POST",
         path="/api/surveys",
         name="upload",
         what="Keep a survey file, or a table of samples, that is sent.",
         body=FILE,
-        answer=answers.Summary,
+        answer=responses.Summary,
         query=(NAME,),
         status=201,
     ),
@@ -82,24 +84,26 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         name="outline",
         what="The water of a file of outlines that is sent, as GeoJSON.",
         body=FILE,
-        answer=answers.Outline,
+        answer=responses.Outline,
         query=(NAME,),
     ),
-    _post("/api/demo", "demo", "A new survey of a hectare.", answers.Empty, answers.Summary, 201),
+    _post(
+        "/api/demo", "demo", "A new survey of a hectare.", responses.Empty, responses.Summary, 201
+    ),
     _post(
         "/api/plan/preview",
         "preview",
         "What a survey would be: cells, way, length, time, energy; or the problems.",
-        answers.PlanRequest,
-        answers.Preview,
+        responses.PlanRequest,
+        responses.Preview,
     ),
-    _post("/api/plan", "keep", "Plan and keep it.", answers.PlanRequest, answers.Summary, 201),
+    _post("/api/plan", "keep", "Plan and keep it.", responses.PlanRequest, responses.Summary, 201),
     _post(
         "/api/lease",
         "lease",
         "Take or leave the right to steer.",
-        answers.LeaseRequest,
-        answers.LeaseShown,
+        responses.LeaseRequest,
+        responses.LeaseShown,
     ),
     _get(
         "/api/background/{zoom}/{x}/{y}",
@@ -107,7 +111,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         "A tile of the user's own map; 204 where it has none.",
         "image/*",
     ),
-    _get(ONE, "one", "All about a survey.", answers.Detail),
+    _get(ONE, "one", "All about a survey.", responses.Detail),
     Endpoint(
         method="DELETE", path=ONE, name="remove", what="Delete it; 409 under way.", status=204
     ),
@@ -116,12 +120,12 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         f"{ONE}/preflight",
         "preflight",
         "The lines of the doctor.",
-        list[answers.PreflightLine],
+        list[responses.PreflightLine],
         Query("link", "a boat's address, such as mavlink:udp:0.0.0.0:14550", required=False),
     ),
-    _post(f"{ONE}/run", "run", "Begin or go on.", answers.RunRequest, answers.Status, 201),
+    _post(f"{ONE}/run", "run", "Begin or go on.", responses.RunRequest, responses.Status, 201),
     *(
-        _post(f"{ONE}/{order}", "order", what, answers.Empty, answers.Status)
+        _post(f"{ONE}/{order}", "order", what, responses.Empty, responses.Status)
         for order, what in (
             ("pause", "Hold station."),
             ("continue", "Go on after a pause."),
@@ -140,7 +144,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         f"{ONE}/map",
         "grid",
         "A layer of the map on a grid.",
-        answers.Grid,
+        responses.Grid,
         QUANTITY,
         Query("layer", "mean, sd, probability or quality", required=False),
         Query("threshold", "for the probability", "number", required=False),
@@ -150,7 +154,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         f"{ONE}/map/at",
         "at",
         "The value at a place.",
-        answers.Value,
+        responses.Value,
         QUANTITY,
         Query("lon", "longitude [deg]", "number"),
         Query("lat", "latitude [deg]", "number"),
@@ -159,7 +163,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         f"{ONE}/map/profile",
         "profile",
         "Values along a line.",
-        answers.Line,
+        responses.Line,
         QUANTITY,
         Query("line", "lon,lat;lon,lat and so on [deg]"),
     ),
@@ -167,17 +171,17 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         f"{ONE}/map/diff",
         "difference",
         "This survey less another one.",
-        answers.Grid,
+        responses.Grid,
         QUANTITY,
         Query("other", "the id of the other survey"),
     ),
-    _get(f"{ONE}/replay", "replay", "A recorded mission as columns.", answers.Replay),
+    _get(f"{ONE}/replay", "replay", "A recorded mission as columns.", responses.Replay),
     _post(
         f"{ONE}/report",
         "make_report",
         "Make the report.",
-        answers.ReportRequest,
-        answers.ReportMade,
+        responses.ReportRequest,
+        responses.ReportMade,
         201,
     ),
     _get(f"{ONE}/report", "report", "The report that was made.", "text/html"),
@@ -189,7 +193,7 @@ def description(version: str) -> dict[str, Any]:
     types = [one for each in ENDPOINTS for one in (each.body, each.answer)]
     shapes = [one for one in types if one is not None and not isinstance(one, str)]
     found, components = msgspec.json.schema_components(
-        [*shapes, answers.Failure], ref_template="#/components/schemas/{name}"
+        [*shapes, responses.Failure], ref_template="#/components/schemas/{name}"
     )
     schemas = dict(zip(map(repr, shapes), found, strict=False))
     paths: dict[str, dict[str, Any]] = {}

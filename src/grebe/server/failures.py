@@ -8,7 +8,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from grebe.core.errors import GrebeError, InputError, LinkError, UsageError
-from grebe.server import asked
+from grebe.server import requests
 from grebe.server.library import UnknownSurveyError
 
 
@@ -25,7 +25,7 @@ STATUS = {
     NoMapError: 404,
     LinkError: 409,
     ConflictError: 409,
-    asked.TooLargeError: 413,
+    requests.TooLargeError: 413,
 }
 
 

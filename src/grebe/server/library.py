@@ -24,7 +24,7 @@ from grebe.core.samples import Samples
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.report.thresholds import Profile, read_profile
-from grebe.server.telling import ENDS, iso, number
+from grebe.server.mission_delta import ENDS, iso, number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -23,10 +23,10 @@ from starlette.concurrency import run_in_threadpool
 
 from grebe.core.errors import InputError, LinkError
 from grebe.server import library
-from grebe.server.ears import live_path
+from grebe.server.mission_delta import iso
+from grebe.server.mission_request import Voyage
+from grebe.server.mission_socket import live_path
 from grebe.server.tabs import Lease, Message, Past, Tab, message
-from grebe.server.telling import iso
-from grebe.server.voyage import Voyage
 
 KEEP_S = 5.0
 # A mission that was started is waited for so long: the first one compiles its controller [s].

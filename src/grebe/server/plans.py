@@ -22,9 +22,9 @@ from grebe.core.vessel import vessel_named
 from grebe.io.store import SurveyFile
 from grebe.planning.planner import Planned, plan
 from grebe.planning.region import Region, clean_region
-from grebe.server.asked import setting_number
 from grebe.server.library import geojson, rings
-from grebe.server.voyage import weather
+from grebe.server.mission_request import weather
+from grebe.server.requests import setting_number
 from grebe.workflow.demo import NOTE, demo_survey
 from grebe.workflow.files import write_survey
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
-from grebe.server.telling import iso
+from grebe.server.mission_delta import iso
 
 # A tab holds at most so many messages, and a page whose line broke is told what it missed where
 # that is no more than the past holds: some two minutes at ten a second.

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from pyogrio.errors import DataLayerError, DataSourceError, FeatureError
 
 from grebe.core.frames import LocalFrame
-from grebe.io.whole import written_whole
+from grebe.io.atomic_write import written_whole
 from grebe.mapping.quantity_map import QuantityMap
 
 LEVELS = 10

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grebe.core.frames import LocalFrame
-from grebe.io.whole import written_whole
+from grebe.io.atomic_write import written_whole
 from grebe.mapping.grid import Grid
 from grebe.mapping.quantity_map import QuantityMap
 

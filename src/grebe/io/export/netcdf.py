@@ -15,8 +15,8 @@ import netCDF4
 import numpy as np
 
 from grebe.core.frames import LocalFrame
+from grebe.io.atomic_write import written_whole
 from grebe.io.export.catalogue import ACDD, CatalogueEntry, acdd
-from grebe.io.whole import written_whole
 from grebe.mapping.grid import Grid
 from grebe.mapping.quantity_map import QuantityMap
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from grebe.core.frames import LocalFrame
 from grebe.core.quantity import Quantity
+from grebe.io.atomic_write import written_whole
 from grebe.io.export.catalogue import ACDD, CatalogueEntry, acdd
 from grebe.io.export.netcdf import (
     field_variable,
@@ -19,7 +20,6 @@ from grebe.io.export.netcdf import (
     time_variable,
     write_grid,
 )
-from grebe.io.whole import written_whole
 from grebe.mapping.grid import Grid
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ import shapely
 
 from grebe.core.errors import UsageError
 from grebe.core.survey import Survey
-from grebe.io.whole import write_text_whole
+from grebe.io.atomic_write import write_text_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -22,9 +22,9 @@ import shapely
 
 from grebe.core.frames import LocalFrame
 from grebe.core.samples import Samples
+from grebe.io.atomic_write import write_rows_whole, written_whole
 from grebe.io.parquet import arrow_for
 from grebe.io.store.timestamps import time_texts
-from grebe.io.whole import write_rows_whole, written_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,8 +13,8 @@ from typing import Any
 
 import shapely
 
+from grebe.io.atomic_write import write_text_whole
 from grebe.io.export.catalogue import CatalogueEntry, time_text
-from grebe.io.whole import write_text_whole
 
 ITEM_NAME = "item.json"
 EXTENSIONS = (

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from grebe.core.errors import InputError
 from grebe.core.vessel import Vessel
-from grebe.io.whole import write_text_whole
+from grebe.io.atomic_write import write_text_whole
 
 
 def write_vessel(

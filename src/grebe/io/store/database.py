@@ -9,8 +9,8 @@ from pathlib import Path
 from types import TracebackType
 
 from grebe.core.errors import SurveyFileError
+from grebe.io.atomic_write import written_whole
 from grebe.io.store import claims
-from grebe.io.whole import written_whole
 
 JOURNAL_BYTES = 8_000_000
 

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from grebe.core.errors import SurveyFileError
-from grebe.io.whole import written_whole
+from grebe.io.atomic_write import written_whole
 
 Identity = tuple[tuple[int, int] | None, ...]
 

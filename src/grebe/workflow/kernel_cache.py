@@ -15,7 +15,7 @@ from pathlib import Path
 
 from grebe.core import kernels
 
-_COMMAND = "from grebe.workflow.warm import sail_a_little; sail_a_little()"
+_COMMAND = "from grebe.workflow.kernel_cache import sail_a_little; sail_a_little()"
 
 
 def compile_controller() -> bool:

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from grebe.core.dynamics import Weather
 from grebe.core.errors import UsageError
-from grebe.server.asked import setting_number
+from grebe.server.requests import setting_number
 
 
 @dataclass(frozen=True, kw_only=True)

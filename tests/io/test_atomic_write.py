@@ -15,12 +15,12 @@ from conftest import ENTRY, FRAME, OXYGEN, square_survey
 
 from grebe.core.errors import InputError, SurveyFileError
 from grebe.core.samples import Flag
+from grebe.io.atomic_write import forget_parts, write_text_whole, written_whole
 from grebe.io.export.contours import write_contours
 from grebe.io.export.geotiff import write_geotiff
 from grebe.io.export.netcdf import write_netcdf
 from grebe.io.export.route import write_export
 from grebe.io.store import SurveyFile
-from grebe.io.whole import forget_parts, write_text_whole, written_whole
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.choice import KRIGING

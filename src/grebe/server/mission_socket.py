@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from grebe.server.telling import Telling
+from grebe.server.mission_delta import Telling
 
 if TYPE_CHECKING:
     from grebe.io.store import SurveyFile
