@@ -33,7 +33,7 @@ from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import SurveyRecorder
 from grebe.mission.settings import MissionSettings
-from grebe.mission.trial import survey_of
+from grebe.mission.trial import bare_survey
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 
@@ -114,7 +114,7 @@ class Restless:
 def far_survey() -> Survey:
     """One target a hundred kilometres away: a mission that has far to go."""
     far = rectangle((1e5, 1e5 + 10), (0, 10), (1.0, 2.0))
-    survey = survey_of([far], PRESETS["spyboat"])
+    survey = bare_survey([far], PRESETS["spyboat"])
     return Survey(
         name="far",
         frame=LocalFrame(origin_lon_deg=3.0, origin_lat_deg=50.0),
@@ -241,7 +241,7 @@ def latency(minutes: float = 1.5) -> None:
 
 
 def _flight(path: Path, seconds: float, limit_s: float) -> list[float]:
-    survey = survey_of(CELLS, BOAT)
+    survey = bare_survey(CELLS, BOAT)
     SurveyFile.create(path, survey, meta={}, force=False).close()
     helm = Controller(BOAT, CELLS)
     helm.step(START)

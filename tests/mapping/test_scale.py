@@ -82,7 +82,8 @@ def test_all_that_is_said_is_in_the_unit_of_the_quantity(one):
     read = one.values
     assert read.min() > 0
     assert read.mean() == pytest.approx(one.mean[one.grid.inside].mean(), rel=0.3)
-    assert one.noise_sd == pytest.approx(0.03 * np.nanmedian(one.mean), rel=0.5)
+    # In part it is taken for water that varies within metres.
+    assert one.noise_sd == pytest.approx(0.03 * np.nanmedian(one.mean), rel=0.65)
     assert 0.3 < one.validation.rmse / read.std() < 1.2
     assert 0.1 < one.error95 < read.std()
 

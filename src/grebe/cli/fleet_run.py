@@ -19,7 +19,7 @@ from grebe.mission.recorders import Listener
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, Progress, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
-from grebe.workflow.fleets import FleetReport, FleetRun, fleet_of
+from grebe.workflow.fleets import FleetReport, FleetRun
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -68,7 +68,7 @@ def run_fleet(
 ) -> FleetReport:
     """Sail a fleet's survey; `urls` are one link for all boats, or one for each."""
     rule, solver, world = how
-    fleet = fleet_of(survey_file.survey)
+    fleet = survey_file.survey.fleet
     assert fleet is not None
     links = list(urls) * (fleet.boats if len(urls) == 1 else 1)
     if len(links) != fleet.boats:

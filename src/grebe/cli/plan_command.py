@@ -19,7 +19,7 @@ from grebe.cli.accuracy_options import (
     refuse_with_goal,
     refuse_without_goal,
 )
-from grebe.cli.sortie_options import fleet_of, sortie_options, sorties_of
+from grebe.cli.sortie_options import fleet_settings, sortie_options, sortie_settings
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.revision import Sortie
@@ -234,10 +234,10 @@ def _settings(
         weather=options.weather_of(asked["current"], asked["wind"]),
         minutes=minutes,
         energy_wh=energy_wh,
-        sorties=sorties_of(
+        sorties=sortie_settings(
             asked["sortie_battery_wh"], asked["sortie_minutes"], asked["reserve"], asked["harbours"]
         ),
-        fleet=fleet_of(asked["boats"], asked["apart_m"], starts, vessels),
+        fleet=fleet_settings(asked["boats"], asked["apart_m"], starts, vessels),
     )
 
 
@@ -311,6 +311,4 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
 
 
 def _whose(planned: PlannedSorties, sortie: Sortie) -> str:
-    settings = planned.survey.settings
-    fleet = None if settings is None else settings.fleet
-    return "" if fleet is None else f", boat {sortie.boat}"
+    return "" if planned.survey.fleet is None else f", boat {sortie.boat}"

@@ -34,7 +34,6 @@ from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
-from grebe.workflow.fleets import fleet_of
 from grebe.workflow.instruments import declare_quantities, instrument_named, instruments_at
 from grebe.workflow.preview import preview_of, way_home_of
 from grebe.workflow.quality import check_samples
@@ -132,7 +131,7 @@ def command(
         before = survey_file.progress().reached if goes_on else 0
         kept = {name: value for name, value in run.items() if name not in ONCE}
         survey_file.set_meta("run", json.dumps(kept, default=str))
-        if fleet_of(survey_file.survey) is not None and sortie is None:
+        if survey_file.survey.fleet is not None and sortie is None:
             _refuse_for_fleets(instruments, run, live=live)
             _sail_fleet(
                 survey_file, urls, run, now, bar, resume=resume, force=force, as_json=as_json

@@ -56,7 +56,7 @@ _OPTIONS = (
 )
 
 
-def sorties_of(
+def sortie_settings(
     battery_wh: float | None,
     minutes: float | None,
     reserve: float | None,
@@ -77,7 +77,7 @@ def sorties_of(
     )
 
 
-def fleet_of(
+def fleet_settings(
     boats: int,
     apart_m: float | None,
     starts: tuple[tuple[float, float], ...],

@@ -14,7 +14,7 @@ import shapely
 
 from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
-from grebe.core.plan_settings import PlanOutcome, PlanSettings
+from grebe.core.plan_settings import FleetSettings, PlanOutcome, PlanSettings
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import Vessel
 
@@ -87,8 +87,12 @@ class Survey:
 
     def vessel_of(self, boat: int) -> Vessel | None:
         """The vessel of a fleet's boat by its number, from 1: its own, or the survey's."""
-        fleet = self.settings.fleet if self.settings else None
-        return (fleet and fleet.vessel(boat)) or self.vessel
+        return (self.fleet and self.fleet.vessel(boat)) or self.vessel
+
+    @property
+    def fleet(self) -> FleetSettings | None:
+        """The fleet that the survey was planned for; None for one boat."""
+        return None if self.settings is None else self.settings.fleet
 
     @property
     def sets(self) -> list[TargetSet]:

@@ -22,6 +22,7 @@ A link knows nothing of targets or maps. `tests/contracts/test_links.py` holds e
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -41,6 +42,10 @@ class Observation:
     time_s: float
     state: State
     age_s: float = 0.0
+
+
+# What a link hands out as a state that does not know where the boat is.
+NOT_A_STATE: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)

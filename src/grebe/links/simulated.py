@@ -11,13 +11,12 @@ import numpy as np
 
 from grebe.core.errors import LinkError, UsageError
 from grebe.core.events import State
-from grebe.links.base import BoatStatus, Observation, Order
+from grebe.links.base import NOT_A_STATE, BoatStatus, Observation, Order
 from grebe.simulation.faults import NO_FAULTS, Faults
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater
 
 OBSERVATION_PERIOD_S = 0.1
-NO_NUMBERS: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +89,7 @@ class SimulatedLink:
                 self._plant.advance(OBSERVATION_PERIOD_S)
         self._started = True
         blind = self._faults.is_blind(self._plant.time_s)
-        self._past.append(NO_NUMBERS if blind else self._estimate())
+        self._past.append(NOT_A_STATE if blind else self._estimate())
         age_s = self._errors.late_s if self._errors.says_age else 0.0
         return Observation(time_s=self._plant.time_s, state=self._past[0], age_s=age_s)
 

@@ -17,13 +17,13 @@ from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.change import Change, fit_change, no_change
 from grebe.mapping.grid import Grid
 from grebe.mapping.kriging import distinct
-from grebe.mapping.method_choice import best_of
+from grebe.mapping.method_choice import Best, best_of
 from grebe.mapping.methods.base import Domain, Method, Readings
 from grebe.mapping.methods.choice import ByShore, Choice
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.shore import WithShore
 from grebe.mapping.noise import noise_variance
-from grebe.mapping.quantity_map import QuantityMap, known_sd
+from grebe.mapping.quantity_map import QuantityMap, known_sd, water_sd
 from grebe.mapping.scale import LINEAR, Scale, scale_of
 from grebe.mapping.threads import one_blas_thread
 
@@ -117,35 +117,18 @@ class Mapper:
         moment = self.settings.moment
         if moment is not None and readings.times is None:
             raise ValueError("a map of one moment needs the times of the samples")
-        # The bed stays as it is: passes over it differ by the sonar's errors alone.
         is_bed = quantity.key == WATER_DEPTH
         may_be_log = quantity.unit not in INTERVAL_UNITS
         scale = self._scale(readings, is_bed=is_bed, may_be_log=may_be_log)
         readings = replace(readings, values=scale.forward(readings.values))
-        if is_bed and moment is None:
-            change = no_change(readings)
-        else:
-            change = self.settings.change(readings, None if moment == "middle" else moment)
+        change = self._change(readings, is_bed=is_bed)
         if moment is not None:
             readings = replace(change.reduced(change.placed(readings)), moment_s=change.moment_s)
-        at, data = readings.positions, readings.values
-        methods, reason = self.settings.methods(readings, self._domain)
-        if is_bed and self.settings.shore_depth_sd_m is not None:
-            sd = self.settings.shore_depth_sd_m
-            methods = tuple(WithShore(method=one, sd=sd) for one in methods)
-        asked_for = any(one.key == Passes.key for one in methods)
-        still = is_bed and not asked_for
-        told = replace(readings, times=None) if still else readings
-        found = best_of(methods, told, self._domain, scale)
-        model, factors = found.model, found.calibration
-        noise = noise_variance(at, data, model.nugget)
-        micro_sd = factors.on_way * float(np.sqrt(model.nugget - noise))
-        # What is finer than the sensor resolves is not known either.
-        slope = scale.slope(float(np.median(scale.back(data))))
-        micro_sd = float(np.hypot(micro_sd, quantity.resolution / slope / np.sqrt(12)))
+        found, reason = self._best(readings, scale, is_bed=is_bed)
+        micro_sd = _micro_sd(found, readings, scale, quantity.resolution)
         nodes = self.grid.nodes
         mean = found.field.mean(nodes)
-        sd = np.hypot(factors.factor(nodes) * found.field.sd(nodes), micro_sd)
+        sd = water_sd(found.field, found.calibration, micro_sd, nodes)
         if moment is not None:
             sd = np.hypot(sd, change.sd_near(readings, nodes))
         return QuantityMap(
@@ -153,7 +136,7 @@ class Mapper:
             grid=self.grid,
             mean=self.grid.spread(scale.mean(mean, known_sd(sd, readings))),
             sd=self.grid.spread(scale.sd(mean, sd)),
-            calibration=factors,
+            calibration=found.calibration,
             micro_sd=micro_sd,
             change=change,
             is_of_moment=moment is not None,
@@ -161,12 +144,32 @@ class Mapper:
             field=found.field,
             method=found.method,
             reason=reason,
-            model=model,
+            model=found.model,
             validation=found.validation,
             flagged=flagged,
             scale=scale,
             on_scale=None if scale is LINEAR else (self.grid.spread(mean), self.grid.spread(sd)),
         )
+
+    def _change(self, readings: Readings, *, is_bed: bool) -> Change:
+        """What changed while the readings were taken. A bed stays as it is: passes over it differ
+        by the sonar's errors alone.
+        """
+        moment = self.settings.moment
+        if is_bed and moment is None:
+            return no_change(readings)
+        return self.settings.change(readings, None if moment == "middle" else moment)
+
+    def _best(self, readings: Readings, scale: Scale, *, is_bed: bool) -> tuple[Best, str]:
+        """The method that predicts best, and why it was among those tried."""
+        methods, reason = self.settings.methods(readings, self._domain)
+        if is_bed and self.settings.shore_depth_sd_m is not None:
+            sd = self.settings.shore_depth_sd_m
+            methods = tuple(WithShore(method=one, sd=sd) for one in methods)
+        asked_for = any(one.key == Passes.key for one in methods)
+        still = is_bed and not asked_for
+        told = replace(readings, times=None) if still else readings
+        return best_of(methods, told, self._domain, scale), reason
 
     def _scale(self, readings: Readings, *, is_bed: bool, may_be_log: bool) -> Scale:
         """The scale as asked, or as the readings have it; a bed is not carried by plumes, and the
@@ -180,6 +183,15 @@ class Mapper:
         if asked is not LINEAR and float(readings.values.min()) <= 0:
             raise ValueError("the logarithm needs readings above 0, and there are others")
         return asked
+
+
+def _micro_sd(found: Best, readings: Readings, scale: Scale, resolution: float) -> float:
+    """The standard deviation of what varies within metres, or is finer than the sensor resolves."""
+    nugget = found.model.nugget
+    noise = noise_variance(readings.positions, readings.values, nugget)
+    slope = scale.slope(float(np.median(scale.back(readings.values))))
+    within_m = found.calibration.on_way * float(np.sqrt(nugget - noise))
+    return float(np.hypot(within_m, resolution / slope / np.sqrt(12)))
 
 
 def _refuse_moment(moment: float | Literal["middle"] | None, times: Array) -> None:

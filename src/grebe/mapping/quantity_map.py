@@ -22,6 +22,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 
+def water_sd(field: Field, calibration: Calibration, micro_sd: float, places: Array) -> Array:
+    """Standard deviation (n,) of the water at places (n, 2), on the field's scale: the field's, as
+    far as left-out readings say it can be trusted, and what varies within metres.
+    """
+    return np.hypot(calibration.factor(places) * field.sd(places), micro_sd)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlaceValues:
     """The water at n places: `mean`, `sd`, and the ends of its 95 % interval, (n,)."""
@@ -122,8 +129,8 @@ class QuantityMap:
 
     def at(self, places: Array) -> PlaceValues:
         """What is known of places (n, 2) [m]."""
-        mean, sd = self.field.mean(places), self.field.sd(places)
-        sd = np.hypot(self.calibration.factor(places) * sd, self.micro_sd)
+        mean = self.field.mean(places)
+        sd = water_sd(self.field, self.calibration, self.micro_sd, places)
         low, high = (self.scale.back(mean + z * sd) for z in (-Z95, Z95))
         known = known_sd(sd, self.readings)
         return PlaceValues(

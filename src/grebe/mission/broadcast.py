@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from grebe.core.events import MissionEvent
+from grebe.core.events import MissionEvent, Warned
 from grebe.mission.recorders import KeepsTogether, Listener, Recorder
 from grebe.mission.writer import Writer
 
@@ -25,24 +25,40 @@ class Broadcast:
         """Take an event, to be kept and told with the next `release`."""
         self._held.append(event)
 
-    def release(self, *, finally_: bool = False) -> None:
-        """Keep what is held, then tell what is kept to all who listen; `finally_` waits for it all.
+    def release(self) -> None:
+        """Keep what is held, then tell what is kept to all who listen.
 
         It is held no longer where keeping fails: what is tried again might be kept twice.
         """
         events, self._held = self._held, []
         if self._writer is not None:
-            kept = self._writer.keep(events)
-            for event in kept if not finally_ else (*kept, *self._writer.finish()):
+            for event in self._writer.keep(events):
                 self._announce(event)
             return
         for event in events:
             self._recorder.record(event)
             self._announce(event)
 
+    def close(self) -> None:
+        """Release what is held, and wait until all of it is kept and told."""
+        self.release()
+        if self._writer is not None:
+            for event in self._writer.finish():
+                self._announce(event)
+
     def _announce(self, event: MissionEvent) -> None:
+        """Tell an event; who fails to hear it is told no more, which goes to the record."""
         for listener in tuple(self._listeners):
             try:
                 listener(event)
-            except Exception:
+            except Exception as error:
                 self._listeners.remove(listener)
+                text = f"a listener failed and is told no more ({type(error).__name__}: {error})"
+                self.hold(
+                    Warned(
+                        time=event.time,
+                        elapsed_s=event.elapsed_s,
+                        code="listener_dropped",
+                        message=text,
+                    )
+                )

@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 from grebe.core.errors import PlanError, SurveyFileError, UsageError
 from grebe.core.events import State
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
-from grebe.core.revision import Sortie, as_planned, survey_of
+from grebe.core.revision import as_planned, survey_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
@@ -141,20 +141,15 @@ class Part:
 
 def part_of(survey_file: SurveyFile, sortie: int | None) -> Part:
     """Return a sortie of a survey file by its number; without one the first that is not done."""
-    reached_at = survey_file.progress().reached_at
-    revision = survey_file.revision
-
-    def reached(one: Sortie) -> int:
-        return sum(when is not None for when in reached_at[one.first - 1 : one.last])
-
+    progress, revision = survey_file.progress(), survey_file.revision
     if sortie is not None:
         chosen = revision.sortie(sortie)
     else:
-        open_ = [one for one in revision.sorties if reached(one) < len(one)]
+        open_ = [one for one in revision.sorties if progress.reached_in(one) < len(one)]
         chosen = (open_ or list(revision.sorties[-1:]))[0]
     return Part(
         survey=survey_of(survey_file.survey, revision, chosen),
-        reached=reached(chosen),
+        reached=progress.reached_in(chosen),
         boat=chosen.boat,
     )
 

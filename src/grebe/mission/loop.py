@@ -494,7 +494,7 @@ class Mission:
     ) -> None:
         try:
             self._tell(Ended, last, reason=reason, message=message)
-            self._ears.release(finally_=True)
+            self._ears.close()
         except Exception:
             if not quietly:
                 raise

@@ -133,7 +133,7 @@ def fly(
     link = _Witness(plant, world)
     recorder = MemoryRecorder()
     report = Mission(
-        survey_of(targets, vessel),
+        bare_survey(targets, vessel),
         helm,
         link,
         recorder,
@@ -160,7 +160,7 @@ class _Witness(SimulatedLink):
         return super()._estimate()
 
 
-def survey_of(targets: Sequence[TargetSet], vessel: Vessel) -> Survey:
+def bare_survey(targets: Sequence[TargetSet], vessel: Vessel) -> Survey:
     """Return a survey of bare target sets: water all around, no corridors, nowhere on earth."""
     hull = hull_of([vertex for one in targets for vertex in one.vertices])
     return Survey(

@@ -38,7 +38,7 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
     axes = figure.subplots()
     draw_water(axes, survey)
     many = len(revision.targets) > MANY_CELLS
-    fleet = survey.settings.fleet if survey.settings else None
+    fleet = survey.fleet
     comes_back = fleet is None or (survey.settings and survey.settings.sorties)
 
     def whose(one: Sortie) -> str:

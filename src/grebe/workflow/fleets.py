@@ -12,9 +12,8 @@ import numpy as np
 
 from grebe.core.errors import PlanError, UsageError
 from grebe.core.events import EndReason
-from grebe.core.plan_settings import FleetSettings
 from grebe.core.revision import PlanRevision, Sortie
-from grebe.core.survey import Pose, Survey
+from grebe.core.survey import Pose
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
@@ -67,11 +66,6 @@ class FleetReport:
         for boat, _, report in self.missions:
             spent[boat] = spent.get(boat, 0.0) + report.duration_s
         return max(spent.values(), default=0.0)
-
-
-def fleet_of(survey: Survey) -> FleetSettings | None:
-    """The fleet that a survey was planned for; None for one boat."""
-    return None if survey.settings is None else survey.settings.fleet
 
 
 class _Together:
@@ -146,7 +140,7 @@ class FleetRun:
         `SurveyFileError` as `prepare` does.
         """
         file = self.survey_file
-        if fleet_of(file.survey) is None:
+        if file.survey.fleet is None:
             raise UsageError("The survey is not planned for several boats.", settings=("boats",))
         file.claim()
         if force:
@@ -174,11 +168,10 @@ class FleetRun:
 
     def _next_round(self, lost: set[int]) -> dict[int, Sortie]:
         """The next sortie of each boat that sails, by the boat's number."""
-        reached_at = self.survey_file.progress().reached_at
+        progress = self.survey_file.progress()
         found: dict[int, Sortie] = {}
         for one in self.survey_file.revision.sorties:
-            is_open = any(when is None for when in reached_at[one.first - 1 : one.last])
-            if is_open and one.boat not in lost:
+            if progress.reached_in(one) < len(one) and one.boat not in lost:
                 found.setdefault(one.boat, one)
         return found
 
@@ -186,7 +179,7 @@ class FleetRun:
         self, sorties: dict[int, Sortie], now: datetime
     ) -> list[tuple[int, int, MissionReport]]:
         """Sail one sortie of each boat, all at once."""
-        fleet = fleet_of(self.survey_file.survey)
+        fleet = self.survey_file.survey.fleet
         assert fleet is not None
         departures = {
             boat: self._departure(sortie, now) for boat, sortie in sorted(sorties.items())
@@ -253,8 +246,7 @@ class FleetRun:
 
     def _take_over(self, sortie: Sortie, boats: set[int]) -> None:
         file = self.survey_file
-        reached_at = file.progress().reached_at[sortie.first - 1 : sortie.last]
-        reached = sum(when is not None for when in reached_at)
+        reached = file.progress().reached_in(sortie)
         if reached == len(sortie):
             return
         places = {boat: end[1].state[:2] for boat in boats if (end := file.track_ends(boat))}

@@ -180,4 +180,4 @@ def say_first(departure: Departure, survey_file: SurveyFile, listeners: Sequence
     said += [("watchdog_acted", note) for note in taken_notes(journal_beside(survey_file.path))]
     for code, message in said:
         ears.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
-    ears.release(finally_=True)
+    ears.close()

@@ -33,12 +33,9 @@ class SortieState:
 
 def sortie_states(survey_file: SurveyFile) -> list[SortieState]:
     """Return how far each sortie of the plan has come; empty where it has none."""
-    reached_at = survey_file.progress().reached_at
+    progress = survey_file.progress()
     return [
-        SortieState(
-            sortie=one,
-            reached=sum(when is not None for when in reached_at[one.first - 1 : one.last]),
-        )
+        SortieState(sortie=one, reached=progress.reached_in(one))
         for one in survey_file.revision.sorties
     ]
 

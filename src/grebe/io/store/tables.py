@@ -14,6 +14,7 @@ import shapely
 from grebe.core.events import State, Step
 from grebe.core.frames import LocalFrame
 from grebe.core.quantities import Quantities
+from grebe.core.revision import Sortie
 from grebe.core.samples import Flag, Sample, Samples
 from grebe.io.store import geopackage
 from grebe.io.store.schema import STATE_COLUMNS
@@ -34,6 +35,11 @@ class Progress:
     def reached(self) -> int:
         """Number of reached targets."""
         return sum(moment is not None for moment in self.reached_at)
+
+    def reached_in(self, sortie: Sortie) -> int:
+        """Number of a sortie's targets that are reached."""
+        own = self.reached_at[sortie.first - 1 : sortie.last]
+        return sum(moment is not None for moment in own)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,11 +15,10 @@ from typing import Any, Literal
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from grebe.core.errors import LinkError, StoppedError, UsageError
-from grebe.core.events import State
 from grebe.core.frames import LocalFrame
 from grebe.core.inner_loop import braking_share, under_speed_control
 from grebe.core.vessel import Vessel
-from grebe.links.base import IDLE, AsDriven, BoatStatus, Observation, Order
+from grebe.links.base import IDLE, NOT_A_STATE, AsDriven, BoatStatus, Observation, Order
 from grebe.links.emergency import EmergencyStop
 from grebe.links.mavlink.navigation import Fix, Navigator
 from grebe.links.mavlink.orders import motion_order, sticks_order, sticks_released
@@ -44,7 +43,6 @@ VITAL = (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ATTIT
 SEND_AGAIN_S = 0.2
 # Without an estimate for this long an order of before is no longer repeated [s].
 BLIND_S = 1.5
-NOT_A_STATE: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)

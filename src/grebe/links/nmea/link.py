@@ -17,7 +17,7 @@ from grebe.core.errors import LinkError
 from grebe.core.events import State
 from grebe.core.frames import LocalFrame
 from grebe.core.vessel import Vessel
-from grebe.links.base import IDLE, BoatStatus, Observation, Order
+from grebe.links.base import IDLE, NOT_A_STATE, BoatStatus, Observation, Order
 from grebe.links.nmea.clock import StreamClock
 from grebe.links.nmea.navigation import Navigator
 from grebe.links.nmea.sentences import (
@@ -43,7 +43,6 @@ BLIND_S = 1.5
 SAY_BLIND_S = 0.5
 # A probe's reading is not handed out when it is older [s].
 STALE_READING_S = 5.0
-NOT_A_STATE: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 # A datagram may end with its last sentence's sum and no newline.
 WHOLE = re.compile(rb"\*[0-9A-Fa-f]{2}\s*$")
 LONGEST_PART = 4096
