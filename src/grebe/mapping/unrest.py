@@ -93,9 +93,10 @@ def unrest_of(stretches: Sequence[Errors]) -> Unrest | None:
     z = np.concatenate([one.z / _usual(one.z) for one in stretches if len(one.z)])
     blocks = blocks_of(places, BLOCK_M)
     inside = np.bincount(blocks)
-    if len(inside) < FEWEST_BLOCKS:
-        return None
     squares = np.bincount(blocks, np.minimum(z**2, LARGEST_SQUARE)) / inside
+    # Water that does not vary is missed by nothing anywhere.
+    if len(inside) < FEWEST_BLOCKS or not squares.mean() > 0:
+        return None
     squares /= squares.mean()
     centres = np.column_stack([np.bincount(blocks, axis) / inside for axis in places.T])
     tried = [Unrest(centres=centres, squares=squares, width_m=width) for width in WIDTHS_M]
