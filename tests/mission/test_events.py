@@ -17,6 +17,7 @@ from grebe.core.events import (
     Estimate,
     Prediction,
     Reached,
+    Revised,
     SampleTaken,
     Started,
     Step,
@@ -25,10 +26,12 @@ from grebe.core.events import (
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.broadcast import Broadcast
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder, SurveyRecorder
 from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
+from grebe.mission.statistics import ProgressMeter
 from grebe.mission.trial import Conditions, fly, meander
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
@@ -245,3 +248,32 @@ def test_any_helm_steers_through_the_same_loop():
     assert helm.asked[1:] == pytest.approx([0.5] * (len(helm.asked) - 1))
     assert trial.track[-1, 4] == pytest.approx(SURVEY.vessel.speed_max_mps, rel=0.01)
     assert np.all(trial.thrusts[1:] == SURVEY.vessel.thrust_max_n)
+
+
+def test_a_progress_counts_what_a_new_order_adds():
+    told = []
+    meter = ProgressMeter(told.append)
+    begun = {"time": NOON, "elapsed_s": 0.0}
+    meter(Started(**begun, targets=4, reached=0))
+    meter(Revised(**begun, revision=None, more=3))
+    meter(Reached(**begun, target_seq=1, count=1))
+    assert (told[-1].reached, told[-1].targets) == (1, 7)
+
+
+def test_a_listener_that_fails_is_told_no_more_and_that_is_kept():
+    class Kept:
+        events = []
+
+        def record(self, event):
+            self.events.append(event)
+
+    def fails(event):
+        raise ValueError("no screen")
+
+    ears = Broadcast(Kept(), [fails])
+    for _ in range(3):
+        ears.hold(Started(time=NOON, elapsed_s=0.0, targets=1, reached=0))
+        ears.release()
+    dropped = [one for one in Kept.events if getattr(one, "code", "") == "listener_dropped"]
+    assert len(dropped) == 1
+    assert "no screen" in dropped[0].message

@@ -29,9 +29,10 @@ SIMULATED = "sim:"
 
 @dataclass
 class FleetMeter:
-    """Shows how far all boats together are."""
+    """Shows how far all boats together are, of the survey's `targets`."""
 
     bar: output.MissionBar
+    targets: int
     _of: dict[int, Progress] = field(default_factory=dict[int, Progress])
 
     def listeners(self, boat: int) -> Sequence[Listener]:
@@ -47,7 +48,8 @@ class FleetMeter:
         self.bar.update(
             Progress(
                 reached=sum(one.reached for one in each),
-                targets=sum(one.targets for one in each),
+                # Not all boats may have set out yet.
+                targets=max(self.targets, sum(one.targets for one in each)),
                 boat_time_s=max(one.boat_time_s for one in each),
                 samples=sum(one.samples for one in each),
             )
@@ -88,7 +90,7 @@ def run_fleet(
         steered_by(rule, solver),
         settings,
         shares_time=simulated,
-        watches=FleetMeter(bar).listeners,
+        watches=FleetMeter(bar, len(survey_file.survey.targets)).listeners,
         on_ready=lambda _, mission: heed_mission(mission),
     ).run(now, resume=resume, force=force)
     check_samples(survey_file)

@@ -165,6 +165,9 @@ class ProgressMeter:
             case Started():
                 self._targets, self._reached = event.targets, event.reached
                 return
+            case Revised():
+                self._targets += event.more
+                return
             case SampleTaken():
                 self._samples += 1
                 return
