@@ -261,19 +261,19 @@ def test_a_progress_counts_what_a_new_order_adds():
 
 
 def test_a_listener_that_fails_is_told_no_more_and_that_is_kept():
-    class Kept:
-        events = []
+    kept = []
 
+    class Keeper:
         def record(self, event):
-            self.events.append(event)
+            kept.append(event)
 
     def fails(event):
         raise ValueError("no screen")
 
-    ears = Broadcast(Kept(), [fails])
+    ears = Broadcast(Keeper(), [fails])
     for _ in range(3):
         ears.hold(Started(time=NOON, elapsed_s=0.0, targets=1, reached=0))
         ears.release()
-    dropped = [one for one in Kept.events if getattr(one, "code", "") == "listener_dropped"]
+    dropped = [one for one in kept if getattr(one, "code", "") == "listener_dropped"]
     assert len(dropped) == 1
     assert "no screen" in dropped[0].message
