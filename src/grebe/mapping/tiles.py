@@ -7,11 +7,12 @@ tile, a share from every octant around it, so that a long line does not fill the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import KDTree
+
+from grebe.mapping.memo import remembered
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,11 +27,15 @@ MOST_TARGETS, TILE_SHARE = 600, 1 / 6
 CANDIDATES = 4
 
 
-def tiles(samples: Array, targets: Array, window: int) -> Iterator[tuple[Indices, Indices]]:
-    """Yield pairs of indices: the targets of a tile, and the samples that tell about them."""
+# Most quantities of a survey have the same samples.
+@remembered(4)
+def tiles(samples: Array, targets: Array, window: int) -> list[tuple[Indices, Indices]]:
+    """Return pairs of indices: the targets of a tile, and the samples that tell about them."""
     tree = KDTree(samples)
-    for members in _split(targets, tree, window):
-        yield members, _window(samples, tree, targets[members], window)
+    return [
+        (members, _window(samples, tree, targets[members], window))
+        for members in _split(targets, tree, window)
+    ]
 
 
 def _split(targets: Array, tree: KDTree, window: int) -> list[Indices]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from grebe.mapping.memo import remembered
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -64,6 +66,8 @@ def _leg_ends(way: Array) -> Array:
     return ends
 
 
+# All quantities of a survey, and both halves of a map, ask for the same nodes beside the same way.
+@remembered(4)
 def _nearest_leg(way: Array, ends: Array, places: Array) -> tuple[NDArray[np.int64], Array]:
     legs = np.asarray(shapely.linestrings(np.stack([way, ends], axis=1)))
     (_, leg), away = shapely.STRtree(legs).query_nearest(
