@@ -30,7 +30,7 @@ from grebe.mapping.methods.choice import (
 from grebe.mapping.scale import SCALES
 from grebe.mapping.variogram import ESTIMATORS
 from grebe.report.thresholds import read_profile
-from grebe.workflow.files import make_folder
+from grebe.workflow.files import filled_folder, make_folder
 from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_survey, write_maps
 
 
@@ -136,10 +136,10 @@ def command(
             f"{len(files)} surveys were given; only one can be mapped at a time without --many.",
             settings=("many",),
         )
-    make_folder(out)
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} holds maps already; give another folder, or --force.")
-    _map_one(files[0], out, asked, as_json=as_json)
+    with filled_folder(out):
+        _map_one(files[0], out, asked, as_json=as_json)
 
 
 def _map_one(file: Path, out: Path, asked: dict[str, Any], *, as_json: bool) -> None:

@@ -112,6 +112,11 @@ def _concerns(data: ReportData, profile: Profile) -> list[Concern]:
     ]
 
 
+def _after_number(unit: str) -> str:
+    """A unit as it follows a number; nothing of one that has none."""
+    return f" {unit}" if unit else ""
+
+
 def _alerts(concerns: list[Concern], t: Texts) -> list[str]:
     return [
         t(
@@ -120,7 +125,7 @@ def _alerts(concerns: list[Concern], t: Texts) -> list[str]:
             share=f"{each.share:.0%}",
             sense=t[each.threshold.sense],
             value=f"{each.threshold.value:g}",
-            unit=each.one.quantity.unit,
+            unit=_after_number(each.one.quantity.unit),
             text=each.threshold.label(t.language),
         )
         for each in concerns
@@ -270,10 +275,10 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
     change, said = one.change, list[str]()
     if change.is_heeded:
         by = significant(one.changed_by, 2)
-        said.append(t("changed", change=by, unit=one.quantity.unit))
+        said.append(t("changed", change=by, unit=_after_number(one.quantity.unit)))
     elif np.isfinite(change.unseen_sd):
         by = significant(one.in_unit(change.unseen_sd), 2)
-        said.append(t("unchanged", change=by, unit=one.quantity.unit))
+        said.append(t("unchanged", change=by, unit=_after_number(one.quantity.unit)))
     elif change.gain or change.lag_gain:
         said.append(t("change_untold"))
     if change.lag_s:

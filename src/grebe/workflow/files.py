@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import uuid
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -41,6 +43,20 @@ def write_survey(
         "note": note,
     }
     SurveyFile.write(path, survey, meta=meta, force=force, quantities=quantities, revision=revision)
+
+
+@contextmanager
+def filled_folder(path: Path) -> Generator[Path]:
+    """Make a folder for what is going to be written; one that was made for nothing goes again."""
+    was_there = path.is_dir()
+    make_folder(path)
+    try:
+        yield path
+    finally:
+        if not was_there:
+            # Only where it is empty still.
+            with suppress(OSError):
+                path.rmdir()
 
 
 def make_folder(path: Path) -> None:

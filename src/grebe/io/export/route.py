@@ -19,6 +19,7 @@ import shapely
 from grebe.core.errors import UsageError
 from grebe.core.survey import Survey
 from grebe.io.atomic_write import write_text_whole
+from grebe.io.export.samples import WRITERS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,7 +40,10 @@ def export_text(survey: Survey, suffix: str) -> str:
         ".geojson": _geojson,
     }
     if suffix not in writers:
-        raise UsageError(f"A plan cannot be exported as {suffix!r}; give {', '.join(writers)}.")
+        raise UsageError(
+            f"Nothing is exported as {suffix!r}; give {', '.join(writers)} for the plan, or "
+            f"{', '.join(WRITERS)} for the samples."
+        )
     return writers[suffix](survey)
 
 
