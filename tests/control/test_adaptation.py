@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grebe.control.adaptation import AS_MODELLED, Correction, Flown, fitted, turned
+from grebe.control.adaptation import fitted
 from grebe.control.controller import Controller
+from grebe.control.correction import AS_MODELLED, Correction, turned
+from grebe.control.flown import Flown
 from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
 from grebe.core.events import Warned

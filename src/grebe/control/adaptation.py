@@ -16,13 +16,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.rollout import lagged, pieces_ends
+from grebe.control.correction import Correction, as_modelled, turned
+from grebe.control.flown import Flown
+from grebe.control.rollout import pieces_ends
 from grebe.control.solvers.fast.model import parameter_vector
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.vessel import Vessel
@@ -66,101 +68,6 @@ LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
 # What is left unexplained may be at most so many times what is allowed for: where neither boat nor
 # weather explains how it moved, in weeds or on a tow, the fit's numbers are nobody's.
 MOST_LEFT = 4.0
-# Lags below this are ignored [s].
-LEAST_LAG_S = 0.15
-# How far back what a lag remembers is looked for, and in how many steps.
-BEFORE_LAGS, BEFORE_STEPS = 4.0, 16
-# A correction is followed where it moved by more than this in any of its numbers.
-WORTH_A_CHANGE = np.array([0.08, 0.08, 0.12, 0.2, 0.12, 0.12, 0.1, 0.15, 0.03])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Correction:
-    """How the boat differs from its model.
-
-    `port`, `starboard`: the share of its order that a thruster gives. `drag` of surge,
-    `sway_drag`, `yaw_inertia`, `yaw_drag`: factors on the model's. `dead_s` and `lag_s`: how late
-    orders act, or estimates come. `heading_rad`: by how much the compass shows too much.
-    """
-
-    port: float = 1.0
-    starboard: float = 1.0
-    drag: float = 1.0
-    sway_drag: float = 1.0
-    yaw_inertia: float = 1.0
-    yaw_drag: float = 1.0
-    dead_s: float = 0.0
-    lag_s: float = 0.0
-    heading_rad: float = 0.0
-
-    def vessel(self, model: Vessel) -> Vessel:
-        """Return the boat that a controller should plan for: what both thrusters can give."""
-        weaker = min(self.port, self.starboard)
-        return replace(
-            model,
-            m33_kgm2=self.yaw_inertia * model.m33_kgm2,
-            x_u=self.drag * model.x_u,
-            x_uu=self.drag * model.x_uu,
-            y_v=self.sway_drag * model.y_v,
-            y_vv=self.sway_drag * model.y_vv,
-            n_r=self.yaw_drag * model.n_r,
-            n_rr=self.yaw_drag * model.n_rr,
-            thrust_max_n=weaker * model.thrust_max_n,
-            thrust_min_n=weaker * model.thrust_min_n,
-            thruster_dead_band_n=0.0,
-        )
-
-    def __str__(self) -> str:
-        if self == AS_MODELLED:
-            return "the boat is as its model says after all"
-        return (
-            "the boat is not as its model says: "
-            f"thrusters give {self.port:.2f} and {self.starboard:.2f} of their orders, drag x "
-            f"{self.drag:.2f}, sway drag x {self.sway_drag:.2f}, yaw inertia x "
-            f"{self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
-            f"{self.dead_s:.1f} s late with a lag of {self.lag_s:.1f} s, compass off by "
-            f"{math.degrees(self.heading_rad):.0f} deg"
-        )
-
-
-AS_MODELLED = Correction()
-
-
-def as_modelled(model: Vessel) -> Correction:
-    """The boat as its model says: its thrusters have the lag that is known of them, where that is
-    long enough to be made up for.
-    """
-    lag_s = model.thruster_lag_s
-    return AS_MODELLED if lag_s < LEAST_LAG_S else Correction(lag_s=lag_s)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Flown:
-    """What is looked at: times (n,) [s], states (n, 6), and the integral over time of the thrusts
-    that were sent, known at `order_times` (m,) as `impulses` (m, 2) [N s].
-    """
-
-    times: Array
-    states: Array
-    order_times: Array
-    impulses: Array
-
-    def thrusts(self, dead_s: float, lag_s: float) -> Array:
-        """Mean thrusts that acted between successive states, (n - 1, 2) [N]."""
-        if lag_s < LEAST_LAG_S / 10:
-            return self._told(self.times - dead_s)
-        # What the thrusters gave at the first state comes from what they were told before it.
-        before = np.linspace(-BEFORE_LAGS * lag_s, 0.0, BEFORE_STEPS, endpoint=False)
-        times = np.concatenate([self.times[0] + before, self.times])
-        told = self._told(times - dead_s)
-        return lagged(told, np.diff(times) / lag_s)[BEFORE_STEPS:]
-
-    def _told(self, times: Array) -> Array:
-        """Mean thrusts that were sent between successive times, (n - 1, 2) [N]."""
-        impulse = np.column_stack(
-            [np.interp(times, self.order_times, column) for column in self.impulses.T]
-        )
-        return np.diff(impulse, axis=0) / np.diff(times)[:, None]
 
 
 Found = tuple[Correction, Weather]
@@ -200,7 +107,7 @@ def fitting(
         if problem.is_better(plain_cost, cost):
             break
     if problem.is_better(plain_cost, cost) and problem.is_better(kept_cost, cost):
-        return _correction(best), _weather(model, best)
+        return Correction.of(best), _weather(model, best)
     # What was followed has turned out to be worse than no correction at all.
     return (modelled, _weather(model, plain)) if kept_cost > plain_cost else None
 
@@ -381,24 +288,6 @@ def _bounded(residuals: Array) -> Array:
     return np.sign(residuals) * np.sqrt(2 * 9.0 * (np.sqrt(1 + (residuals / 3.0) ** 2) - 1))
 
 
-def turned(states: Array, angle_rad: float) -> Array:
-    """States (n, 6) whose compass shows `angle_rad` more: the same velocities over ground."""
-    if angle_rad == 0.0:
-        return states
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    out = states.copy()
-    out[:, 2] += angle_rad
-    out[:, 3] = cos * states[:, 3] + sin * states[:, 4]
-    out[:, 4] = cos * states[:, 4] - sin * states[:, 3]
-    return out
-
-
-def moved_enough(before: Correction, after: Correction) -> bool:
-    """Whether a correction differs so much from the one that is followed that it is worth it."""
-    change = np.abs(_numbers(after) - _numbers(before))[BOAT]
-    return bool(np.any(change > WORTH_A_CHANGE))
-
-
 def _with_dead_time(numbers: Array, dead_s: float) -> Array:
     out = numbers.copy()
     out[6] = dead_s
@@ -406,25 +295,8 @@ def _with_dead_time(numbers: Array, dead_s: float) -> Array:
 
 
 def _numbers(correction: Correction) -> Array:
-    c = correction
-    factors = (c.port, c.starboard, c.drag, c.sway_drag, c.yaw_inertia, c.yaw_drag)
-    return np.array([*map(math.log, factors), c.dead_s, c.lag_s, c.heading_rad, *[0.0] * 6])
-
-
-def _correction(numbers: Array) -> Correction:
-    port, starboard, drag, sway_drag, inertia, yaw_drag = np.exp(numbers[:6]).tolist()
-    dead_s, lag_s, heading_rad = numbers[6:9].tolist()
-    return Correction(
-        port=port,
-        starboard=starboard,
-        drag=drag,
-        sway_drag=sway_drag,
-        yaw_inertia=inertia,
-        yaw_drag=yaw_drag,
-        dead_s=dead_s,
-        lag_s=lag_s,
-        heading_rad=heading_rad,
-    )
+    """All numbers (15,) of a boat in no weather."""
+    return np.concatenate([correction.numbers, np.zeros(COUNT - len(correction.numbers))])
 
 
 def _in_weather(model: Vessel, correction: Correction, weather: Weather) -> Array:

@@ -16,19 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.adaptation import (
-    AS_MODELLED,
-    EVERY_S,
-    LEAST_LAG_S,
-    LEAST_S,
-    WINDOW_S,
-    Flown,
-    Found,
-    as_modelled,
-    fitting,
-    moved_enough,
-    turned,
-)
+from grebe.control.adaptation import EVERY_S, LEAST_S, WINDOW_S, Found, fitting
+from grebe.control.correction import AS_MODELLED, LEAST_LAG_S, as_modelled, moved_enough, turned
+from grebe.control.flown import Flown
 from grebe.control.observer import Observer
 from grebe.control.rollout import SUBSTEPS_PER_S
 from grebe.control.slow_thrusters import SlowThrusters

@@ -1,0 +1,48 @@
+"""What a boat did in the last half minute, and under which thrusts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.control.correction import LEAST_LAG_S
+from grebe.control.rollout import lagged
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# How far back what a lag remembers is looked for, in lags, and in how many steps.
+BEFORE_LAGS, BEFORE_STEPS = 4.0, 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown:
+    """What is looked at: times (n,) [s], states (n, 6), and the integral over time of the thrusts
+    that were sent, known at `order_times` (m,) as `impulses` (m, 2) [N s].
+    """
+
+    times: Array
+    states: Array
+    order_times: Array
+    impulses: Array
+
+    def thrusts(self, dead_s: float, lag_s: float) -> Array:
+        """Mean thrusts that acted between successive states, (n - 1, 2) [N]."""
+        if lag_s < LEAST_LAG_S / 10:
+            return self._told(self.times - dead_s)
+        # What the thrusters gave at the first state comes from what they were told before it.
+        before = np.linspace(-BEFORE_LAGS * lag_s, 0.0, BEFORE_STEPS, endpoint=False)
+        times = np.concatenate([self.times[0] + before, self.times])
+        told = self._told(times - dead_s)
+        return lagged(told, np.diff(times) / lag_s)[BEFORE_STEPS:]
+
+    def _told(self, times: Array) -> Array:
+        """Mean thrusts that were sent between successive times, (n - 1, 2) [N]."""
+        impulse = np.column_stack(
+            [np.interp(times, self.order_times, column) for column in self.impulses.T]
+        )
+        return np.diff(impulse, axis=0) / np.diff(times)[:, None]
