@@ -184,7 +184,7 @@ def test_a_disk_that_hangs_is_not_waited_for_and_nothing_is_said_before_it_is_ke
     assert heard == recorder.batches == []
     recorder.let.set()
     ears.hold(step(5))
-    ears.release(finally_=True)
+    ears.close()
     assert heard == [event for batch in recorder.batches for event in batch]
     assert [event.elapsed_s for event in heard] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
@@ -194,14 +194,14 @@ def test_a_disk_that_fails_ends_a_mission_and_what_it_did_not_keep_is_not_said()
     ears = Broadcast(recorder, [heard.append])
     recorder.let.set()
     ears.hold(step(0))
-    ears.release(finally_=True)
+    ears.close()
     recorder.failure = SurveyFileError("full")
     ears.hold(step(1))
     with pytest.raises(SurveyFileError, match="full"):
-        ears.release(finally_=True)
+        ears.close()
     recorder.failure = None
     ears.hold(step(2))
-    ears.release(finally_=True)
+    ears.close()
     assert [event.elapsed_s for event in heard] == [0.0, 2.0]
 
 

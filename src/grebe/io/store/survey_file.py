@@ -28,18 +28,15 @@ from grebe.core.survey import Survey
 from grebe.io.store import claims, geopackage, rescue, revision_tables, schema, sessions
 from grebe.io.store.database import Transaction, connect, make_durable, new_file, unwritten
 from grebe.io.store.migrations import migrate
+from grebe.io.store.survey_reader import SurveyReader
 from grebe.io.store.tables import (
-    Progress,
-    TrackEnd,
-    TrackTable,
+    ROWS_AT_ONCE,
     row_of,
     rows_of,
     sample_columns,
-    samples_of,
-    track_of,
     track_row,
 )
-from grebe.io.store.timestamps import parse_time, time_text
+from grebe.io.store.timestamps import time_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,27 +44,22 @@ if TYPE_CHECKING:
     from grebe.mapping.lag import Lag
 
 SCHEMA_VERSION = schema.VERSION
-# Rows that are turned into columns, and columns into rows, at a time: memory stays in bounds.
-ROWS_AT_ONCE = 50_000
 
 
-class SurveyFile:
+class SurveyFile(SurveyReader):
     """An open survey file; use it in a `with` statement."""
 
     def __init__(
         self, path: Path, connection: sqlite3.Connection, *, had_journal: bool = True
     ) -> None:
-        self.path = path
+        super().__init__(path, connection)
         # Whether a mission did not come to close the file.
         self._left_open = sessions.is_left_open(connection)
         self._had_journal = had_journal
-        self._connection = connection
         self._lock: TextIO | None = None
         self._together = Transaction(path, connection)
         self._in_session = False
         self._identity: rescue.Identity | None = None
-        self.survey, self.revision = schema.read_survey(connection)
-        self._quantities = schema.read_quantities(connection)
 
     @classmethod
     def create(
@@ -223,11 +215,6 @@ class SurveyFile:
         """Whether a mission did not come to close the file, and its journal is not there either."""
         return self._left_open and not self._had_journal
 
-    @property
-    def quantities(self) -> Quantities:
-        """The quantities that the file declares: its samples have a column of each."""
-        return self._quantities
-
     # -- writing ---------------------------------------------------------------------
 
     def together(self) -> AbstractContextManager[None]:
@@ -368,96 +355,6 @@ class SurveyFile:
                 self._execute(f"DELETE FROM {table}")
             self._execute("UPDATE targets SET reached_at = NULL, sample_count = 0")
 
-    # -- reading ---------------------------------------------------------------------
-
-    def meta(self) -> dict[str, str]:
-        """Return the meta table."""
-        return dict(self._query("SELECT key, value FROM meta"))
-
-    def progress(self) -> Progress:
-        """Return which targets of the plan's last revision are reached, in its order."""
-        rows = self._query("SELECT seq, reached_at, sample_count FROM targets")
-        of = {seq: (when, count) for seq, when, count in rows}
-        found = [of[target.seq] for target in self.survey.targets]
-        return Progress(
-            reached_at=tuple(None if when is None else parse_time(when) for when, _ in found),
-            sample_counts=tuple(count for _, count in found),
-        )
-
-    def revisions(self) -> tuple[PlanRevision, ...]:
-        """Return all revisions of the plan, the first one first."""
-        try:
-            return schema.read_revisions(self._connection)
-        except sqlite3.Error as error:
-            raise schema.damaged(self.path, str(error)) from None
-
-    def track(self) -> TrackTable:
-        """Return the track in the order in which it was written."""
-        columns = ", ".join(schema.STATE_COLUMNS)
-        rows = self._query(
-            f"SELECT time, status, target_seq, boat, {columns}, thrust_port_n, thrust_starboard_n, "
-            "solve_ms FROM track ORDER BY fid"
-        )
-        return track_of(rows)
-
-    def track_ends(self, boat: int | None = None) -> tuple[TrackEnd, TrackEnd] | None:
-        """Return the first and the last row of the track, or of one boat's; None where there is
-        none.
-        """
-        columns = ", ".join(schema.STATE_COLUMNS)
-        some = "track" if boat is None else f"track WHERE boat = {int(boat)}"
-        rows = self._query(
-            f"SELECT time, {columns} FROM track WHERE fid IN "
-            f"((SELECT min(fid) FROM {some}), (SELECT max(fid) FROM {some})) ORDER BY fid"
-        )
-        if not rows:
-            return None
-        first, last = (
-            TrackEnd(time=parse_time(row[0]), state=row[1:]) for row in (rows[0], rows[-1])
-        )
-        return first, last
-
-    def last_time(self) -> datetime | None:
-        """Return when the recorded mission was last heard of; None where there is none.
-
-        Of several boats the one that wrote last need not be the one whose time is latest.
-        """
-        rows = self._query(
-            "SELECT max(reached_at) FROM targets UNION ALL SELECT max(time) FROM events UNION ALL "
-            + " UNION ALL ".join(
-                f"SELECT time FROM {table} WHERE fid IN (SELECT max(fid) FROM {table} "
-                "GROUP BY boat)"
-                for table in ("track", "samples")
-            )
-        )
-        return max((parse_time(text) for (text,) in rows if text), default=None)
-
-    def samples(self) -> Samples:
-        """Return all samples in the order in which they were written."""
-        columns = ", ".join(sample_columns(self._quantities))
-        blocks = self._blocks(f"SELECT {columns} FROM samples ORDER BY fid")
-        return samples_of(blocks, self.survey.frame, self._quantities)
-
-    def lags(self) -> dict[str, Lag]:
-        """Return the lags that are noted, by quantity."""
-        from grebe.mapping.lag import Lag
-
-        noted = json.loads(self.meta().get("lags", "{}"))
-        return {key: Lag(**one) for key, one in noted.items()}
-
-    def events(self) -> list[LogEntry]:
-        """Return all events."""
-        return [
-            LogEntry(time=parse_time(time), level=level, code=code, message=message)
-            for time, level, code, message in self._query(
-                "SELECT time, level, code, message FROM events ORDER BY fid"
-            )
-        ]
-
-    def count(self, table: str) -> int:
-        """Return the number of rows of one of the layers."""
-        return int(self._query(f"SELECT count(*) FROM {table}")[0][0])
-
     # -- plumbing --------------------------------------------------------------------
 
     def _refuse_undeclared(self, keys: set[str]) -> None:
@@ -493,18 +390,3 @@ class SurveyFile:
             self._connection.executemany(sql, rows)
         except sqlite3.Error as error:
             raise unwritten(self.path, error) from None
-
-    def _blocks(self, sql: str) -> Iterator[list[Any]]:
-        """The rows of a query, so many at a time."""
-        try:
-            cursor = self._connection.execute(sql)
-            while rows := cursor.fetchmany(ROWS_AT_ONCE):
-                yield rows
-        except sqlite3.Error as error:
-            raise schema.damaged(self.path, str(error)) from None
-
-    def _query(self, sql: str) -> list[Any]:
-        try:
-            return self._connection.execute(sql).fetchall()
-        except sqlite3.Error as error:
-            raise schema.damaged(self.path, str(error)) from None

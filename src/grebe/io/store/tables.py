@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+# Rows that are turned into columns, and columns into rows, at a time: memory stays in bounds.
+ROWS_AT_ONCE = 50_000
+
+
 @dataclass(frozen=True, kw_only=True)
 class Progress:
     """How far a survey has come: when each target was reached (None: not yet)."""
