@@ -13,8 +13,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
-from typing import Any
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -24,14 +23,11 @@ from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, PlanError, StoppedError
 from grebe.core.events import (
-    Ended,
     EndReason,
     Estimate,
-    MissionEvent,
     Prediction,
     Reached,
     Revised,
-    SafetyChanged,
     SampleTaken,
     Started,
     State,
@@ -48,7 +44,7 @@ from grebe.links.base import (
     Order,
     as_driven,
 )
-from grebe.mission.broadcast import Broadcast
+from grebe.mission.announcer import Announcer
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard
 from grebe.mission.headings import unwrapped
@@ -110,10 +106,9 @@ class Mission:
         self._controller = controller
         self._link = link
         self._settings = settings or MissionSettings()
-        self._started = started
         self._stopwatch = stopwatch
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
-        self._ears = Broadcast(recorder, [self._statistics, *listeners])
+        self._announcer = Announcer(recorder, [self._statistics, *listeners], started)
         self._sampler = Sampler(
             self._targets, link, self._settings.sampling, quantities, instruments
         )
@@ -132,7 +127,7 @@ class Mission:
             survey,
             controller.vessel,
             replace(safety, weaker_share=safety.weaker_share * driven.braking_share),
-            self._tell_change,
+            self._announcer.change,
             started,
             pilot,
             lookout,
@@ -191,9 +186,13 @@ class Mission:
     def _loop(self) -> tuple[EndReason, str]:
         observation = self._advance()
         self._give_patience(observation)
-        self._tell(Started, observation, targets=len(self._targets), reached=self._reached)
+        self._announcer.tell(
+            Started, observation.time_s, targets=len(self._targets), reached=self._reached
+        )
         while True:
-            self._tell(Estimate, observation, state=observation.state, weather=self._weather)
+            self._announcer.tell(
+                Estimate, observation.time_s, state=observation.state, weather=self._weather
+            )
             self._visit(observation)
             self._read_instruments(observation)
             self._watch(observation)
@@ -202,7 +201,7 @@ class Mission:
             if end is not None:
                 return end
             self._act(observation)
-            self._ears.release()
+            self._announcer.release()
             observation = self._advance()
 
     def _watch(self, observation: Observation) -> None:
@@ -281,8 +280,10 @@ class Mission:
         if isinstance(new.helm, AdaptableHelm) and new.helm.vessel != self._tracker.vessel:
             new.helm.take_for(self._tracker.vessel)
         self._command, self._next_step_s = None, observation.time_s
-        self._tell(Revised, observation, revision=new.revision, more=more)
-        self._tell(Warned, observation, code="plan_revised", message=new.revision.note)
+        self._announcer.tell(Revised, observation.time_s, revision=new.revision, more=more)
+        self._announcer.tell(
+            Warned, observation.time_s, code="plan_revised", message=new.revision.note
+        )
         self._give_patience(observation)
 
     def _requested_stop(self) -> str:
@@ -332,12 +333,12 @@ class Mission:
                 self._raw = unwrapped(observation, self._raw)
                 return replace(self._raw, state=self._tracker.righted(self._raw.state))
             text = f"an estimate is not a number and is passed over: {observation.state}"
-            self._tell(Warned, observation, code="estimate_invalid", message=text)
+            self._announcer.tell(Warned, observation.time_s, code="estimate_invalid", message=text)
             if request := self._requested_stop():
                 raise OverError(EndReason.STOPPED, request)
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._grope(self._before, observation)
-            self._ears.release()
+            self._announcer.release()
 
     def _grope(self, seen: Observation, now: Observation) -> None:
         """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""
@@ -363,7 +364,7 @@ class Mission:
             if isinstance(one, AdaptableHelm):
                 one.take_for(vessel)
         message = self._tracker.finding
-        self._tell(Warned, observation, code="model_corrected", message=message)
+        self._announcer.tell(Warned, observation.time_s, code="model_corrected", message=message)
 
     def _visit(self, observation: Observation) -> None:
         """Count what this estimate reaches, and measure where a sample is due."""
@@ -372,23 +373,25 @@ class Mission:
         self._reached = reached_count(self._sets, before, observation.state)
         entered = self._targets[before : self._reached]
         self._controller.reached = self._reached
-        sample = self._sampler.take(observation, self._time(observation), entered, ahead)
+        sample = self._sampler.take(
+            observation, self._announcer.time_at(observation.time_s), entered, ahead
+        )
         if sample is not None:
             self._guard.depth_m = sample.values.get(DEPTH)
-            self._tell(SampleTaken, observation, sample=sample)
+            self._announcer.tell(SampleTaken, observation.time_s, sample=sample)
         for i, target in enumerate(entered, before + 1):
-            self._tell(Reached, observation, target_seq=target.seq, count=i)
+            self._announcer.tell(Reached, observation.time_s, target_seq=target.seq, count=i)
         if entered:
             self._give_patience(observation)
 
     def _read_instruments(self, observation: Observation) -> None:
         """Take what instruments apart from the boat have measured, and what they are like."""
-        for sample in self._sampler.instruments(observation, self._time_at):
+        for sample in self._sampler.instruments(observation, self._announcer.time_at):
             self._guard.depth_m = sample.values.get(DEPTH, self._guard.depth_m)
-            self._tell(SampleTaken, observation, sample=sample)
+            self._announcer.tell(SampleTaken, observation.time_s, sample=sample)
         self._guard.mute = self._sampler.mute(observation.time_s)
         for code, message in self._sampler.notes():
-            self._tell(Warned, observation, code=code, message=message)
+            self._announcer.tell(Warned, observation.time_s, code=code, message=message)
 
     def _steer(self, observation: Observation) -> None:
         began = self._stopwatch()
@@ -403,9 +406,9 @@ class Mission:
         self._command = (observation.time_s, command)
         self._apply(observation, command.thrusts_at(0.0), solve_ms)
         if command.plan is not None:
-            self._tell(
+            self._announcer.tell(
                 Prediction,
-                observation,
+                observation.time_s,
                 after_s=np.concatenate([[0.0], np.cumsum(command.plan.durations)]),
                 states=command.plan.states,
                 thrusts=command.plan.thrusts,
@@ -445,9 +448,9 @@ class Mission:
         surveys = self._guard.state is SafetyState.SURVEYING
         command = None if self._command is None else self._command[1]
         steered = command is not None and (surveys or self._guard.helm is not None)
-        self._tell(
+        self._announcer.tell(
             Step,
-            observation,
+            observation.time_s,
             state=observation.state,
             thrusts=self._thrusts,
             target_seq=self._targets[command.target].seq if command and surveys else None,
@@ -465,18 +468,6 @@ class Mission:
         longest = patience_s(self._sets[self._reached], observation.state)
         self._deadline_s = observation.time_s + longest
 
-    def _time(self, observation: Observation) -> datetime:
-        return self._time_at(observation.time_s)
-
-    def _time_at(self, time_s: float) -> datetime:
-        return self._started + timedelta(seconds=time_s)
-
-    def _tell(self, kind: type[MissionEvent], observation: Observation, **what: Any) -> None:
-        self._ears.hold(kind(time=self._time(observation), elapsed_s=observation.time_s, **what))
-
-    def _tell_change(self, time_s: float, **what: str) -> None:
-        self._tell(SafetyChanged, Observation(time_s=time_s, state=NOWHERE), **what)
-
     def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
         """Say that the mission is over; `quietly` where the recorder itself may be what failed.
 
@@ -487,14 +478,4 @@ class Mission:
         try:
             self._link.close()
         finally:
-            self._write_end(last, reason, message, quietly=quietly)
-
-    def _write_end(
-        self, last: Observation, reason: EndReason, message: str, *, quietly: bool
-    ) -> None:
-        try:
-            self._tell(Ended, last, reason=reason, message=message)
-            self._ears.close()
-        except Exception:
-            if not quietly:
-                raise
+            self._announcer.end(last.time_s, reason, message, quietly=quietly)
