@@ -25,8 +25,10 @@ from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.revision import Sortie
 from grebe.core.vessel import PRESETS, Vessel
 from grebe.planning.planner import Planned
+from grebe.planning.sortie_check import SortieCheck
 from grebe.planning.sorties import PlannedSorties
 from grebe.workflow.plans import (
+    checked_sorties,
     plan_region,
     plan_warnings,
     read_region,
@@ -305,9 +307,20 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
         settings = planned.survey.settings
         in_one_go = settings is not None and settings.sorties is None
         numbers["over_equal_share" if in_one_go else "over_bound"] = over
+        numbers |= _sorties_proved(checked_sorties(planned))
         # These are of one way through all cells, and several ways need not be as long.
         del numbers["lower_bound_m"], numbers["gap"]
     return numbers
+
+
+def _sorties_proved(checks: Sequence[SortieCheck]) -> dict[str, Any]:
+    """What the independent check of the sorties has found."""
+    if not checks:
+        return {}
+    left_min = min(one.least_left_s for one in checks) / 60
+    failed = [str(one.number) for one in checks if not one.holds]
+    text = f"not proved for {', '.join(failed)}" if failed else "proved for every sortie"
+    return {"home_in_time": f"{text}; at least {left_min:.1f} min to spare beside the reserve"}
 
 
 def _whose(planned: PlannedSorties, sortie: Sortie) -> str:

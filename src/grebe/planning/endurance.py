@@ -26,8 +26,8 @@ LEAST_MPS = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Endurance:
-    """How long a sortie may be [s], and by how much a second of the way home counts more than one
-    of the survey: the way home may be against the weather, at a higher power.
+    """How long a sortie may be [s], and by how much a second of the way home counts more, or less,
+    than one of the survey: the way home may be against the weather, at a higher power.
     """
 
     limit_s: float
@@ -66,7 +66,8 @@ def endurance_of(vessel: Vessel, settings: PlanSettings, power_w: float) -> Endu
     limits = [(60 * sorties.minutes, 1.0)] if sorties.minutes is not None else []
     if sorties.battery_wh is not None:
         lasts_s = 3600 * sorties.battery_wh / power_w
-        limits.append((lasts_s, max(1.0, power / power_w)))
+        # A way home is straight: it may take less power than a survey that turns and turns.
+        limits.append((lasts_s, power / power_w))
     limit_s = (1 - sorties.reserve) * min(one for one, _ in limits) / MARGIN
     homeward = max(factor for _, factor in limits)
     return Endurance(limit_s=limit_s, homeward=homeward, slowest=1 / worst)

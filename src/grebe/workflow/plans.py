@@ -22,7 +22,8 @@ from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import TrackColumns
 from grebe.planning.fleets import plan_fleet
 from grebe.planning.planner import Planned, plan
-from grebe.planning.region import Region, clean_region
+from grebe.planning.region import Region, clean_region, water_of
+from grebe.planning.sortie_check import SortieCheck, check_sorties
 from grebe.planning.sorties import PlannedSorties, plan_sorties
 from grebe.workflow.files import write_survey
 
@@ -164,6 +165,16 @@ def read_zones(
             )
         zones += [part for part in _polygons(local) if isinstance(part, shapely.Polygon)]
     return zones, tuple(notes)
+
+
+def checked_sorties(planned: PlannedSorties) -> list[SortieCheck]:
+    """What a checker that shares nothing with the planner finds of each sortie; of a fleet that
+    sails in one go there is nothing to be home for.
+    """
+    settings = planned.survey.settings
+    if settings is None or settings.sorties is None:
+        return []
+    return check_sorties(planned.survey, planned.revision, water_of(planned.survey))
 
 
 def _polygons(geometry: BaseGeometry) -> list[BaseGeometry]:
