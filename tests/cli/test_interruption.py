@@ -1,0 +1,50 @@
+"""What the thread that hears of signals does with the missions under way."""
+
+import signal
+import socket
+
+import pytest
+
+from grebe.cli import interruption
+
+
+class Boat:
+    def __init__(self, broken=False):
+        self.broken, self.stopped = broken, False
+
+    def stop(self, why):
+        if self.broken:
+            raise OSError("the line is cut")
+        self.stopped = True
+
+
+def test_a_broken_line_keeps_no_other_boat_from_being_stopped(monkeypatch):
+    boats = [Boat(broken=True), Boat()]
+    left = []
+    monkeypatch.setattr(interruption, "_MISSIONS", boats)
+    monkeypatch.setattr(interruption, "GRACE_S", 0.0)
+    monkeypatch.setattr(interruption.os, "_exit", left.append)
+    monkeypatch.setattr(interruption.output, "fail", lambda _: None)
+    monkeypatch.setattr(interruption.output, "last_words", lambda: None)
+    heard, told = socket.socketpair()
+    with heard, told:
+        told.send(bytes([signal.SIGTERM]))
+        interruption._watch(heard, told)
+    assert boats[1].stopped
+    assert left == [interruption.ENDS[signal.SIGTERM][1]]
+
+
+@pytest.mark.parametrize("number", [signal.SIGWINCH, signal.SIGUSR1])
+def test_other_signals_end_nothing(monkeypatch, number):
+    boat, left = Boat(), []
+    monkeypatch.setattr(interruption, "_MISSIONS", [boat])
+    monkeypatch.setattr(interruption, "GRACE_S", 0.0)
+    monkeypatch.setattr(interruption.os, "_exit", left.append)
+    monkeypatch.setattr(interruption.output, "fail", lambda _: None)
+    monkeypatch.setattr(interruption.output, "last_words", lambda: None)
+    heard, told = socket.socketpair()
+    with heard, told:
+        told.send(bytes([number]))
+        told.send(bytes([signal.SIGINT]))
+        interruption._watch(heard, told)
+    assert left == [interruption.ENDS[signal.SIGINT][1]]
