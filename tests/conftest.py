@@ -141,6 +141,16 @@ def states(reach: float = 100.0) -> st.SearchStrategy[tuple[float, ...]]:
     )
 
 
+@pytest.fixture
+def coarse_survey(tmp_path):
+    """The file of a survey in so few and small targets that much is left to measure."""
+    path = tmp_path / "s.gpkg"
+    region = region_of([(0, 0), (90, 0), (90, 90), (0, 90)])
+    settings = PlanSettings(cell_m=30.0, core=0.4, shore_margin_m=3.0)
+    write_survey(path, plan_survey(region, PRESETS["spyboat"], settings))
+    return path
+
+
 @pytest.fixture(scope="session")
 def simulated_survey(tmp_path_factory):
     """The file of a survey that was sailed, the survey, and what a page was told of it in turn."""

@@ -18,14 +18,20 @@ class Boat:
         self.stopped = True
 
 
-def test_a_broken_line_keeps_no_other_boat_from_being_stopped(monkeypatch):
-    boats = [Boat(broken=True), Boat()]
-    left = []
-    monkeypatch.setattr(interruption, "_MISSIONS", boats)
+@pytest.fixture
+def left(monkeypatch):
+    """With which codes the process would have been left, by a watcher without grace or words."""
+    codes = []
     monkeypatch.setattr(interruption, "GRACE_S", 0.0)
-    monkeypatch.setattr(interruption.os, "_exit", left.append)
+    monkeypatch.setattr(interruption.os, "_exit", codes.append)
     monkeypatch.setattr(interruption.output, "fail", lambda _: None)
     monkeypatch.setattr(interruption.output, "last_words", lambda: None)
+    return codes
+
+
+def test_a_broken_line_keeps_no_other_boat_from_being_stopped(monkeypatch, left):
+    boats = [Boat(broken=True), Boat()]
+    monkeypatch.setattr(interruption, "_MISSIONS", boats)
     heard, told = socket.socketpair()
     with heard, told:
         told.send(bytes([signal.SIGTERM]))
@@ -35,13 +41,8 @@ def test_a_broken_line_keeps_no_other_boat_from_being_stopped(monkeypatch):
 
 
 @pytest.mark.parametrize("number", [signal.SIGWINCH, signal.SIGUSR1])
-def test_other_signals_end_nothing(monkeypatch, number):
-    boat, left = Boat(), []
-    monkeypatch.setattr(interruption, "_MISSIONS", [boat])
-    monkeypatch.setattr(interruption, "GRACE_S", 0.0)
-    monkeypatch.setattr(interruption.os, "_exit", left.append)
-    monkeypatch.setattr(interruption.output, "fail", lambda _: None)
-    monkeypatch.setattr(interruption.output, "last_words", lambda: None)
+def test_other_signals_end_nothing(monkeypatch, left, number):
+    monkeypatch.setattr(interruption, "_MISSIONS", [Boat()])
     heard, told = socket.socketpair()
     with heard, told:
         told.send(bytes([number]))

@@ -3,38 +3,22 @@
 import json
 
 import pytest
-import shapely
 from click.testing import CliRunner
-from conftest import FRAME
 
 from grebe.cli.main import grebe
-from grebe.core.plan_settings import PlanSettings
-from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.planning.planner import plan_survey
-from grebe.planning.region import Region
-from grebe.workflow.files import write_survey
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture
-def path(tmp_path):
-    region = Region(name="x", frame=FRAME, water=shapely.box(0, 0, 90, 90))
-    path = tmp_path / "s.gpkg"
-    settings = PlanSettings(cell_m=30.0, core=0.4, shore_margin_m=3.0)
-    write_survey(path, plan_survey(region, PRESETS["spyboat"], settings))
-    return path
 
 
 def run(path, *words):
     return CliRunner().invoke(grebe, ["run", str(path), *map(str, words), "--json"])
 
 
-def test_it_goes_on_in_rounds_without_landing_and_ends_in_time(path):
-    done = run(path, "--adaptive", "temperature_degc", "--more-minutes", 6)
+def test_it_goes_on_in_rounds_without_landing_and_ends_in_time(coarse_survey):
+    done = run(coarse_survey, "--adaptive", "temperature_degc", "--more-minutes", 6)
     assert done.exit_code == 0, done.output
-    with SurveyFile.open(path) as file:
+    with SurveyFile.open(coarse_survey) as file:
         revisions, events = file.revisions(), file.events()
         sailed_s = file.track().seconds[-1]
     assert [one.reason for one in revisions] == ["planned", *["adaptive"] * (len(revisions) - 1)]
@@ -47,11 +31,11 @@ def test_it_goes_on_in_rounds_without_landing_and_ends_in_time(path):
     assert json.loads(done.stdout)["targets"] == len(revisions[-1].targets)
 
 
-def test_it_ends_once_the_map_is_as_sure_as_was_asked(path):
+def test_it_ends_once_the_map_is_as_sure_as_was_asked(coarse_survey):
     words = ("--adaptive", "temperature_degc", "--more-minutes", 20, "--until-sd", 9.0)
-    done = run(path, *words)
+    done = run(coarse_survey, *words)
     assert done.exit_code == 0, done.output
-    with SurveyFile.open(path) as file:
+    with SurveyFile.open(coarse_survey) as file:
         assert len(file.revisions()) == 1
         (said,) = [one.message for one in file.events() if one.code == "mission_complete"]
     assert "temperature_degc is known to" in said
@@ -67,8 +51,8 @@ def test_it_ends_once_the_map_is_as_sure_as_was_asked(path):
         (("--adaptive", "gold", "--more-minutes", 5), "no such quantity"),
     ],
 )
-def test_what_does_not_go_together_is_said_before_anything_moves(path, words, said):
-    done = run(path, *words)
+def test_what_does_not_go_together_is_said_before_anything_moves(coarse_survey, words, said):
+    done = run(coarse_survey, *words)
     assert said in str(done.exception) + done.output
-    with SurveyFile.open(path) as file:
+    with SurveyFile.open(coarse_survey) as file:
         assert file.track_ends() is None

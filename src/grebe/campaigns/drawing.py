@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from grebe.campaigns.certificate import clopper_pearson_lower, confidence_sequence
 from grebe.campaigns.run import Outcome
-from grebe.report.canvas import BLACK, BLUE, GREY, VERMILLION, styled
+from grebe.report.canvas import BLACK, BLUE, GREY, VERMILLION, legend_above, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -98,7 +98,4 @@ def _scatter(axes: Axes, outcome: Outcome, x: list[float], y: list[float]) -> No
     )
     if not good.all():
         axes.plot(across[~good], up[~good], "x", ms=7, mew=1.8, color=VERMILLION, label="failed")
-    # Beside the points it would look like one of them.
-    axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2
-    )
+    legend_above(axes)

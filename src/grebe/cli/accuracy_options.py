@@ -18,14 +18,7 @@ if TYPE_CHECKING:
     from grebe.workflow.accuracy import AccuratePlan
 
 
-def accuracy_options(command: Any) -> Any:
-    """Add the options of a plan for accuracy."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-_OPTIONS = (
+accuracy_options = options.together(
     click.option(
         "--goal",
         type=click.Choice(("time", "accuracy")),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from grebe.cli import options
 from grebe.core.errors import UsageError
 from grebe.workflow.wish import GOALS, Wish
 
@@ -14,14 +15,7 @@ if TYPE_CHECKING:
     from grebe.workflow.adaptive_run import Onward
 
 
-def adaptive_options(command: Any) -> Any:
-    """Add the options of a mission that goes on where it pays."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-_OPTIONS = (
+adaptive_options = options.together(
     click.option(
         "--adaptive",
         "adaptive_key",

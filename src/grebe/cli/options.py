@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -104,6 +105,17 @@ json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print the result as one JSON object."
 )
 force_option = click.option("--force", is_flag=True, help="Replace what is there already.")
+
+
+def together(*several: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Add several options, in the order in which help is to show them."""
+
+    def added(command: Any) -> Any:
+        for option in reversed(several):
+            command = option(command)
+        return command
+
+    return added
 
 
 quantities_option = click.option(

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from grebe.cli import options
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.solvers.base import SolverBuilder
@@ -20,14 +21,7 @@ WEIGHTS = {
 }
 
 
-def rule_options(command: Any) -> Any:
-    """Add the options of who steers."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-_OPTIONS = (
+rule_options = options.together(
     click.option(
         "--rule",
         type=click.Choice(list(RULES)),

@@ -16,14 +16,7 @@ ONCE = ("returns", "yes")
 ASKED = "the operator has asked for the way home"
 
 
-def safety_options(command: Any) -> Any:
-    """Add the options of a mission's safety."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-_OPTIONS = (
+safety_options = options.together(
     click.option(
         "--home",
         type=options.LON_LAT,

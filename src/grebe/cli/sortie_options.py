@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import click
 
@@ -15,14 +14,7 @@ from grebe.core.vessel import Vessel
 RESERVE = 0.2
 
 
-def sortie_options(command: Any) -> Any:
-    """Add the options of sorties."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-_OPTIONS = (
+sortie_options = options.together(
     click.option(
         "--battery",
         "sortie_battery_wh",

@@ -11,15 +11,7 @@ from grebe.cli import options
 from grebe.links.simulated import EstimateErrors
 from grebe.workflow.simulated import SimulatedWorld
 
-
-def world_options(command: Any) -> Any:
-    """Add the options of the simulated world."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-_OPTIONS = (
+world_options = options.together(
     click.option(
         "--seed",
         type=click.IntRange(min=0),

@@ -136,12 +136,12 @@ class Replanner:
         self, reason: Reason, note: str, reached: int, place: tuple[float, float], weather: Weather
     ) -> None:
         halfway = Halfway(reached=reached, place=place, sortie=self.sortie)
-        self._start(self._replan, reason, note, halfway, weather)
+        self._start(self._planned, reason, note, halfway, weather)
 
-    def _start(self, work: Callable[..., None], *told: Any) -> None:
+    def _start(self, work: Callable[..., NewOrder | None], *told: Any) -> None:
         def watched() -> None:
             try:
-                work(*told)
+                self._new = work(*told)
             # The loop hears of whatever goes wrong: after a thread's silent death it would wait.
             except Exception as error:
                 self._new = error
@@ -149,18 +149,15 @@ class Replanner:
         self._thread = threading.Thread(target=watched, daemon=True)
         self._thread.start()
 
-    def _replan(self, reason: Reason, note: str, halfway: Halfway, weather: Weather) -> None:
-        self._new = self._planned(reason, note, halfway, weather)
-
-    def _extend(self, halfway: Halfway, time_s: float) -> None:
+    def _extend(self, halfway: Halfway, time_s: float) -> NewOrder | None:
         assert self.extends is not None
         try:
             new = self.extends(self.revision, halfway, time_s)
         # What was to be surveyed is: no more is an end like any other.
         except GrebeError as error:
             self.over = str(error)
-            return
-        self._new = self._ordered(new, halfway)
+            return None
+        return self._ordered(new, halfway)
 
     def _planned(self, reason: Reason, note: str, halfway: Halfway, weather: Weather) -> NewOrder:
         new = replanned(

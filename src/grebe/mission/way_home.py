@@ -62,6 +62,12 @@ def check_home(survey: Survey, settings: SafetySettings) -> None:
         ) from None
 
 
+def speed_home_mps(survey: Survey, vessel: Vessel) -> float:
+    """How fast the boat goes home: as the survey's windows let it."""
+    fastest = max((one.speed_max_mps for one in survey.sets), default=1.0)
+    return min(fastest, 0.8 * vessel.speed_max_mps)
+
+
 @dataclass(kw_only=True)
 class UnderWay:
     """The way home that is being sailed."""
@@ -98,7 +104,7 @@ class WayHome:
         ways = self._found()
         try:
             survey = ways and transit_survey(
-                self._survey, ways, observation.state, self._fastest_mps(vessel)
+                self._survey, ways, observation.state, speed_home_mps(self._survey, vessel)
             )
         except PlanError as error:
             survey, self.no_way = None, str(error)
@@ -134,12 +140,7 @@ class WayHome:
         except PlanError as error:
             self.no_way = str(error)
             return math.inf, math.inf
-        return way_home_s(vessel, way, weather, self._fastest_mps(vessel))
-
-    def _fastest_mps(self, vessel: Vessel) -> float:
-        """How fast the boat goes home: as the survey's windows let it."""
-        fastest = max((one.speed_max_mps for one in self._survey.sets), default=1.0)
-        return min(fastest, 0.8 * vessel.speed_max_mps)
+        return way_home_s(vessel, way, weather, speed_home_mps(self._survey, vessel))
 
     def _found(self) -> Homeward | None:
         """The ways home, worked out when they are first asked for; None where there is none."""

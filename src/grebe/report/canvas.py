@@ -125,6 +125,12 @@ def legend_below(axes: Axes) -> None:
     )
 
 
+def legend_above(axes: Axes, **more: Any) -> None:
+    """Name what is drawn above its right end: within, it would lie on curves or look like one."""
+    where = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+    axes.legend(**{**where, "ncols": 2, "frameon": False, **more})
+
+
 def _draw_scale(axes: Axes) -> None:
     """Above the map's right end a bar of a round length, and an arrow to the north; above both the
     title, which may be long. In points, for a wide lake's map is a low one.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -23,6 +23,7 @@ from grebe.report.canvas import (
     draw_water,
     figure_size,
     finish_map,
+    legend_above,
     legend_below,
     styled,
 )
@@ -36,10 +37,6 @@ if TYPE_CHECKING:
 # Beyond so many cells their edges and arrows would be all there is to see.
 MANY_CELLS = 3_000
 ARROWS = 24
-ABOVE: dict[str, Any] = {
-    "loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2, "fontsize": 8.5,
-    "frameon": False, "borderaxespad": 0.2,
-}  # fmt: skip
 
 
 @styled
@@ -118,8 +115,7 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
         speed.plot(one.seconds, one.states[:, 3], color=BLUE, lw=0.9, label=label)
     speed.set_ylabel(texts["surge_axis"])
     speed.set_title(texts["speed_title"])
-    # Above the curves, which may be anywhere.
-    speed.legend(**ABOVE)
+    legend_above(speed, fontsize=8.5)
     for column, name, colour in ((0, "port", ORANGE), (1, "starboard", GREEN)):
         for k, one in enumerate(boats):
             thrust.step(
@@ -135,7 +131,7 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
             thrust.axhline(limit, color=GREY, lw=0.8, ls="--")
     thrust.set_ylabel(texts["thrust_axis"])
     thrust.set_xlabel(texts["time_axis"])
-    thrust.legend(**ABOVE)
+    legend_above(thrust, fontsize=8.5)
     return figure
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import shapely
-from shapely.geometry.base import BaseGeometry
 
 from grebe.core.errors import InputError
 from grebe.core.plan_settings import PlanSettings
@@ -163,7 +162,9 @@ def read_zones(
                 f"{path}: forbids nothing: it lies {away:.0f} m from the water; are latitude and "
                 "longitude swapped?"
             )
-        zones += [part for part in _polygons(local) if isinstance(part, shapely.Polygon)]
+        # A collection of outlines holds polygons, and others of many parts.
+        parts = shapely.get_parts(shapely.get_parts(local))
+        zones += [part for part in parts if isinstance(part, shapely.Polygon)]
     return zones, tuple(notes)
 
 
@@ -175,12 +176,6 @@ def checked_sorties(planned: PlannedSorties) -> list[SortieCheck]:
     if settings is None or settings.sorties is None:
         return []
     return check_sorties(planned.survey, planned.revision, water_of(planned.survey))
-
-
-def _polygons(geometry: BaseGeometry) -> list[BaseGeometry]:
-    """The single parts of a geometry, whose parts may have parts."""
-    parts = getattr(geometry, "geoms", None)
-    return [geometry] if parts is None else [one for part in parts for one in _polygons(part)]
 
 
 def write_expected(chosen: Expected, survey_file: Path) -> Path:

@@ -12,7 +12,7 @@ from grebe.core.taut import taut_way
 from grebe.mission.departure import Departure
 from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
-from grebe.mission.way_home import home_of, ways_home
+from grebe.mission.way_home import home_of, speed_home_mps, ways_home
 from grebe.planning.homeward import way_length_m
 from grebe.planning.travel import travel_of
 
@@ -69,7 +69,7 @@ def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:
     survey = departure.survey
     north, east = departure.state[:2]
     way = ways_home(survey, safety).way_from((north, east))
-    fastest = max((one.speed_max_mps for one in survey.sets), default=1.0)
+    speed_mps = speed_home_mps(survey, departure.vessel)
     lon, lat = survey.frame.to_wgs84((north, east)).tolist()
     home_lon, home_lat = survey.frame.to_wgs84(home_of(survey, safety)).tolist()
     settings = survey.settings
@@ -80,7 +80,7 @@ def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:
         "home_lat_deg": round(home_lat, 7),
         "home_lon_deg": round(home_lon, 7),
         "distance_m": round(way_length_m(way), 1),
-        "remaining_s": round(way_home_s(departure.vessel, way, weather, fastest)[0], 1),
+        "remaining_s": round(way_home_s(departure.vessel, way, weather, speed_mps)[0], 1),
         "doubts": tuple(doubt.message for doubt in departure.doubts),
     }
 

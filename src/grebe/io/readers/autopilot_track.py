@@ -77,13 +77,18 @@ def _telemetry(path: Path) -> Iterator[_Fix | _Sounding]:
 
 def _dataflash(path: Path) -> Iterator[_Fix | _Sounding]:
     """Each message is dated by pymavlink with the receiver's week and time, in UTC."""
-    kinds = {message.get_type() for message in messages_in(path, ["POS"])}
+    logged: list[tuple[str, _Fix | _Sounding]] = []
     for message in messages_in(path, _DATAFLASH):
         kind = message.get_type()
         if kind == "DPTH":
-            yield _Sounding(depth=message.Depth, temperature=getattr(message, "Temp", float("nan")))
-        elif (kind == "POS") == bool(kinds) and getattr(message, "Status", 3) >= 3:
-            yield _Fix(time=float(message._timestamp), lat=message.Lat, lon=message.Lng)
+            temperature = getattr(message, "Temp", math.nan)
+            logged.append((kind, _Sounding(depth=message.Depth, temperature=temperature)))
+        elif getattr(message, "Status", 3) >= 3:
+            fix = _Fix(time=float(message._timestamp), lat=message.Lat, lon=message.Lng)
+            logged.append((kind, fix))
+    # The receiver's own fixes only where the filter's are not there.
+    other = "GPS" if any(kind == "POS" for kind, _ in logged) else "POS"
+    return (one for kind, one in logged if kind != other)
 
 
 def _text(value: float) -> str:
