@@ -65,8 +65,15 @@ class TargetSet:
     @cached_property
     def centre(self) -> tuple[float, float]:
         """Centroid of the footprint (north, east) [m]."""
-        point = self.polygon.centroid
-        return point.x, point.y
+        (x0, y0), *others = self.vertices
+        area = north = east = 0.0
+        # Triangles about the first corner, for far from the origin there is less to round.
+        for (ax, ay), (bx, by) in itertools.pairwise((x - x0, y - y0) for x, y in others):
+            twice = ax * by - bx * ay
+            area += twice
+            north += twice * (ax + bx)
+            east += twice * (ay + by)
+        return x0 + north / (3.0 * area), y0 + east / (3.0 * area)
 
     @cached_property
     def _sides(self) -> list[tuple[float, float, float]]:

@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 # The controller enters a set by more than a hair: sets are drawn this much towards their centres.
 DRAWN_IN = 0.05
 MOST_SWEEPS = 200
-# Sweeps end when none of them moves a place by more than this share of the mean leg.
-STEADY = 1e-3
+# Sweeps end when none of them moves a place by more than this share of the mean leg. A rough way is
+# longer by up to 5 in 100,000.
+STEADY, ROUGHLY = 1e-3, 1e-2
 
 
 def way_through(survey: Survey) -> NDArray[np.float64]:
@@ -45,28 +46,50 @@ def taut_way(
     Where `centred` says so it leads through the footprint's centroid instead.
     """
     held = np.zeros(len(footprints), dtype=bool) if centred is None else np.array(centred)
-    shapes = np.array(footprints, dtype=object)
-    rings = shapely.get_exterior_ring(shapely.orient_polygons(shapes))
-    corners, ring = shapely.get_coordinates(rings, return_index=True)
-    starts = np.searchsorted(ring, np.arange(len(shapes) + 1))
-    centroids = shapely.get_coordinates(shapely.centroid(shapes))
-    corners = corners + DRAWN_IN * (centroids[ring] - corners)
-    way = np.vstack([start, centroids])
-    steady = STEADY * float(np.mean(np.hypot(*np.diff(way, axis=0).T)))
-    _tighten(way, starts, corners, held, steady)
-    return way
+    return TautWays(footprints).through(start, np.arange(len(footprints)), held)
+
+
+class TautWays:
+    """Taut ways through the same convex footprints in one order and another."""
+
+    def __init__(self, footprints: Sequence[shapely.Polygon] | NDArray[np.object_]) -> None:
+        shapes = np.array(footprints, dtype=object)
+        rings = shapely.get_exterior_ring(shapely.orient_polygons(shapes))
+        corners, ring = shapely.get_coordinates(rings, return_index=True)
+        self._starts = np.searchsorted(ring, np.arange(len(shapes) + 1))
+        self._centroids = shapely.get_coordinates(shapely.centroid(shapes))
+        self._corners = corners + DRAWN_IN * (self._centroids[ring] - corners)
+
+    def through(
+        self,
+        start: tuple[float, float],
+        order: NDArray[np.int64],
+        held: NDArray[np.bool_] | None = None,
+        *,
+        steady: float = STEADY,
+    ) -> NDArray[np.float64]:
+        """Return the shortest way from `start` that touches the footprints in an order (n,), or
+        leads through the centroids of those that are `held`, (n + 1, 2) [m].
+        """
+        held = np.zeros(len(order), dtype=bool) if held is None else held
+        way = np.vstack([start, self._centroids[order]])
+        moved = steady * float(np.mean(np.hypot(*np.diff(way, axis=0).T)))
+        firsts, lasts = self._starts[order], self._starts[order + 1]
+        _tighten(way, firsts, lasts, self._corners, held, moved)
+        return way
 
 
 @machine_code
 def _tighten(
     way: NDArray[np.float64],
-    starts: NDArray[np.integer],
+    firsts: NDArray[np.integer],
+    lasts: NDArray[np.integer],
     corners: NDArray[np.float64],
     held: NDArray[np.bool_],
     steady: float,
 ) -> None:
     """Move each place that is not held to where it lengthens the way least, there and back,
-    until nothing moves; the ring of footprint i is corners[starts[i]:starts[i + 1]], closed and
+    until nothing moves; the ring of place i + 1 is corners[firsts[i]:lasts[i]], closed and
     anticlockwise.
     """
     n = way.shape[0]
@@ -77,7 +100,7 @@ def _tighten(
             if held[i - 1]:
                 continue
             x, y = way[i, 0], way[i, 1]
-            _settle(way, i, corners[starts[i - 1] : starts[i]])
+            _settle(way, i, corners[firsts[i - 1] : lasts[i - 1]])
             farthest = max(farthest, math.hypot(way[i, 0] - x, way[i, 1] - y))
         if farthest < steady:
             break

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
@@ -36,7 +37,8 @@ def lower_bound_m(
     """
     if len(cells) < 2:
         return 0.0
-    points = np.array([(c.x, c.y) for c in (cell.footprint.centroid for cell in cells)])
+    footprints = np.array([cell.footprint for cell in cells], dtype=object)
+    points = shapely.get_coordinates(shapely.centroid(footprints))
     if len(points) <= MOST_FOR_ASCENT:
         rounds = min(ROUNDS, PAIRS // len(points) ** 2)
         lengths = np.hypot(*np.moveaxis(points[:, None] - points[None], -1, 0))
@@ -68,10 +70,12 @@ def _spanning_tree_m(points: np.ndarray) -> float:
         return float(np.hypot(*np.ptp(points, axis=0)))
     first, second = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).T
     low, high = np.minimum(first, second), np.maximum(first, second)
-    edges = np.unique(np.column_stack([low, high]), axis=0)
-    length = np.hypot(*(points[edges[:, 0]] - points[edges[:, 1]]).T)
+    codes = np.unique(low.astype(np.int64) * n + high)
+    # The tree's library takes indices of 32 bits alone.
+    low, high = (ends.astype(np.int32) for ends in np.divmod(codes, n))
+    length = np.hypot(*(points[low] - points[high]).T)
     # Equal centres would make an edge of length zero, which a sparse matrix takes for none.
-    graph = coo_array((np.maximum(length, 1e-12), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    graph = coo_array((np.maximum(length, 1e-12), (low, high)), shape=(n, n))
     return float(minimum_spanning_tree(graph.tocsr()).sum())
 
 

@@ -20,6 +20,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from grebe.core.errors import PlanError
+from grebe.planning.land_cut import without_land
 from grebe.planning.mesh import Cell
 from grebe.planning.network import ROUNDING_M, Network, joint_hulls
 
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 # How far a corridor may reach beyond the hull of its targets, in cells.
 REACH_CELLS = 2.0
-MOST_CUTS = 12
-MOST_SIDES = 12
 # A gate's first size, of the shared edge's length along it and of the cell's across it.
 GATE_ALONG, GATE_ACROSS = 0.8, 0.2
 GATE_HALVINGS = 12
@@ -41,7 +40,6 @@ _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 CLOSED_FACTOR = 1.3
 # How far a transit may grow beyond its cell or gate [m].
 TRANSIT_REACH_M = 0.75
-SPECK_M2 = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,30 +180,10 @@ def corridors_of(
     begins: NDArray[np.object_], ends: NDArray[np.object_], water: shapely.Polygon, reach_m: float
 ) -> list[shapely.Polygon]:
     """Return one convex polygon of water for each leg between two footprints, pair by pair."""
-    allowed = water.buffer(ROUNDING_M, join_style="mitre")
-    shapely.prepare(allowed)
     hulls = joint_hulls(begins, ends)
     x0, y0, x1, y1 = shapely.bounds(hulls).T
     boxes = shapely.box(x0 - reach_m, y0 - reach_m, x1 + reach_m, y1 + reach_m)
-    free = shapely.covers(allowed, boxes)
-    return [
-        box if is_free else _cut(hull, box, water)
-        for hull, box, is_free in zip(hulls, boxes, free.tolist(), strict=True)
-    ]
-
-
-def _cut(hull: shapely.Polygon, box: shapely.Polygon, water: shapely.Polygon) -> shapely.Polygon:
-    """Cut land off a box around a hull, nearest first, each time along the line through
-    the land's nearest point that leaves the hull whole. Falls back to the hull.
-    """
-    region = box
-    for _ in range(MOST_CUTS):
-        land = shapely.difference(region, water)
-        pieces = [part for part in shapely.get_parts(land) if part.area > SPECK_M2]
-        if not pieces:
-            return region if len(region.exterior.coords) <= MOST_SIDES + 1 else hull
-        region = _clipped(region, *_separator(hull, shapely.union_all(pieces)))
-    return hull
+    return without_land(hulls, boxes, water).tolist()
 
 
 def widened(stops: list[Stop], corridors: list[shapely.Polygon]) -> list[Stop]:
@@ -224,36 +202,3 @@ def widened(stops: list[Stop], corridors: list[shapely.Polygon]) -> list[Stop]:
         if isinstance(common, shapely.Polygon) and common.area > stop.footprint.area:
             grown[k] = Stop(footprint=common, cell=None)
     return grown
-
-
-def _separator(hull: shapely.Polygon, land: shapely.Geometry) -> tuple[np.ndarray, float]:
-    """A unit normal and an offset: the hull on the near side, the land's nearest point on the
-    line.
-    """
-    nearest = shapely.get_coordinates(shapely.shortest_line(hull, land))
-    gap = nearest[1] - nearest[0]
-    distance = float(np.hypot(*gap))
-    if distance > 1e3 * ROUNDING_M:
-        normal = gap / distance
-        return normal, float(normal @ nearest[1])
-    # They touch: the hull's own side there is the line.
-    ring = shapely.get_coordinates(shapely.orient_polygons(hull).exterior)
-    way = np.diff(ring, axis=0)
-    outward = np.column_stack([way[:, 1], -way[:, 0]]) / np.hypot(*way.T)[:, None]
-    side = int(np.argmin(np.abs(np.sum(outward * (nearest[0] - ring[:-1]), axis=1))))
-    return outward[side], float(outward[side] @ ring[side])
-
-
-def _clipped(region: shapely.Polygon, normal: np.ndarray, offset: float) -> shapely.Polygon:
-    """The part of a convex polygon where normal * x <= offset (Sutherland and Hodgman 1974)."""
-    ring = shapely.get_coordinates(region)[:-1]
-    beyond = ring @ normal - offset
-    kept: list[np.ndarray] = []
-    for k in range(len(ring)):
-        here, ahead = beyond[k], beyond[(k + 1) % len(ring)]
-        if here <= 0:
-            kept.append(ring[k])
-        if (here < 0 < ahead) or (ahead < 0 < here):
-            share = here / (here - ahead)
-            kept.append(ring[k] + share * (ring[(k + 1) % len(ring)] - ring[k]))
-    return shapely.Polygon(kept)

@@ -60,9 +60,9 @@ class Network:
 
     def opens(self, i: Indices, j: Indices) -> NDArray[np.bool_]:
         """Whether cells i and j are joined by an open link, pair by pair."""
-        first = np.repeat(np.arange(len(self)), np.diff(self.starts))
-        links = first[self.is_open] * len(self) + self.neighbours[self.is_open]
-        return np.isin(np.asarray(i) * len(self) + np.asarray(j), links)
+        shape = (len(self), len(self))
+        links = csr_array((self.is_open, self.neighbours, self.starts), shape=shape)
+        return np.asarray(links[i, j], dtype=bool).ravel()
 
 
 def connect(cells: list[Cell], water: shapely.Polygon, cell_m: float) -> Network:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.plan_settings import Pattern
-from grebe.core.taut import taut_way
+from grebe.core.taut import ROUGHLY, TautWays
 from grebe.planning.costs import Costs, costs_of, order_cost
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
@@ -76,13 +76,13 @@ def best_route(
         order = rows if pattern == "rows" else columns
         legs_s = order_cost(costs, np.append(len(network), order))
         return Route(order=order, legs_s=float(legs_s), method=pattern)
-    footprints = np.array([cell.footprint for cell in cells], dtype=object)
+    ways = TautWays([cell.footprint for cell in cells])
 
     def predicted_s(route: Route) -> float:
         """The taut way through the cells, and what ways around land add."""
         places = costs.places[route.order]
         north, east = places[0].tolist()
-        taut = travel.path_s(taut_way((north, east), footprints[route.order]))
+        taut = travel.path_s(ways.through((north, east), route.order, steady=ROUGHLY))
         return taut + route.legs_s - float(np.sum(travel.leg_s(np.diff(places, axis=0))))
 
     tried = [

@@ -1,0 +1,208 @@
+"""A corridor's cut: a box around a leg's hull, with the land taken off it by straight cuts.
+
+The nearest land goes first, each time along the line through its nearest point that leaves the
+hull whole. What is left is convex, holds the hull and is water.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from grebe.core.kernels import machine_code
+from grebe.core.sets import polygons_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Integers = NDArray[np.integer]
+
+MOST_CUTS = 12
+MOST_SIDES = 12
+# Shore that reaches no deeper into a box than this is beside it [m].
+BESIDE_M = 1e-7
+# Land no further from a hull than this touches it [m].
+TOUCHING_M = 1e-3
+
+
+def without_land(
+    hulls: NDArray[np.object_], boxes: NDArray[np.object_], water: shapely.Polygon
+) -> NDArray[np.object_]:
+    """Cut the land off boxes, each around a convex hull of water. Where that takes too many cuts
+    the hull is what is left.
+    """
+    shore = _shore(water)
+    box, side = shapely.STRtree(np.asarray(shapely.linestrings(shore))).query(boxes)
+    order = np.argsort(box, kind="stable")
+    near = np.searchsorted(box[order], np.arange(len(boxes) + 1))
+    rings = shapely.get_exterior_ring(shapely.orient_polygons(hulls))
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    starts = np.searchsorted(ring, np.arange(len(hulls) + 1))
+    found, sides = _cut_all(
+        corners, starts, np.asarray(shapely.bounds(boxes)), shore, side[order], near
+    )
+    done = np.flatnonzero(sides)
+    left = hulls.copy()
+    left[done] = polygons_of([found[k, : sides[k]].tolist() for k in done.tolist()])
+    return left
+
+
+def _shore(water: shapely.Polygon) -> Floats:
+    """The sides of the water's rings, (n, 2, 2)."""
+    rings = [shapely.get_coordinates(one) for one in (water.exterior, *water.interiors)]
+    return np.concatenate([np.stack([one[:-1], one[1:]], axis=1) for one in rings])
+
+
+@machine_code
+def _cut_all(
+    corners: Floats, starts: Integers, bounds: Floats, shore: Floats, side: Integers, near: Integers
+) -> tuple[Floats, Integers]:
+    """What is left of each box by its `bounds` (n, 4), corners (n, `MOST_SIDES`, 2) and how many,
+    0 where that is none: the ring of hull i is corners[starts[i]:starts[i + 1]], closed and
+    anticlockwise, and the shore beside it is shore[side[near[i]:near[i + 1]]].
+    """
+    n = len(bounds)
+    found, sides = np.zeros((n, MOST_SIDES, 2)), np.zeros(n, dtype=np.int64)
+    region, spare = np.empty((4 + MOST_CUTS, 2)), np.empty((4 + MOST_CUTS, 2))
+    for i in range(n):
+        for k in range(4):
+            region[k, 0] = bounds[i, 2 if k in (1, 2) else 0]
+            region[k, 1] = bounds[i, 3 if k > 1 else 1]
+        count = 4
+        hull, beside = corners[starts[i] : starts[i + 1]], side[near[i] : near[i + 1]]
+        for _ in range(MOST_CUTS):
+            away, ax, ay, b = _nearest_land(hull, region[:count], shore, beside)
+            if away == np.inf:
+                sides[i] = count if count <= MOST_SIDES else 0
+                break
+            count = _clipped(region, count, ax, ay, b, spare)
+            region, spare = spare, region
+        for k in range(sides[i]):
+            found[i, k, 0], found[i, k, 1] = region[k, 0], region[k, 1]
+    return found, sides
+
+
+@machine_code
+def _nearest_land(
+    hull: Floats, region: Floats, shore: Floats, beside: Integers
+) -> tuple[float, float, float, float]:
+    """How far the nearest shore within a convex region is from a hull, infinite where there is
+    none, and the line a x + b y = c that parts them: (distance, a, b, c).
+    """
+    nearest, a, b, c = np.inf, 0.0, 0.0, 0.0
+    for k in beside:
+        (px, py), (qx, qy) = shore[k]
+        enter, leave = _within(px, py, qx, qy, region)
+        if enter >= leave:
+            continue
+        dx, dy = qx - px, qy - py
+        px, py, qx, qy = px + enter * dx, py + enter * dy, px + leave * dx, py + leave * dy
+        away, x, y, gap_x, gap_y = _gap(hull, px, py, qx, qy)
+        if away >= nearest:
+            continue
+        nearest = away
+        if away > TOUCHING_M:
+            a, b = gap_x / away, gap_y / away
+            c = a * x + b * y
+        else:
+            a, b, c = _own_side(hull, px, py, qx, qy)
+    return nearest, a, b, c
+
+
+@machine_code
+def _within(px: float, py: float, qx: float, qy: float, region: Floats) -> tuple[float, float]:
+    """Shares of the way from p to q at which it enters and leaves a convex region, which is drawn
+    in by `BESIDE_M`; enter >= leave where it misses it (Cyrus and Beck 1978).
+    """
+    enter, leave = 0.0, 1.0
+    for k in range(len(region)):
+        after = region[(k + 1) % len(region)]
+        nx, ny = after[1] - region[k, 1], region[k, 0] - after[0]
+        length = math.hypot(nx, ny)
+        room = nx * (region[k, 0] - px) + ny * (region[k, 1] - py) - BESIDE_M * length
+        outwards = nx * (qx - px) + ny * (qy - py)
+        if outwards > 0:
+            leave = min(leave, room / outwards)
+        elif outwards < 0:
+            enter = max(enter, room / outwards)
+        elif room < 0:
+            return 1.0, 0.0
+    return enter, leave
+
+
+@machine_code
+def _gap(
+    hull: Floats, px: float, py: float, qx: float, qy: float
+) -> tuple[float, float, float, float, float]:
+    """The distance from a hull to the stretch from p to q beside it, the place on the stretch, and
+    the way to it: (distance, x, y, way x, way y).
+    """
+    nearest, x, y, way_x, way_y = np.inf, px, py, 0.0, 0.0
+    for k in range(len(hull) - 1):
+        (ax, ay), (bx, by) = hull[k], hull[k + 1]
+        for ex, ey in ((px, py), (qx, qy)):
+            fx, fy = _foot(ax, ay, bx, by, ex, ey)
+            if math.hypot(ex - fx, ey - fy) < nearest:
+                nearest, x, y = math.hypot(ex - fx, ey - fy), ex, ey
+                way_x, way_y = ex - fx, ey - fy
+        fx, fy = _foot(px, py, qx, qy, ax, ay)
+        if math.hypot(fx - ax, fy - ay) < nearest:
+            nearest, x, y = math.hypot(fx - ax, fy - ay), fx, fy
+            way_x, way_y = fx - ax, fy - ay
+    return nearest, x, y, way_x, way_y
+
+
+@machine_code
+def _foot(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> tuple[float, float]:
+    """The place on the stretch from a to b that is nearest to another."""
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    share = ((x - ax) * dx + (y - ay) * dy) / square if square > 0 else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return ax + share * dx, ay + share * dy
+
+
+@machine_code
+def _own_side(
+    hull: Floats, px: float, py: float, qx: float, qy: float
+) -> tuple[float, float, float]:
+    """The hull's own side (a, b, c) that leaves the most of the stretch from p to q beyond it: for
+    land that the hull touches.
+    """
+    best, a, b, c = -np.inf, 0.0, 0.0, 0.0
+    for k in range(len(hull) - 1):
+        nx, ny = hull[k + 1, 1] - hull[k, 1], hull[k, 0] - hull[k + 1, 0]
+        length = math.hypot(nx, ny)
+        if length <= 0:
+            continue
+        nx, ny = nx / length, ny / length
+        offset = nx * hull[k, 0] + ny * hull[k, 1]
+        beyond = min(nx * px + ny * py, nx * qx + ny * qy) - offset
+        if beyond > best:
+            best, a, b, c = beyond, nx, ny, offset
+    return a, b, c
+
+
+@machine_code
+def _clipped(region: Floats, count: int, a: float, b: float, c: float, out: Floats) -> int:
+    """Put the part of a convex region of `count` corners where a x + b y <= c into `out`; how many
+    corners it has (Sutherland and Hodgman 1974).
+    """
+    kept = 0
+    for k in range(count):
+        x, y = region[k]
+        to_x, to_y = region[(k + 1) % count]
+        here, ahead = a * x + b * y - c, a * to_x + b * to_y - c
+        if here <= 0:
+            out[kept, 0], out[kept, 1] = x, y
+            kept += 1
+        if (here < 0 < ahead) or (ahead < 0 < here):
+            share = here / (here - ahead)
+            out[kept, 0] = x + share * (to_x - x)
+            out[kept, 1] = y + share * (to_y - y)
+            kept += 1
+    return kept
