@@ -23,7 +23,7 @@ from rio_cogeo.cogeo import cog_validate
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError
 from grebe.core.quantities import BUILTIN, LIMNOLOGICAL
-from grebe.core.samples import Flag
+from grebe.core.samples import Flag, Samples
 from grebe.io.export.contours import contour_levels, contour_lines, write_contours
 from grebe.io.export.geotiff import write_geotiff
 from grebe.io.export.netcdf import write_netcdf
@@ -35,6 +35,7 @@ from grebe.mapping.drift import combined, inflow, linear
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.choice import KRIGING, ByShore, with_settings
+from grebe.mapping.quality import check_quality
 from grebe.report.tables import area_classes
 from grebe.report.texts import LANGUAGES, texts_of
 from grebe.report.thresholds import read_profile
@@ -324,7 +325,10 @@ def test_the_demo_s_maps_and_the_reports_of_it(demo):
     french = demo / "fr.html"
     run("report", demo / "survey.gpkg", "-o", french, "--language", "fr", "--profile", profile)
     text = french.read_text()
-    assert "Température : 100% de la surface est probablement au-dessus de 15" in text
+    assert (
+        "Température : 100\N{NO-BREAK SPACE}% de la surface est probablement au-dessus de 15"
+        in text
+    )
     assert "Contrôle de qualité" in text
 
 
@@ -391,3 +395,19 @@ def test_the_shares_of_all_classes_are_the_whole_area(oxygen):
     assert len(classes) > 2
     assert sum(each.share for each in classes) == pytest.approx(1.0)
     assert [each.high for each in classes[:-1]] == [each.low for each in classes[1:]]
+
+
+def test_every_test_of_quality_has_a_name_in_each_language():
+    columns = {
+        "temperature_degc": np.full(40, 20.0),
+        "specific_conductance_uscm": np.full(40, 99.0),
+    }
+    samples = Samples.of(
+        times=np.arange(40.0), positions=np.zeros((40, 2)), values=columns, quantities=BUILTIN,
+        speed_mps=np.ones(40),
+    )  # fmt: skip
+    counts = check_quality(samples, shapely.box(-9, -9, 9, 9)).counts
+    names = {name for tests in counts.values() for name in tests}
+    assert {"bubbles", "excursion", "settling", "out of water", "flat line"} <= names
+    for language in LANGUAGES:
+        assert names <= set(texts_of(language)["tests"])

@@ -85,7 +85,7 @@ def test_a_season_is_not_taken_for_a_trend_where_it_is_fitted():
 @pytest.mark.parametrize(
     ("times", "seasonal", "says"),
     [
-        ((0, 1), False, "needs 3 surveys"),
+        ((0, 1), False, "needs surveys of 3 days"),
         ((1, 1, 1), False, "all of one time"),
         ((0, 1, 2), True, "6 surveys over 2 years"),
         ((0, 1, 2, 3, 4, 5), True, "same time of the year"),

@@ -104,7 +104,7 @@ def test_a_quantity_that_few_measured_is_left_out_with_the_reason(years, tmp_pat
     series = map_series([*years[:2], *only], 10.0)
     assert set(series.by_quantity) == {"temperature_degc"}
     assert len(series.by_quantity["temperature_degc"].times_s) == 4
-    assert any("pH" in text and "2 surveys" in text for text in series.left_out)
+    assert any("pH" in text and "surveys of 2 days" in text for text in series.left_out)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 
 from grebe.cli import options, output
 from grebe.core.errors import InputError, UsageError
+from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.trend import LEAST_YEARS_FOR_SEASON, YEAR_S
 from grebe.workflow.differences import compare_surveys, write_changes
 from grebe.workflow.series import map_series, write_series
@@ -62,7 +63,7 @@ def command(
         rows = _trends(surveys, out, resolution_m, seasonal=seasonal, quiet=as_json)
         sentence = _of_trend
     output.result(
-        rows if as_json else {key: sentence(row) for key, row in rows.items()},
+        rows if as_json else {str(row["label"]): sentence(row) for row in rows.values()},
         as_json=as_json,
         next_command=f"look at {out}",
     )
@@ -75,11 +76,22 @@ def _differences(
     _tell(changes.left_out)
     if changes.days[1] < changes.days[0]:
         output.note(f"{later} ({changes.days[1]}) is older than {earlier} ({changes.days[0]})")
+    output.note(
+        "how the sensors of the two surveys differ, by calibration or place on the boat, is in the "
+        "differences, and not in how sure they are"
+    )
+    if WATER_DEPTH in changes.by_quantity:
+        output.note(
+            "water depth: the level of the water and the errors of a sounder change sooner than "
+            "the bed does"
+        )
     written = write_changes(changes, out)
     rows: dict[str, dict[str, Any]] = {}
     for key, change in changes.by_quantity.items():
         inside = change.before.grid.inside
         rows[key] = {
+            "label": change.before.quantity.label,
+            "unit": change.before.quantity.unit,
             "mean_difference": float(change.difference.mean[inside].mean()),
             "changed_share": float(np.mean(change.difference.clear[inside])),
             "file": str(written[key]),
@@ -106,6 +118,8 @@ def _trends(
     written = write_series(series, out)
     return {
         key: {
+            "label": one.first.quantity.label,
+            "unit": one.first.quantity.unit,
             "trend_per_year": one.trend.of_mean.slope,
             "half_width_95": one.trend.of_mean.half_width,
             "p": one.trend.of_mean.p,
@@ -125,12 +139,14 @@ def _tell(left_out: tuple[str, ...]) -> None:
 
 def _of_change(row: dict[str, Any]) -> str:
     share, mean = row["changed_share"], row["mean_difference"]
-    return f"{mean:+.3g} on average; clear, node by node (95 %), on {share:.0%} of the area"
+    unit = f" {row['unit']}" if row["unit"] else ""
+    return f"{mean:+.3g}{unit} on average; clear, node by node (95 %), on {share:.0%} of the area"
 
 
 def _of_trend(row: dict[str, Any]) -> str:
+    unit = f" {row['unit']}" if row["unit"] else ""
     return (
-        f"{row['trend_per_year']:+.3g} ± {row['half_width_95']:.2g} a year on average (95 %; "
+        f"{row['trend_per_year']:+.3g} ± {row['half_width_95']:.2g}{unit} a year on average (95 %; "
         f"p {row['p_adjusted']:.2g} among the quantities); clear on {row['changed_share']:.0%} "
-        f"of the area; {row['surveys']} surveys"
+        f"of the area; surveys of {row['surveys']} days"
     )

@@ -10,7 +10,7 @@ import click
 from grebe.cli import options, output
 from grebe.core.errors import InputError, PlanError, UsageError
 from grebe.core.revision import survey_of
-from grebe.core.survey import Survey
+from grebe.core.survey import SIMULATED_WATER, Survey
 from grebe.io.export.route import write_export
 from grebe.io.export.samples import Measured, write_results, writer_of
 from grebe.io.store import SurveyFile
@@ -80,9 +80,17 @@ def _export_samples(
 ) -> None:
     with SurveyFile.open(file) as survey_file:
         samples, survey = survey_file.samples(), survey_file.survey
+        quantities, water = survey_file.quantities, survey_file.meta().get("water", "")
     if not len(samples):
         raise InputError(f"{file} has no samples to export; sail it with grebe run, or import.")
-    measured = Measured(samples=samples, frame=survey.frame, name=survey.name)
+    if write is write_results and water.startswith(SIMULATED_WATER):
+        raise InputError(
+            f"{file} was sailed in simulation: its values are no results, and not for an exchange "
+            "of them; export a plain table, .csv or .parquet."
+        )
+    measured = Measured(
+        samples=samples, frame=survey.frame, name=survey.name, quantities=quantities
+    )
     rows = write(measured, path)
     left_out = measured.unnamed() if write is write_results else []
     if left_out:

@@ -54,6 +54,7 @@ FLAGS = {
     "seasonal": "--seasonal",
     "servos": "--servos",
     "shape": "--shape",
+    "shore_depth_sd_m": "--shore-depth-sd",
     "shore_margin_m": "--shore-margin",
     "speed": "--speed",
     "speed_max_mps": "--speed-limit",

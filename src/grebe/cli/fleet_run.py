@@ -12,6 +12,7 @@ from grebe.cli.interruption import heed_mission
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, StoppedError, UsageError
+from grebe.core.survey import SIMULATED_WATER
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
 from grebe.mission.departure import Departure
@@ -83,7 +84,9 @@ def run_fleet(
         harbour = Harbour(world=replace(world, boat=boat), confirm=output.confirmation(yes=yes))
         return boat_named(links[boat - 1], harbour)(departure)
 
-    survey_file.set_meta("water", f"{fleet.boats} boats: {', '.join(dict.fromkeys(links))}")
+    boats = f"{fleet.boats} boats"
+    by_links = f"{boats}: {', '.join(dict.fromkeys(links))}"
+    survey_file.set_meta("water", f"{SIMULATED_WATER}, {boats}" if simulated else by_links)
     report = FleetRun(
         survey_file,
         boat_at,

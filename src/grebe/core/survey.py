@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TargetKind = Literal["cell", "transit"]
+# What a survey file says of its outline where that is drawn about a track and is no shore.
+OF_TRACK = "convex hull of the track"
+# How what a survey file says of its water begins where nothing was measured.
+SIMULATED_WATER = "simulated"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,8 +23,9 @@ from grebe.mapping.methods.choice import ByShore, Choice
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.shore import WithShore
 from grebe.mapping.noise import noise_variance
-from grebe.mapping.quantity_map import QuantityMap, known_sd, water_sd
+from grebe.mapping.quantity_map import QuantityMap, known_sd, possible, water_sd
 from grebe.mapping.scale import LINEAR, Scale, scale_of
+from grebe.mapping.stamps import spread_times
 from grebe.mapping.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -134,7 +135,11 @@ class Mapper:
         return QuantityMap(
             quantity=quantity,
             grid=self.grid,
-            mean=self.grid.spread(scale.mean(mean, known_sd(sd, readings))),
+            mean=self.grid.spread(
+                possible(
+                    scale.mean(mean, known_sd(sd, readings)), quantity, scale.back(readings.values)
+                )
+            ),
             sd=self.grid.spread(scale.sd(mean, sd)),
             calibration=found.calibration,
             micro_sd=micro_sd,
@@ -225,7 +230,7 @@ def map_all(
     maps: list[QuantityMap] = []
     left_out: list[str] = []
     # What changed, and how late sensors were, is told by one boat's way over time.
-    times = samples.times if samples.boat is None else None
+    times = spread_times(samples.times) if samples.boat is None else None
     wanted = [one for one in quantities.values() if one.mapped]
     for done, quantity in enumerate(wanted, start=1):
         key = quantity.key
@@ -246,4 +251,6 @@ def map_all(
             left_out.append(str(error).rstrip("."))
         if on_done is not None:
             on_done(done, len(wanted))
+    if not wanted:
+        left_out = [f"{one.label}: no property of the water" for one in quantities.values()]
     return maps, left_out

@@ -3,8 +3,8 @@
 Nothing is deleted: each value gets a flag (1 good, 3 suspect, 4 failed, 9 missing), the worst of
 its tests, and only the good ones make the map. The tests: gross range, spike, flat line, rate
 of change (IOOS QARTOD manuals; a noisy sensor's by what its noise allows), location (outside the
-water), time (going back), the sonde settling after it was put in, samples out of the water, and
-bubbles in the conductivity's cell.
+water), time (going back), the sonde settling after it was put in, samples out of the water,
+bubbles in the conductivity's cell, and excursions to somewhere else altogether.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ import shapely
 from grebe.core.quantities import BUILTIN, Limits, Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.quality_bubbles import bubbles
+from grebe.mapping.quality_excursions import excursions
 from grebe.mapping.quality_settling import settling_times
+from grebe.mapping.stamps import spread_times
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,6 +43,17 @@ SPIKE_NOISE = 5.0
 RATE_NOISE = 5.0 * math.sqrt(2.0)
 # A bubble in a conductivity cell is judged by the other sensors, but not by the depth of the sonde.
 WITHOUT_WITNESS = frozenset({"sonde_depth_m"})
+# Of these the water itself may hold a hundred times as much within a metre, and no longer.
+WITH_PLUMES = frozenset(
+    {
+        "turbidity_ntu",
+        "chlorophyll_rfu",
+        "chlorophyll_ugl",
+        "phycocyanin_rfu",
+        "phycocyanin_ugl",
+        "fdom_qsu",
+    }
+)
 # In the air the conductivity falls at once to nearly nothing, by this factor from one sample to
 # the next; an inflow thins it by and by.
 ABRUPT = 3.0
@@ -68,7 +81,7 @@ def check_quality(
     """
     shared = {"location": _location(samples, water), "time": _time(samples.times)}
     notes = _notes(samples.times)
-    samples = replace(samples, times=_spread(samples.times))
+    samples = replace(samples, times=spread_times(samples.times))
     air = _out_of_water(samples, quantities)
     settled, bubbly = _settled(samples, quantities), _bubbly(samples, quantities)
     since = samples.times - samples.times.min(initial=np.inf)
@@ -126,20 +139,6 @@ def _noise(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(np.diff(values, 3)))) / math.sqrt(20.0)
 
 
-def _spread(times: Array) -> Array:
-    """Times that ascend strictly where they stand still: a logger that writes whole seconds took
-    its readings within them.
-    """
-    if len(times) < 2 or np.any(np.diff(times) < 0):
-        return times
-    stamps, first, size = np.unique(times, return_index=True, return_counts=True)
-    if len(stamps) == len(times):
-        return times
-    until = np.append(np.diff(stamps), np.median(np.diff(stamps)) if len(stamps) > 1 else 1.0)
-    place = np.arange(len(times)) - np.repeat(first, size)
-    return times + place * np.repeat(until / size, size)
-
-
 def _bad(flags: Flags) -> NDArray[np.bool_]:
     return (flags == Flag.SUSPECT) | (flags == Flag.FAIL)
 
@@ -181,10 +180,25 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
                 fail_threshold=int(SLOWED * limits.flat_fail_s),
                 tolerance=limits.flat_tolerance,
             )
+            results["flat line"] = _from_the_beginning(results["flat line"], values, limits)
+        if quantity.key not in WITH_PLUMES and math.isfinite(limits.spike_fail):
+            jumps = _bad(np.asarray(results["rate of change"])) | _bad(np.asarray(results["spike"]))
+            away = excursions(values, times, jumps, max(limits.spike_fail, SPIKE_NOISE * noise))
+            results["excursion"] = np.where(away, Flag.SUSPECT, Flag.GOOD)
     return {
         name: np.ma.filled(np.ma.asarray(one), Flag.NOT_EVALUATED).astype(np.int64)
         for name, one in results.items()
     }
+
+
+def _from_the_beginning(flags: Any, values: Array, limits: Limits) -> Flags:
+    """Flags of a flat line, failed from where it begins: a sensor that is stuck was so at once."""
+    flags = np.ma.filled(np.ma.asarray(flags), Flag.NOT_EVALUATED).astype(np.int64)
+    moves = np.flatnonzero(np.abs(np.diff(values)) > limits.flat_tolerance) + 1
+    for part in np.split(np.arange(len(values)), moves):
+        if len(part) and np.any(flags[part] == Flag.FAIL):
+            flags[part] = Flag.FAIL
+    return flags
 
 
 def _with(flags: Flags, gone: NDArray[np.bool_]) -> Flags:

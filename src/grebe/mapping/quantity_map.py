@@ -29,6 +29,14 @@ def water_sd(field: Field, calibration: Calibration, micro_sd: float, places: Ar
     return np.hypot(calibration.factor(places) * field.sd(places), micro_sd)
 
 
+def possible(mean: Array, quantity: Quantity, values: Array) -> Array:
+    """A mean that is nowhere beyond what is possible of a quantity, or was read of it: between
+    readings of a depth of 2 m a smooth field may run into the air.
+    """
+    low, high = quantity.span
+    return np.clip(mean, min(low, float(values.min())), max(high, float(values.max())))
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlaceValues:
     """The water at n places: `mean`, `sd`, and the ends of its 95 % interval, (n,)."""
@@ -134,7 +142,10 @@ class QuantityMap:
         low, high = (self.scale.back(mean + z * sd) for z in (-Z95, Z95))
         known = known_sd(sd, self.readings)
         return PlaceValues(
-            mean=self.scale.mean(mean, known), sd=self.scale.sd(mean, sd), low=low, high=high
+            mean=possible(self.scale.mean(mean, known), self.quantity, self.values),
+            sd=self.scale.sd(mean, sd),
+            low=low,
+            high=high,
         )
 
     def exceedance(self, threshold: float) -> Array:

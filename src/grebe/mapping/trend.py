@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 YEAR_S = 365.25 * 86_400
-# A trend needs a survey more than its line has parameters.
+# Surveys no further apart than this are of one day [s].
+ONE_DAY_S = 0.5 * 86_400
+# A trend needs surveys of a day more than its line has parameters.
 FEWEST_SURVEYS = 3
 # A season is told from a trend by so many surveys at least, over so many years.
 FEWEST_FOR_SEASON, LEAST_YEARS_FOR_SEASON = 6, 2.0
@@ -114,6 +116,13 @@ def fit_trend(
     )
 
 
+def days_of(times_s: Array) -> list[Array]:
+    """Times (n,) [unix s], which ascend, in parts of one day each: no more than `ONE_DAY_S` from
+    one to the next.
+    """
+    return np.split(times_s, np.flatnonzero(np.diff(times_s) > ONE_DAY_S) + 1)
+
+
 def check_times(times_s: Array, *, seasonal: bool) -> None:
     """Raise `InputError` where surveys at these times (n,) [unix s] tell no trend, or no season."""
     _design(np.asarray(times_s, dtype=float), seasonal=seasonal)
@@ -146,7 +155,9 @@ def _design(times_s: Array, *, seasonal: bool) -> Array:
     count, years = len(times_s), (times_s - times_s.mean()) / YEAR_S
     span = float(np.ptp(years))
     if count < FEWEST_SURVEYS:
-        raise InputError(f"A trend needs {FEWEST_SURVEYS} surveys; there are {count}.")
+        raise InputError(
+            f"A trend needs surveys of {FEWEST_SURVEYS} days; there are those of {count}."
+        )
     if span * YEAR_S < 1.0:
         raise InputError("The surveys are all of one time: there is no trend to see.")
     columns = [np.ones(count), years]

@@ -34,6 +34,8 @@ STRETCH_M, STRETCH_TURNS = (12.0, 36.0), 4
 # So many left-out samples of a turn are predicted, evenly spread: more tell the same.
 MOST_JUDGED = 250
 IDW_NEIGHBOURS = 12
+# An error of so small a share of the values is none: of water that is the same everywhere.
+ROUNDING = 1e-12
 # Standard deviations within which half and 95 % of a normal distribution lie.
 Z50, Z95 = 0.6745, 1.9600
 
@@ -147,11 +149,13 @@ def predicted(readings: Readings, field: Field, folds: Indices, most: int = MOST
         read.append(readings.values[judged])
         errors.append(rest.mean(places) - read[-1])
         sds.append(np.sqrt(rest.sd(places) ** 2 + field.model.nugget))
+    error, values = np.concatenate(errors), np.concatenate(read)
+    rounding = ROUNDING * float(np.abs(values).max(initial=0.0))
     return Errors(
         places=np.concatenate(where),
-        error=np.concatenate(errors),
+        error=np.where(np.abs(error) <= rounding, 0.0, error),
         sd=np.maximum(np.concatenate(sds), np.finfo(float).tiny),
-        read=np.concatenate(read),
+        read=values,
     )
 
 

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import shapely
 
+from grebe.core.errors import InputError
 from grebe.core.events import LogEntry
 from grebe.core.quantities import Quantities
 from grebe.core.samples import Samples
 from grebe.core.sets import footprints_of
-from grebe.core.survey import Survey
+from grebe.core.survey import OF_TRACK, SIMULATED_WATER, Survey
 from grebe.io.store import Progress, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
-from grebe.mapping.lag import corrected_values
+from grebe.mapping.lag import Lag, corrected_values
 from grebe.mapping.maps import Mapper, MapSettings, map_all
 from grebe.mapping.quantity_map import QuantityMap
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportData:
-    """A survey with what was measured and the maps of it; `left_out` says why others are none."""
+    """A survey with what was measured and the maps of it; `left_out` says why others are none,
+    `lags` which sensors' readings were put back to where they were true.
+    """
 
     survey: Survey
     meta: dict[str, str]
@@ -35,6 +38,7 @@ class ReportData:
     events: Sequence[LogEntry]
     maps: Sequence[QuantityMap]
     left_out: Sequence[str]
+    lags: Mapping[str, Lag] = field(default_factory=dict[str, Lag])
 
     @cached_property
     def in_window(self) -> int:
@@ -60,6 +64,16 @@ class ReportData:
         return sum(target.kind == "cell" and count == 0 for target, count in counts)
 
     @property
+    def is_of_track(self) -> bool:
+        """Whether the outline is drawn about the track and is no shore."""
+        return self.meta.get("outline") == OF_TRACK
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether nothing was measured."""
+        return self.meta.get("water", "").startswith(SIMULATED_WATER)
+
+    @property
     def quality(self) -> dict[str, dict[str, tuple[int, int]]] | None:
         """For each quantity and test the values found suspect and failed; None if not checked."""
         noted = self.meta.get("quality")
@@ -74,13 +88,20 @@ def gather(
 ) -> ReportData:
     """Read a survey file and map its samples; `on_mapped` is told how many quantities are done."""
     samples = survey_file.samples()
-    survey = survey_file.survey
-    mapper = Mapper(survey.water, make_grid(survey.water, resolution_m), settings or MapSettings())
-    corrected = samples.with_values(corrected_values(samples, survey_file.lags()))
+    survey, meta, lags = survey_file.survey, survey_file.meta(), survey_file.lags()
+    settings = settings or MapSettings()
+    if settings.shore_depth_sd_m is not None and meta.get("outline") == OF_TRACK:
+        raise InputError(
+            f"The outline of {survey.name} is drawn about its track and is no shore: no depth "
+            "is known along it; leave the depth of the shore out.",
+            settings=("shore_depth_sd_m",),
+        )
+    mapper = Mapper(survey.water, make_grid(survey.water, resolution_m), settings)
+    corrected = samples.with_values(corrected_values(samples, lags))
     maps, left_out = map_all(mapper, corrected, survey_file.quantities, on_mapped)
     return ReportData(
         survey=survey,
-        meta=survey_file.meta(),
+        meta=meta,
         progress=survey_file.progress(),
         track=survey_file.track(),
         quantities=survey_file.quantities,
@@ -88,4 +109,5 @@ def gather(
         events=survey_file.events(),
         maps=maps,
         left_out=left_out,
+        lags=lags,
     )

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from grebe.core.samples import Samples
 from grebe.core.survey import Survey
+from grebe.mapping.scale import LINEAR
 from grebe.mapping.validation import Z95
 from grebe.report.canvas import (
     BLACK,
@@ -105,24 +106,28 @@ def quantity_figure(
 
 
 @styled
-def difference_figure(one: QuantityMap, change: Difference, days: tuple[str, str]) -> Figure:
-    """What changed, from blue (less) to red (more); hatched where it may be nothing."""
-    figure = Figure(figsize=(6.4, 5.2))
+def difference_figure(
+    survey: Survey, one: QuantityMap, change: Difference, days: tuple[str, str]
+) -> Figure:
+    """What changed, from blue (less) to red (more), or by how much where all of it changed the same
+    way; hatched where it may be nothing.
+    """
+    figure = Figure(figsize=(7.2, 4.4 * aspect(survey) + 1.2))
     axes = figure.subplots()
-    unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
-    most = float(np.nanmax(np.abs(change.mean))) or 1.0
+    low, high = float(np.nanmin(change.mean)), float(np.nanmax(change.mean))
+    most = max(-low, high) or 1.0
+    colours, ends = ("RdBu_r", (-most, most)) if low <= 0 <= high else ("cividis", (low, high))
     grid = one.grid
     mesh = axes.pcolormesh(
-        grid.east, grid.north, change.mean, cmap="RdBu_r", vmin=-most, vmax=most, shading="nearest",
-        rasterized=True,
+        grid.east, grid.north, change.mean, cmap=colours, vmin=ends[0], vmax=ends[1],
+        shading="nearest", rasterized=True,
     )  # fmt: skip
-    figure.colorbar(mesh, ax=axes, shrink=0.8)
-    doubt = np.where(np.isfinite(change.mean), ~change.clear, False).astype(float)
-    hatch(axes, one, doubt)
-    axes.set_aspect("equal")
-    axes.set_xlabel("east [m]")
-    axes.set_ylabel("north [m]")
-    axes.set_title(f"{one.quantity.label}{unit}: {days[1]} less {days[0]}")
+    unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
+    figure.colorbar(mesh, ax=axes, shrink=0.8, label=f"difference{unit}")
+    hatch(axes, one, np.where(np.isfinite(change.mean), ~change.clear, False).astype(float))
+    draw_shore(axes, survey)
+    finish_map(axes, survey)
+    figure.suptitle(f"{one.quantity.label}: {days[1]} less {days[0]}", x=0.01, ha="left")
     return figure
 
 
@@ -148,6 +153,7 @@ def _draw_histogram(
         if low <= threshold.value <= high:
             axes.axvline(threshold.value, color=VERMILLION, lw=1.4, ls="--")
     axes.set_xlim(low, high)
+    axes.locator_params(axis="x", nbins=5)
     axes.set_title(f"{texts['histogram_title']} [%]")
     axes.set_xlabel(one.quantity.unit or one.quantity.label_in(texts.language))
 
@@ -166,12 +172,14 @@ def _draw_concern(
         one.grid.east, one.grid.north, worst.probability(one), cmap="magma_r", vmin=0, vmax=1,
         shading="nearest", rasterized=True,
     )  # fmt: skip
-    figure.colorbar(mesh, ax=axes, shrink=0.8)
+    figure.colorbar(mesh, ax=axes, shrink=0.8, label=texts["probability"])
     draw_shore(axes, survey)
     axes.set_aspect("equal")
     axes.set_xticks([])
     axes.set_yticks([])
-    axes.set_title(texts("concern_title", sense=texts[worst.sense], value=f"{worst.value:g}"))
+    unit = f" {one.quantity.unit}" if one.quantity.unit else ""
+    value = f"{texts.number(f'{worst.value:g}')}{unit}"
+    axes.set_title(texts("concern_title", sense=texts[worst.sense], value=value))
 
 
 def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
@@ -179,15 +187,25 @@ def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
     if empirical is None:
         axes.set_axis_off()
         return
-    axes.plot(empirical.distance_m, empirical.semivariance, "o", ms=4, color=BLUE)
+    axes.plot(
+        empirical.distance_m, empirical.semivariance, "o", ms=4, color=BLUE,
+        label=texts["pairs_label"],
+    )  # fmt: skip
     h = np.linspace(empirical.distance_m[0] / 50, empirical.distance_m[-1], 200)
     if model.semivariance is not None:
-        for factor in (1.0, model.ratio) if model.ratio < 1 else (1.0,):
-            axes.plot(h, model.semivariance(h / factor), color=VERMILLION, lw=1.4)
+        for factor, style in ((1.0, "-"), (model.ratio, ":")) if model.ratio < 1 else ((1.0, "-"),):
+            label = texts["model_label"] if factor == 1 else None
+            axes.plot(
+                h, model.semivariance(h / factor), style, color=VERMILLION, lw=1.4, label=label
+            )
     axes.set_ylim(bottom=0, top=1.35 * float(empirical.semivariance.max()) or None)
     axes.set_xlim(left=0)
-    axes.set_title(texts["variogram_title"])
+    axes.set_title(texts["variogram_title"], loc="right")
     axes.set_xlabel(texts["distance"])
+    # On a scale that is a logarithm, its square has no unit.
+    unit = one.quantity.unit if one.scale is LINEAR else ""
+    axes.set_ylabel(texts["semivariance"] + (f" [({unit})²]" if unit else ""))
+    axes.legend(fontsize="small")
 
 
 def hatch(axes: Axes, one: QuantityMap, where: NDArray) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from functools import partial
 from importlib import resources
 from pathlib import Path
 
@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from grebe.core.quantity import inline
 from grebe.io.atomic_write import write_text_whole
 from grebe.mapping.quantity_map import QuantityMap
-from grebe.mapping.scale import LINEAR
 from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure
 from grebe.report.data import ReportData
+from grebe.report.method_text import after_number, method_text, significant
 from grebe.report.tables import area_classes, measured_quantities, moment_text, stations
 from grebe.report.texts import Texts, texts_of
 from grebe.report.thresholds import Profile, Threshold, read_profile
@@ -43,7 +43,8 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
     profile, texts = profile or read_profile(None), texts_of(language)
     package = resources.files("grebe.report") / "templates" / "report.html"
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters["figures"] = significant
+    environment.filters["figures"] = partial(_figures, texts)
+    environment.filters["number"] = texts.number
     concerns = _concerns(data, profile)
     template = environment.from_string(package.read_text(encoding="utf-8"))
     return template.render(
@@ -67,7 +68,7 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
             for one in data.maps
         ],
         bathymetry=_bathymetry(data, texts),
-        methods=[_method(one, texts) for one in data.maps],
+        methods=[method_text(data, one, texts) for one in data.maps],
         hatched=[map_figures.is_hatched(one) for one in data.maps],
         classes=[_classes(one, texts) for one in data.maps],
         stations=stations(data),
@@ -80,6 +81,10 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         measured=_measured(data, texts),
         warnings=[event for event in data.events if event.level != "info"][:MOST_EVENTS],
     )
+
+
+def _figures(t: Texts, value: float, digits: int = 4) -> str:
+    return t.number(significant(value, digits))
 
 
 def write_report(
@@ -95,8 +100,9 @@ def _finding(data: ReportData, t: Texts) -> str:
     return t(
         "finding",
         quantities=len(data.maps),
-        area=f"{data.survey.water.area / 1e4:.2f}",
-        samples=f"{len(data.samples):,}",
+        area=t.number(f"{data.survey.water.area / 1e4:.2f}"),
+        where=t["within_hull"] if data.is_of_track else "",
+        samples=t.number(f"{len(data.samples):,}"),
     )
 
 
@@ -112,20 +118,15 @@ def _concerns(data: ReportData, profile: Profile) -> list[Concern]:
     ]
 
 
-def _after_number(unit: str) -> str:
-    """A unit as it follows a number; nothing of one that has none."""
-    return f" {unit}" if unit else ""
-
-
 def _alerts(concerns: list[Concern], t: Texts) -> list[str]:
     return [
         t(
             "concern",
             label=each.one.quantity.label_in(t.language),
-            share=f"{each.share:.0%}",
+            share=t.share(each.share),
             sense=t[each.threshold.sense],
-            value=f"{each.threshold.value:g}",
-            unit=_after_number(each.one.quantity.unit),
+            value=t.number(f"{each.threshold.value:g}"),
+            unit=after_number(each.one.quantity.unit),
             text=each.threshold.label(t.language),
         )
         for each in concerns
@@ -135,22 +136,22 @@ def _alerts(concerns: list[Concern], t: Texts) -> list[str]:
 
 def _facts(data: ReportData, t: Texts) -> list[tuple[str, str]]:
     survey, progress = data.survey, data.progress
-    facts = [(t["area"], f"{survey.water.area / 1e4:.2f} ha")]
+    facts = [(t["area"], t.number(f"{survey.water.area / 1e4:.2f} ha"))]
     if survey.targets:
         targets = len(survey.targets)
-        share = f"{progress.reached / targets:.1%}"
+        share = t.share(progress.reached / targets, 1)
         samples = len(data.samples)
         facts += [
             (t["reached"], t("reached_value", reached=progress.reached, targets=targets,
                              share=share)),
             (t["unsampled"], str(data.unsampled)),
-            (t["within"], f"{survey.coverage:.1%}"),
+            (t["within"], t.share(survey.coverage, 1)),
             (t["window"], t("of", part=data.in_window, whole=samples)),
         ]  # fmt: skip
     if len(data.track):
         ways = [np.diff(one.states[:, :2], axis=0) for one in data.track.each_boat()]
         facts += [
-            (t["duration"], f"{data.track.seconds[-1] / 60:.1f} min"),
+            (t["duration"], _duration(float(data.track.seconds[-1]), t)),
             (t["track"], f"{sum(np.hypot(*way.T).sum() for way in ways):.0f} m"),
             (t["began"], f"{data.track.times[0]:%Y-%m-%d %H:%M} UTC"),
         ]
@@ -158,11 +159,17 @@ def _facts(data: ReportData, t: Texts) -> list[tuple[str, str]]:
         steps = np.diff(data.samples.positions, axis=0)
         last = float(data.samples.times[-1] - data.samples.times[0])
         facts += [
-            (t["duration"], f"{last / 60:.1f} min"),
+            (t["duration"], _duration(last, t)),
             (t["track"], f"{np.hypot(*steps.T).sum():.0f} m"),
             (t["began"], f"{data.samples.moment(0):%Y-%m-%d %H:%M} UTC"),
         ]
     return facts
+
+
+def _duration(seconds: float, t: Texts) -> str:
+    if seconds > 86_400:
+        return t.number(f"{seconds / 86_400:.1f} {t['days']}")
+    return t.number(f"{seconds / 60:.1f} min")
 
 
 def _row(one: QuantityMap, t: Texts) -> dict[str, object]:
@@ -179,60 +186,15 @@ def _row(one: QuantityMap, t: Texts) -> dict[str, object]:
     }
 
 
-def _method(one: QuantityMap, t: Texts) -> str:
-    """How a map was made and what it is worth, in sentences."""
-    model, check = one.model, one.validation
-    words = f"method_{one.method.key}"
-    said = [
-        t(
-            words if words in t.table else "method_other",
-            label=one.method.label,
-            samples=one.samples,
-            reason=one.reason,
-        ),
-        t(
-            "model",
-            text=model.text,
-            nugget=significant(model.nugget, 3),
-            sill="-" if model.sill is None else significant(model.sill, 3),
-            reason=model.reason,
-        ),
-    ]
-    if one.scale is not LINEAR:
-        said.append(t("on_log_scale"))
-    said += _changed(one, t)
-    if check is not None:
-        numbers = {"rmse": check.rmse, "nearest": check.nearest_rmse, "idw": check.idw_rmse,
-                   "bias": check.bias, "msdr": check.msdr}  # fmt: skip
-        said.append(
-            t(
-                "validation",
-                left_out=t(f"left_out_{check.left_out}", pieces=check.pieces, folds=check.folds),
-                half=f"{100 * check.coverage50:.0f}",
-                most=f"{100 * check.coverage95:.0f}",
-                **{name: significant(value, 3) for name, value in numbers.items()},
-            )
-        )
-    if check is not None:
-        factors = one.calibration
-        said.append(
-            t("calibrated", on_way=f"{factors.on_way:.2f}", off_way=f"{factors.off_way:.2f}")
-        )
-        if factors.unrest is not None:
-            least, most = np.quantile(factors.unrest.factor(one.grid.nodes), [0.05, 0.95])
-            said.append(t("unrest", least=f"{least:.2f}", most=f"{most:.2f}"))
-    return " ".join(said)
-
-
 def _classes(one: QuantityMap, t: Texts) -> str:
     """The shares of the area by class, in a sentence."""
     said: list[str] = []
     for each in area_classes(one):
-        bounds = {"low": f"{each.low:g}", "high": f"{each.high:g}"}
+        bounds = {"low": t.number(f"{each.low:.6g}"), "high": t.number(f"{each.high:.6g}")}
         ends = (np.isfinite(each.low), np.isfinite(each.high))
         kind = {(False, True): "class_below", (True, False): "class_above",
                 (True, True): "class_between"}.get(ends, "class_all")  # fmt: skip
-        said.append(f"{t(kind, **bounds)} {each.share:.0%}")
+        said.append(f"{t(kind, **bounds)}{t['colon']}{t.share(each.share)}")
     unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
     return t("classes", unit=unit, classes="; ".join(said))
 
@@ -247,48 +209,31 @@ def _paragraph(data: ReportData, t: Texts) -> str:
     text = t(
         "paragraph",
         name=data.survey.name,
-        area=f"{data.survey.water.area / 1e4:.2f}",
+        area=t.number(f"{data.survey.water.area / 1e4:.2f}"),
         lat=f"{data.survey.frame.origin_lat_deg:.4f}",
         lon=f"{data.survey.frame.origin_lon_deg:.4f}",
         first=moment_text(float(samples.times.min())),
         last=moment_text(float(samples.times.max())),
         vessel=t["a_boat"] if vessel is None else t("a_vessel", vessel=vessel.name),
         sensors=data.meta.get("sensors", t["sensors_not_stated"]),
-        samples=f"{len(samples):,}",
+        samples=t.number(f"{len(samples):,}"),
         quantities=", ".join(inline(one.quantity.label_in(t.language)) for one in data.maps),
-        methods="; ".join(dict.fromkeys(inline(one.method.label) for one in data.maps)),
-        step=f"{data.maps[0].grid.step_m:.1f}",
+        methods="; ".join(dict.fromkeys(_method_name(one, t) for one in data.maps)),
+        step=t.number(f"{data.maps[0].grid.step_m:.1f}"),
         version=data.meta.get("software_version", ""),
     )
     if validated:
-        held = float(np.mean([one.coverage95 for one in validated]))
-        text += " " + t("paragraph_checked", held=f"{held:.0%}")
-    return text
+        held = [one.coverage95 for one in validated]
+        text += " " + t("paragraph_checked", least=t.share(min(held)), most=t.share(max(held)))
+    return f"{t['simulated']} {text}" if data.is_simulated else text
+
+
+def _method_name(one: QuantityMap, t: Texts) -> str:
+    return t["methods_named"].get(one.method.key) or inline(one.method.label)
 
 
 def _citation(data: ReportData, t: Texts) -> str:
     return t("citation", version=data.meta.get("software_version", ""))
-
-
-def _changed(one: QuantityMap, t: Texts) -> list[str]:
-    """How the water changed during the survey, how late the sensor was, and what was done of it."""
-    change, said = one.change, list[str]()
-    if change.is_heeded:
-        by = significant(one.changed_by, 2)
-        said.append(t("changed", change=by, unit=_after_number(one.quantity.unit)))
-    elif np.isfinite(change.unseen_sd):
-        by = significant(one.in_unit(change.unseen_sd), 2)
-        said.append(t("unchanged", change=by, unit=_after_number(one.quantity.unit)))
-    elif change.gain or change.lag_gain:
-        said.append(t("change_untold"))
-    if change.lag_s:
-        said.append(t("late", lag=f"{change.lag_s:g}"))
-    if one.is_of_moment:
-        moment = datetime.fromtimestamp(change.moment_s, UTC)
-        said.append(t("of_moment", moment=f"{moment:%Y-%m-%d %H:%M} UTC"))
-    elif change.is_heeded or change.lag_s:
-        said.append(t("as_measured"))
-    return said
 
 
 def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:
@@ -298,16 +243,23 @@ def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:
         (
             t(
                 "bathymetry",
-                volume=significant(lake.volume_m3, 3),
-                error=significant(Z95 * lake.volume_sd_m3, 2),
-                mean=significant(lake.mean_depth_m, 3),
-                deepest=significant(lake.max_depth_m, 3),
-                area=f"{lake.area_m2 / 1e4:.2f}",
+                **_volume(lake.volume_m3, Z95 * lake.volume_sd_m3, t),
+                mean=t.number(significant(lake.mean_depth_m, 3)),
+                deepest=t.number(significant(lake.max_depth_m, 3)),
+                area=t.number(f"{lake.area_m2 / 1e4:.2f}"),
+                where=t["within_hull"] if data.is_of_track else "",
             ),
             _embed(hypsographic_figure(lake, t)),
         )
         for lake in lakes
     ]
+
+
+def _volume(volume: float, error: float, t: Texts) -> dict[str, str]:
+    """A volume to the second digit of its error."""
+    step = 10.0 ** (np.floor(np.log10(error)) - 1) if error > 0 else 1.0
+    rounded = (f"{round(one / step) * step:,.0f}" for one in (volume, error))
+    return dict(zip(("volume", "error"), map(t.number, rounded), strict=True))
 
 
 def _quality(data: ReportData, t: Texts) -> list[tuple[str, str, int, int]] | None:
@@ -337,14 +289,6 @@ def _measured(data: ReportData, t: Texts) -> list[tuple[str, str]]:
         (t["configuration"], meta.get("configuration_hash", "")[:12]),
         (t["survey_id"], f"{meta.get('survey_id', '')}, {meta.get('created', '')}"),
     ]  # fmt: skip
-
-
-def significant(value: float, digits: int = 4) -> str:
-    """A number with so many significant figures, never in exponents for ordinary sizes."""
-    if value == 0 or not np.isfinite(value):
-        return f"{value:g}"
-    decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
-    return f"{value:.{decimals}f}" if decimals <= 8 else f"{value:.{digits - 1}e}"
 
 
 def _embed(figure: Figure) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
 LANGUAGES = ("en", "fr")
+# A comma between thousands; a point before decimals.
+_THOUSANDS, _POINT = re.compile(r"(?<=\d),(?=\d{3}\b)"), re.compile(r"(?<=\d)\.(?=\d)")
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,18 @@ class Texts:
     def __call__(self, key: str, **values: object) -> str:
         """The text of a key with its braces filled in."""
         return str(self.table[key]).format(**values)
+
+    def number(self, text: object) -> str:
+        """The numbers of a text, written as 1,234.5, as the language writes them."""
+        if self.language != "fr":
+            return str(text)
+        grouped = _THOUSANDS.sub("\N{NARROW NO-BREAK SPACE}", str(text))
+        return _POINT.sub(",", grouped)
+
+    def share(self, share: float, decimals: int = 0) -> str:
+        """A share as per cent."""
+        space = "\N{NO-BREAK SPACE}" if self.language == "fr" else ""
+        return self.number(f"{100 * share:.{decimals}f}{space}%")
 
 
 def texts_of(language: str) -> Texts:

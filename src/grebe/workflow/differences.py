@@ -66,7 +66,7 @@ def compare_surveys(earlier: Path, later: Path, resolution_m: float | None = Non
         raise InputError(f"{earlier} and {later} have no mapped quantity in common ({why}).")
     return Changes(
         survey=survey,
-        days=(first.day, second.day),
+        days=_days(first, second),
         by_quantity={
             key: Change(before=before[key], difference=difference(before[key], after[key]))
             for key in common
@@ -88,7 +88,9 @@ def write_changes(changes: Changes, out: Path) -> dict[str, Path]:
         unit = change.before.quantity.unit
         tags = {"from": changes.days[0], "to": changes.days[1]}
         write_bands(written[key], change.before, changes.survey.frame, bands, unit, tags)
-        figure = map_figures.difference_figure(change.before, change.difference, changes.days)
+        figure = map_figures.difference_figure(
+            changes.survey, change.before, change.difference, changes.days
+        )
         canvas.save(figure, out / f"{key}_difference.png")
     return written
 
@@ -107,9 +109,16 @@ class Sailed:
         return sum(self.span_s) / 2
 
     @property
-    def day(self) -> str:
-        """The day on which it began, in UTC."""
-        return f"{datetime.fromtimestamp(self.span_s[0], UTC):%Y-%m-%d}"
+    def began(self) -> datetime:
+        """When it began, in UTC."""
+        return datetime.fromtimestamp(self.span_s[0], UTC)
+
+
+def _days(first: Sailed, second: Sailed) -> tuple[str, str]:
+    """The days on which two surveys began, with the time where they are the same."""
+    alike = first.began.date() == second.began.date()
+    form = "%Y-%m-%d %H:%M" if alike else "%Y-%m-%d"
+    return f"{first.began:{form}}", f"{second.began:{form}}"
 
 
 def sailed(paths: Sequence[Path]) -> list[Sailed]:

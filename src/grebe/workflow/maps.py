@@ -20,6 +20,7 @@ from grebe.io.readers.credits import read_credits
 from grebe.io.store import SurveyFile
 from grebe.mapping.maps import MapSettings
 from grebe.mapping.quantity_map import QuantityMap
+from grebe.mapping.stamps import usual_step_s
 from grebe.report import canvas, map_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure, write_hypsography
 from grebe.report.data import ReportData, gather
@@ -132,7 +133,10 @@ def catalogue_entry(data: ReportData, credits_file: Path | None = None) -> Catal
     water = shapely.transform(data.survey.water, data.survey.frame.to_wgs84)
     times = data.samples.times
     return CatalogueEntry(
-        title=said.get("title", f"Surface water of {data.survey.name}"),
+        title=said.get(
+            "title",
+            f"{'Simulated' if data.is_simulated else 'Surface'} water of {data.survey.name}",
+        ),
         identifier=data.meta.get("survey_id", ""),
         outline=water,
         quantities=[one.quantity.label for one in data.maps],
@@ -140,11 +144,12 @@ def catalogue_entry(data: ReportData, credits_file: Path | None = None) -> Catal
         created_s=datetime.now(UTC).timestamp(),
         first_s=float(times.min()),
         last_s=float(times.max()),
-        every_s=float(np.median(np.diff(np.sort(times)))),
+        every_s=usual_step_s(times),
         source=f"Grebe {data.meta['software_version']}, {data.meta.get('water', 'measured')}",
         history=f"mapped from survey {data.meta.get('survey_id', '')}",
         comment=data.meta.get("note", ""),
         credits=said,
+        simulated=data.is_simulated,
     )
 
 

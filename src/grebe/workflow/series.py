@@ -27,6 +27,7 @@ from grebe.mapping.trend import (
     Trend,
     adjusted_for_family,
     check_times,
+    days_of,
     fit_trend,
 )
 from grebe.report import canvas, series_figures
@@ -65,7 +66,8 @@ def map_series(
     `on_done` is told after each survey how many are mapped, and of how many.
     """
     surveys = sorted(sailed(paths), key=lambda one: one.middle_s)
-    check_times(np.array([one.middle_s for one in surveys]), seasonal=seasonal)
+    days = days_of(np.array([one.middle_s for one in surveys]))
+    check_times(np.array([float(day.mean()) for day in days]), seasonal=seasonal)
     base = surveys[0].survey
     water = common_water([one.survey for one in surveys])
     mapper = Mapper(water, make_grid(water, resolution_m))
@@ -81,10 +83,11 @@ def map_series(
             maps.setdefault(key, []).append((one.middle_s, mapped.mean[inside], mapped.sd[inside]))
         if on_done is not None:
             on_done(done, len(surveys))
-    enough = {key: rows for key, rows in maps.items() if len(rows) >= FEWEST_SURVEYS}
+    by_day = {key: _by_day(rows) for key, rows in maps.items()}
+    enough = {key: rows for key, rows in by_day.items() if len(rows) >= FEWEST_SURVEYS}
     left_out += [
-        f"{firsts[key].quantity.label}: {len(rows)} surveys; a trend needs {FEWEST_SURVEYS}"
-        for key, rows in maps.items()
+        f"{firsts[key].quantity.label}: surveys of {len(rows)} days; a trend needs {FEWEST_SURVEYS}"
+        for key, rows in by_day.items()
         if key not in enough
     ]
     if seasonal:
@@ -98,6 +101,21 @@ def map_series(
         by_quantity=_with_trends(enough, firsts, water.area, seasonal=seasonal),
         left_out=tuple(dict.fromkeys(left_out)),
     )
+
+
+def _by_day(rows: list[tuple[float, Array, Array]]) -> list[tuple[float, Array, Array]]:
+    """Maps (time, mean, sd) of which those of one day are one: what the day was like, and how the
+    sensors were calibrated, all of them have in common.
+    """
+    found: list[tuple[float, Array, Array]] = []
+    first = 0
+    for times in days_of(np.array([time for time, *_ in rows])):
+        of_day = rows[first : first + len(times)]
+        mean = np.mean([mean for _, mean, _ in of_day], axis=0)
+        sd = np.sqrt(np.mean([sd**2 for *_, sd in of_day], axis=0))
+        found.append((float(times.mean()), mean, sd))
+        first += len(times)
+    return found
 
 
 def _with_season(

@@ -12,7 +12,7 @@ from grebe.core.errors import PlanError, TrackError
 from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.samples import Flag, Samples
 from grebe.core.sets import hull_of
-from grebe.core.survey import Survey
+from grebe.core.survey import OF_TRACK, Survey
 from grebe.io.readers.clock import zone_of
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.quantities import user_quantities
@@ -88,6 +88,7 @@ def import_track(
         with SurveyFile.open(part) as file:
             file.extend_samples(samples)
             file.set_meta("water", f"measured, {track.name}")
+            file.set_meta("outline", OF_TRACK)
             quality = check_samples(file)
     return ImportedTrack(
         survey=survey, raw=raw, quantities=held, quality=quality, samples=len(samples), offset=told
@@ -127,8 +128,11 @@ def samples_of_track(track: RawTrack, survey: Survey, quantities: Quantities = B
             settings=("columns", "quantities"),
         )
     if track.times is None:
+        told = [note for note in track.notes if note.startswith("column ")]
         raise TrackError(
-            "The track has no column of times; name it, as time=NAME.", settings=("columns",)
+            f"The track has no column of times{f' ({told[0]})' if told else ''}; name it, as "
+            "time=NAME.",
+            settings=("columns",),
         )
     positions = survey.frame.to_local(track.lonlat)
     return Samples.of(

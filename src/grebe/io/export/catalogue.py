@@ -25,7 +25,8 @@ class CatalogueEntry:
 
     `outline` the water in (longitude, latitude) [deg]; `first_s` and `last_s` [unix s] the first
     and the last sample, `every_s` between two of them, mostly; `created_s` [unix s] when the maps
-    were made; `resolution_m` of their nodes; `credits` by ACDD's names.
+    were made; `resolution_m` of their nodes; `credits` by ACDD's names; `simulated`: nothing was
+    measured.
     """
 
     title: str
@@ -41,6 +42,7 @@ class CatalogueEntry:
     history: str = ""
     comment: str = ""
     credits: Mapping[str, str] = field(default_factory=dict[str, str])
+    simulated: bool = False
 
     def __post_init__(self) -> None:
         west, south, east, north = self.outline.bounds
@@ -55,9 +57,10 @@ class CatalogueEntry:
     def summary(self) -> str:
         """What there is, in a sentence."""
         when = f"{datetime.fromtimestamp(self.first_s, UTC):%Y-%m-%d}"
+        boat = "a simulated boat (of simulated water)" if self.simulated else "a boat"
         return self.credits.get("summary") or (
             f"Maps of {', '.join(map(inline, self.quantities))} in the surface water, each with "
-            f"its standard deviation, interpolated from samples that a boat took on {when}."
+            f"its standard deviation, interpolated from samples that {boat} took on {when}."
         )
 
     @property

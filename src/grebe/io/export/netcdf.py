@@ -15,6 +15,7 @@ import netCDF4
 import numpy as np
 
 from grebe.core.frames import LocalFrame
+from grebe.core.quantity import Quantity
 from grebe.io.atomic_write import written_whole
 from grebe.io.export.catalogue import ACDD, CatalogueEntry, acdd
 from grebe.mapping.grid import Grid
@@ -46,9 +47,11 @@ def write_netcdf(
         _write_time(dataset, entry, maps)
         for one in maps:
             key = one.quantity.key
-            _write_map(dataset, one)
-            for index, (name, field) in enumerate((probabilities or {}).get(key, {}).items()):
-                variable = field_variable(dataset, f"{key}_concern_{index + 1}", field)
+            concerns = (probabilities or {}).get(key, {})
+            names = [f"{key}_concern_{k}" for k in range(1, len(concerns) + 1)]
+            _write_map(dataset, one, [*(f"{key}_{end}" for end in one.interval95), *names])
+            for variable_name, (name, field) in zip(names, concerns.items(), strict=True):
+                variable = field_variable(dataset, variable_name, field)
                 variable.setncatts({"long_name": f"probability of concern: {name}", "units": "1"})
             if draws and key in draws:
                 _write_draws(dataset, one, draws[key])
@@ -122,16 +125,22 @@ def time_variable(
     return time
 
 
-def _write_map(dataset: netCDF4.Dataset, one: QuantityMap) -> None:
+def _what(quantity: Quantity) -> str:
+    return f"{quantity.label} of the surface water" if quantity.on_sonde else quantity.label
+
+
+def _write_map(dataset: netCDF4.Dataset, one: QuantityMap, beside: Sequence[str]) -> None:
+    """Write a map and what it is worth; `beside` names its other variables."""
     quantity, model = one.quantity, one.model
     mean = field_variable(dataset, quantity.key, one.mean)
     mean.setncatts(
         {
             **standard_named(quantity.standard_name),
-            "long_name": f"{quantity.label} of the surface water, interpolated ({one.method.key})",
+            "long_name": f"{_what(quantity)}, interpolated ({one.method.key})",
             "units": quantity.cf_unit,
-            "ancillary_variables": f"{quantity.key}_sd",
+            "ancillary_variables": " ".join((f"{quantity.key}_sd", *beside)),
             "variogram_model": model.kind,
+            "variogram_text": model.text,
             "variogram_nugget": model.nugget,
             **{
                 name: value

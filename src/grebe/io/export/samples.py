@@ -10,6 +10,7 @@ characteristics.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -21,6 +22,7 @@ import numpy as np
 import shapely
 
 from grebe.core.frames import LocalFrame
+from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.samples import Samples
 from grebe.io.atomic_write import write_rows_whole, written_whole
 from grebe.io.parquet import arrow_for
@@ -47,20 +49,27 @@ RESULT_COLUMNS = (
     "ActivityIdentifier", "ActivityTypeCode", "ActivityMediaName", "ActivityStartDate",
     "ActivityStartTime/Time", "ActivityStartTime/TimeZoneCode",
     "ActivityLocation/LatitudeMeasure", "ActivityLocation/LongitudeMeasure",
+    "ActivityDepthHeightMeasure/MeasureValue",
+    "ActivityDepthHeightMeasure/MeasureUnitCode",
     "CharacteristicName", "ResultMeasureValue", "ResultMeasure/MeasureUnitCode",
     "ResultStatusIdentifier", "ResultValueTypeName",
 )  # fmt: skip
+# Of the activity and not a result: how deep the sonde hung.
+SONDE_DEPTH = "sonde_depth_m"
 # Seven decimals of a degree are a centimetre.
 DECIMALS = 7
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """The samples of a survey: their `frame`, and the `name` that the survey is known by."""
+    """The samples of a survey: their `frame`, the `name` that the survey is known by, and the
+    `quantities` that they are of.
+    """
 
     samples: Samples
     frame: LocalFrame
     name: str
+    quantities: Quantities = BUILTIN
 
     @cached_property
     def lonlat(self) -> NDArray[np.float64]:
@@ -72,9 +81,16 @@ class Measured:
         """The quantities of which there is any value."""
         return [key for key in self.samples.values if self.samples.measured(key)]
 
+    def text(self, key: str, value: float) -> str:
+        """A value with the digits that its sensor resolves, and one more."""
+        resolution = self.quantities.known(key).resolution
+        if resolution <= 0:
+            return f"{value:.6g}"
+        return f"{value:.{max(0, math.ceil(-math.log10(resolution))) + 1}f}"
+
     def unnamed(self) -> list[str]:
         """The quantities that the exchange has no name for."""
-        return [key for key in self.keys if key not in CHARACTERISTICS]
+        return [key for key in self.keys if key not in CHARACTERISTICS and key != SONDE_DEPTH]
 
 
 def writer_of(path: Path) -> Callable[[Measured, Path], int] | None:
@@ -122,6 +138,7 @@ def write_results(measured: Measured, path: Path) -> int:
 def _results(measured: Measured) -> Iterator[list[str]]:
     samples = measured.samples
     usable = {key: samples.usable(key) for key in measured.keys if key in CHARACTERISTICS}
+    depths = _depths(measured)
     for i, (lon, lat) in enumerate(measured.lonlat.tolist()):
         when = samples.moment(i)
         for key, good in usable.items():
@@ -130,8 +147,20 @@ def _results(measured: Measured) -> Iterator[list[str]]:
                 yield [
                     f"{measured.name}:{i + 1}", "Field Msr/Obs", "Water", f"{when:%Y-%m-%d}",
                     f"{when:%H:%M:%S}", "UTC", f"{lat:.{DECIMALS}f}", f"{lon:.{DECIMALS}f}",
-                    name, f"{samples.values[key][i]:.10g}", unit, "Preliminary", "Actual",
+                    depths[i], "m" if depths[i] else "",
+                    name, measured.text(key, float(samples.values[key][i])), unit,
+                    "Preliminary", "Actual",
                 ]  # fmt: skip
+
+
+def _depths(measured: Measured) -> list[str]:
+    """How deep the sonde hung at each sample, empty where that is not known."""
+    samples = measured.samples
+    if SONDE_DEPTH not in samples.values:
+        return [""] * len(samples)
+    known = samples.usable(SONDE_DEPTH) & np.isfinite(samples.values[SONDE_DEPTH])
+    rows = zip(samples.values[SONDE_DEPTH].tolist(), known.tolist(), strict=True)
+    return [f"{depth:.2f}" if is_known else "" for depth, is_known in rows]
 
 
 def _columns(measured: Measured, times: Any) -> dict[str, Any]:

@@ -21,8 +21,6 @@ EXTENSIONS = (
     "https://stac-extensions.github.io/projection/v1.1.0/schema.json",
     "https://stac-extensions.github.io/raster/v1.1.0/schema.json",
 )
-# A licence that has no name of its own is "proprietary" to STAC 1.0.
-NO_LICENCE = "proprietary"
 MEDIA = {
     ".tif": ("image/tiff; application=geotiff; profile=cloud-optimized", "data"),
     ".nc": ("application/netcdf", "data"),
@@ -53,13 +51,14 @@ def write_stac_item(
         "description": entry.summary,
         "created": time_text(entry.created_s),
         "keywords": list(entry.keywords),
-        "license": entry.credits.get("license", NO_LICENCE),
         "gsd": entry.resolution_m,
         **projection,
         "datetime": time_text((entry.first_s + entry.last_s) / 2),
         "start_datetime": time_text(entry.first_s),
         "end_datetime": time_text(entry.last_s),
     }
+    if "license" in entry.credits:
+        properties["license"] = entry.credits["license"]
     west, south, east, north = entry.outline.bounds
     item = {
         "type": "Feature",
@@ -69,7 +68,8 @@ def write_stac_item(
         "geometry": shapely.geometry.mapping(shapely.geometry.polygon.orient(entry.outline)),
         "bbox": [west, south, east, north],
         "properties": properties,
-        "links": [{"rel": "self", "href": f"./{path.name}", "type": "application/geo+json"}],
+        # A link to itself would have to be absolute, and nobody knows yet where it will lie.
+        "links": [],
         "assets": {one.path.name: _asset(one) for one in assets if one.path.suffix in MEDIA},
     }
     write_text_whole(path, json.dumps(item, indent=1, ensure_ascii=False) + "\n")

@@ -129,12 +129,13 @@ def read_times(
     if np.isfinite(values).mean() >= 0.5:
         return _of_numbers(values, zone)
     cells = [_without_zone_name(cell) for cell in cells]
-    moments = [_iso(cell) for cell in cells]
+    moments, told = [_iso(cell) for cell in cells], list[str]()
     if sum(moment is not None for moment in moments) < len(cells) / 2:
-        moments = _written(cells, header)
+        moments, told = _written(cells, header)
     if sum(moment is not None for moment in moments) < max(len(cells) / 2, 1):
         return None
-    return _in_seconds(moments, zone)
+    seconds, notes = _in_seconds(moments, zone)
+    return seconds, [*told, *notes]
 
 
 def _of_numbers(values: Array, zone: tzinfo | None) -> tuple[Array, list[str]]:
@@ -189,8 +190,8 @@ def _iso(text: str) -> datetime | None:
         return None
 
 
-def _written(cells: Sequence[str], header: str) -> list[datetime | None]:
-    """Dates and times in the one format that reads most of the column."""
+def _written(cells: Sequence[str], header: str) -> tuple[list[datetime | None], list[str]]:
+    """Dates and times in the one format that reads most of the column, and notes."""
     texts = [" ".join(cell.split()) for cell in cells]
     probe = texts[:: max(len(texts) // 2000, 1)] + texts[-1:]
     read: dict[str, int] = {}
@@ -198,15 +199,30 @@ def _written(cells: Sequence[str], header: str) -> list[datetime | None]:
         read[form] = sum(_parsed(text, form) is not None for text in probe)
     best = max(read, key=lambda form: read[form])
     if not read[best]:
-        return [None] * len(cells)
+        return [None] * len(cells), []
     rivals = [form for form in read if read[form] == read[best] and _other_order(best, form)]
-    if rivals and any(_parsed(text, best) != _parsed(text, rivals[0]) for text in probe):
+    doubtful = rivals and any(_parsed(text, best) != _parsed(text, rivals[0]) for text in probe)
+    if not doubtful:
+        return [_parsed(text, best) for text in texts], []
+    one = _months_first([best, *rivals])
+    if one is None:
         raise InputError(
             f"{texts[0]!r} and the like may be day and month or month and day; write the order "
             "into the header, such as 'Date (DD/MM/YYYY)'.",
             settings=("columns",),
         )
-    return [_parsed(text, best) for text in texts]
+    return [_parsed(text, one) for text in texts], [
+        f"{texts[0]!r} and the like: taken as month and day, as clocks with AM and PM have it"
+    ]
+
+
+def _months_first(forms: Sequence[str]) -> str | None:
+    """Of formats that read a column alike, the one that has the month first, where all of them are
+    of a clock of twelve hours.
+    """
+    if not all(form.endswith("%p") for form in forms):
+        return None
+    return next((form for form in forms if form.split(" ", maxsplit=1)[0] in _MONTHS_FIRST), None)
 
 
 def _formats(header: str) -> list[str]:

@@ -14,6 +14,7 @@ import numpy as np
 from grebe.core.errors import InputError, TrackError
 from grebe.io.readers.clock import (
     EARLIEST_S,
+    JITTER_S,
     LATEST_S,
     in_seconds,
     plausible,
@@ -31,6 +32,10 @@ _DATE = re.compile(r"(local|utc)?date(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|y
 _TIME = re.compile(r"(local|utc|gmt)?time(hhmmss|utc|gmt|hhmmsstt)?")
 # A date within a cell.
 _DATED = re.compile(r"\d+[-/.]\d+[-/.]\d+")
+# Minutes and seconds.
+_MINUTES = re.compile(r"\d?\d:\d\d([.,]\d+)?")
+# What a clock of twelve hours goes back by at one o'clock.
+HALF_DAY_H = 12.0
 # The column of a zone.
 _ZONE = re.compile(r"(time)?(tz|zone|utcoffset|gmtoffset)")
 
@@ -70,11 +75,40 @@ def read_moments(
                     f"column {named!r} holds {cell!r} and the like, which are no times; give unix "
                     "seconds or ISO 8601."
                 )
-            return Moments()
+            return Moments(notes=tuple(_unread(table, found)))
         times, lost = plausible(read[0]) if placed else (read[0], [])
     except InputError as error:
         raise TrackError(f"{path}: {error}", settings=error.settings) from None
-    return Moments(times=times, columns=tuple(columns), clues=tuple(clues), notes=(*read[1], *lost))
+    notes = (*read[1], *lost, *(_runs_back(times) if placed else ()))
+    return Moments(times=times, columns=tuple(columns), clues=tuple(clues), notes=notes)
+
+
+def _unread(table: Table, found: Mapping[str, Column]) -> list[str]:
+    """What is to be said of a column that is named like times and holds none."""
+    if "time" not in found:
+        return []
+    name = found["time"].name
+    cell = next((cell for cell in cells_of(table, name) if cell.strip()), "")
+    why = "no date and time"
+    if _MINUTES.fullmatch(cell.strip()):
+        why = "minutes and seconds alone, all that a spreadsheet saves of what it shows so"
+    elif number(cell) is not None:
+        why = "a count from an unknown beginning"
+    return [f"column {name!r} holds {cell!r} and the like, {why}"]
+
+
+def _runs_back(times: NDArray[np.float64]) -> list[str]:
+    """What is to be said of a clock that runs back."""
+    rows = np.flatnonzero(np.isfinite(times))
+    step = np.diff(times[rows])
+    back = np.flatnonzero(step < -JITTER_S)
+    if not len(back):
+        return []
+    row, hours = int(rows[back[0]]) + 2, -float(step[back[0]]) / 3600
+    why = ""
+    if abs(hours - HALF_DAY_H) < 0.1:
+        why = ": a clock of twelve hours without AM and PM"
+    return [f"the clock runs back by {hours:.1f} h at row {row}{why}"]
 
 
 def _read(

@@ -18,7 +18,9 @@ import numpy as np
 
 from grebe.core.errors import TrackError
 from grebe.core.header_units import parse_unit, split_header
-from grebe.io.readers.text import read_text
+from grebe.io.readers.header_again import under_one_header
+from grebe.io.readers.text import read_any_text
+from grebe.io.readers.unit_columns import with_units
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +30,8 @@ LONGEST_PREAMBLE = 120
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 _DECIMAL_POINT = re.compile(r"[+-]?\d+\.\d+")
+# What stands for no value, but for signs.
+_NOTHING = {"", "nan", "na", "null", "none", "nodata", "inf"}
 MOST_LOOKED_AT = 5_000
 _NAMES = re.compile(
     r"\b(date|time|timestamp|lat(itude)?|lon(gitude)?|lng|temp(erature)?|ph|depth|battery|turb\w*|"
@@ -38,13 +42,15 @@ _NAMES = re.compile(
 @dataclass(frozen=True, kw_only=True)
 class Table:
     """The names of the columns, and the rows as texts; a row may be shorter than the header.
-    `groups`: a comma within a number stands between thousands.
+    `groups`: a comma within a number stands between thousands; `clues`: columns that are used for
+    what they say of others.
     """
 
     header: list[str]
     rows: list[list[str]]
     notes: tuple[str, ...] = ()
     groups: bool = False
+    clues: tuple[str, ...] = ()
 
 
 def read_table(
@@ -55,14 +61,16 @@ def read_table(
     A file without a header takes its names from that of `header_from`, or from `columns`; both
     must have as many as its rows.
     """
-    rows, delimiter = _rows(path)
+    text, told = read_any_text(path)
+    rows, delimiter = _rows(path, text)
     if not rows:
         raise TrackError(f"{path}: the file holds no values.")
     if columns is not None or header_from is not None:
         source = "the profile" if header_from is None else str(header_from)
         names = list(columns or ()) if header_from is None else _header_of(header_from)
         header = _fitting(path, rows, names, source)
-        return Table(header=header, rows=rows, groups=_groups_thousands(rows, delimiter))
+        groups = _groups_thousands(rows, delimiter)
+        return Table(header=header, rows=rows, notes=told, groups=groups)
     place = _header_place(rows)
     header = [cell.strip() for cell in rows[place]]
     if sum(map(is_number, header)) > len(header) / 2:
@@ -71,17 +79,22 @@ def read_table(
             "columns; add a header row, or name a file of the same columns that has one.",
             settings=("header_from",),
         )
-    body = rows[place + 1 :]
+    body, again = under_one_header(path, header, rows[place + 1 :])
     if body and _is_units(body[0]):
-        header = [
-            _with_unit(name, unit.strip()) for name, unit in zip(header, body[0], strict=False)
-        ]
-        body = body[1:]
+        units = body[0]
+        body = [row for row in body if row != units]
+        header = [_with_unit(name, unit.strip()) for name, unit in zip(header, units, strict=False)]
     if not body:
         raise TrackError(f"{path}: a header and no rows.")
-    notes = (f"{place} lines before the header: not used",) if place else ()
-    groups = _groups_thousands(body, delimiter)
-    return Table(header=header, rows=body, notes=notes, groups=groups)
+    header, clues = with_units(path, header, body)
+    before = [f"{place} lines before the header: not used"] if place else []
+    return Table(
+        header=header,
+        rows=body,
+        notes=(*told, *before, *again),
+        groups=_groups_thousands(body, delimiter),
+        clues=tuple(clues),
+    )
 
 
 def _groups_thousands(rows: list[list[str]], delimiter: str) -> bool:
@@ -103,7 +116,7 @@ def _groups_thousands(rows: list[list[str]], delimiter: str) -> bool:
 
 
 def _header_of(path: Path) -> list[str]:
-    rows, _ = _rows(path)
+    rows, _ = _rows(path, read_any_text(path)[0])
     return [cell.strip() for cell in rows[_header_place(rows)]]
 
 
@@ -145,9 +158,8 @@ def _with_unit(name: str, unit: str) -> str:
     return f"{name} ({bare})" if parse_unit(bare) and not split_header(name)[1] else name
 
 
-def _rows(path: Path) -> tuple[list[list[str]], str]:
-    """The rows that are not empty, and what separates their values."""
-    text = read_text(path)
+def _rows(path: Path, text: str) -> tuple[list[list[str]], str]:
+    """The rows of a text that are not empty, and what separates their values."""
     lines = text.lstrip().split("\n", LONGEST_PREAMBLE)[:LONGEST_PREAMBLE]
     if lines[0].lower().startswith("sep="):
         text, lines = text.lstrip().split("\n", 1)[1], lines[1:]
@@ -193,6 +205,23 @@ def numbers_of(cells: Sequence[str]) -> NDArray[np.float64]:
         values = np.array([np.nan if one is None else one for one in numbers])
     values[~np.isfinite(values)] = np.nan
     return values
+
+
+def no_numbers(name: str, cells: Sequence[str], values: NDArray[np.float64]) -> list[str]:
+    """What is to be said of a column whose cells (n,) hold something that is no number, but for
+    what stands for nothing: `values` (n,) are what was read.
+    """
+    strange = [
+        cells[k] for k in np.flatnonzero(np.isnan(values)).tolist() if not _is_empty(cells[k])
+    ]
+    if not strange:
+        return []
+    few = ", ".join(repr(one.strip()) for one in list(dict.fromkeys(strange))[:3])
+    return [f"{name}: {len(strange)} of {len(cells)} cells are no numbers ({few}): left out"]
+
+
+def _is_empty(cell: str) -> bool:
+    return re.sub(r"[^a-z]", "", cell.lower()) in _NOTHING and not any(map(str.isdigit, cell))
 
 
 def _ungrouped(text: str) -> str:

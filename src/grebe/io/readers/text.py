@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from pathlib import Path
 
 from grebe.core.errors import InputError
@@ -11,22 +12,57 @@ from grebe.core.errors import InputError
 UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
+# What no text holds but a tabulator, ends of lines and of pages.
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
+
+
 def read_text(path: Path) -> str:
     """Return a file's text, of UTF-8 or of UTF-16 with its mark, lines ending as in Python;
     `InputError` says what is wrong with the file.
     """
+    data = _read(path)
     try:
-        data = path.read_bytes()
-        text = data.decode("utf-16" if data.startswith(UTF16_MARKS) else "utf-8-sig")
+        return _checked(path, _decoded(data))
+    except UnicodeDecodeError as error:
+        raise _undecoded(path, error) from None
+
+
+def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
+    """As `read_text`, of the old code page of Windows too, as spreadsheets save it, with a note."""
+    data = _read(path)
+    try:
+        return _checked(path, _decoded(data)), ()
+    except UnicodeDecodeError as error:
+        try:
+            text = data.decode("cp1252")
+        except UnicodeDecodeError:
+            text = "\0"
+        if _CONTROL.search(text):
+            raise _undecoded(path, error) from None
+        return _checked(path, text), ("read as text of Windows-1252, for it is no UTF-8",)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file.") from None
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: byte {error.start} is no {error.encoding.upper()} text ({error.reason}); "
-            "save the file as UTF-8."
-        ) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from None
+
+
+def _decoded(data: bytes) -> str:
+    return data.decode("utf-16" if data.startswith(UTF16_MARKS) else "utf-8-sig")
+
+
+def _undecoded(path: Path, error: UnicodeDecodeError) -> InputError:
+    return InputError(
+        f"{path}: byte {error.start} is no {error.encoding.upper()} text ({error.reason}); "
+        "save the file as UTF-8."
+    )
+
+
+def _checked(path: Path, text: str) -> str:
     if not text.strip():
         raise InputError(f"{path}: the file is empty.")
     if "\0" in text:

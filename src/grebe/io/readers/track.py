@@ -7,6 +7,7 @@ column that is not used is told.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import tzinfo
@@ -23,7 +24,7 @@ from grebe.io.readers.formats import read_logged
 from grebe.io.readers.moments import read_moments
 from grebe.io.readers.places import read_places
 from grebe.io.readers.profile import Profile
-from grebe.io.readers.table import Table, cells_of, numbers_of
+from grebe.io.readers.table import Table, cells_of, no_numbers, numbers_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,8 +33,17 @@ if TYPE_CHECKING:
 JUMP_SPEED_MPS = 10.0
 # Without times, a step this many times the median step is a jump.
 JUMP_FACTOR = 50.0
+# A row whose latitude and longitude are swapped is so near to the others once they are put right.
+NEAR_DEG = 0.5
+# After so long a pause [s] a survey is another one.
+LONG_PAUSE_S = 12 * 3600.0
 # Rows are put in the order of their times where the way is not so much longer then.
 NO_LONGER = 1.05
+
+# A depth in one column, of the water or of the sonde.
+WATER_DEPTH, SONDE_DEPTH = "water_depth_m", "sonde_depth_m"
+# No sonde hangs below a small boat deeper than this in its usual place [m].
+SONDE_HANGS_M = 2.0
 
 # Columns that the caller knows, by `time`, `lat`, `lon` or the key of a quantity; the others are
 # found by their names.
@@ -104,9 +114,30 @@ def clean_track(path: Path, read: Readings) -> RawTrack:
         times=None if times is None else times[keep],
         values={key: column[order][keep] for key, column in read.values.items()},
         columns=read.columns,
-        notes=(*sorted_, *notes, *read.notes),
+        notes=(*sorted_, *notes, *read.notes, *_pauses(times, keep, order)),
         unused=read.unused,
     )
+
+
+def _pauses(
+    times: NDArray[np.float64] | None, keep: NDArray[np.bool_], order: NDArray[np.intp]
+) -> list[str]:
+    """What is to be said of long pauses between the rows that are kept."""
+    if times is None or keep.sum() < 2:
+        return []
+    rows = np.flatnonzero(keep)
+    waited = np.diff(times[rows])
+    longest = int(np.argmax(waited))
+    count = int(np.sum(waited > LONG_PAUSE_S))
+    if not count:
+        return []
+    hours = waited[longest] / 3600
+    spell = f"{hours / 24:.0f} days" if hours > 72 else f"{hours:.0f} hours"
+    longest_one = f"of {spell} after row {order[rows[longest]] + 1}"
+    others = f", the longest of {count} of more than half a day" if count > 1 else ""
+    return [
+        f"a pause {longest_one}{others}: the map is one of all days; give a file for each survey"
+    ]
 
 
 def _in_order(
@@ -144,6 +175,7 @@ def read_readings(
     given = {**profile.columns, **(columns or {})}
     table = read_logged(path, header_from, profile.names)
     found = find_columns(path, table.header, given, quantities, placed=placed)
+    found, by_sounder = _of_a_sounder(found, given, quantities)
     named = given.get("time")
     moments = read_moments(path, table, found, named, zone or profile.zone, placed=placed)
     values, converted = _values(path, table, found, quantities)
@@ -153,7 +185,7 @@ def read_readings(
     columns = {key: one.name for key, one in found.items()}
     by_two = bool(moments.columns)
     named_so = {name for key, name in columns.items() if not (by_two and key == "time")}
-    used = {*named_so, *moments.columns, *moments.clues, *sides}
+    used = {*named_so, *moments.columns, *moments.clues, *sides, *table.clues}
     if by_two:
         columns["time"] = " and ".join(moments.columns)
     return Readings(
@@ -161,29 +193,57 @@ def read_readings(
         times=moments.times,
         values=values,
         columns=columns,
-        notes=(*table.notes, *moments.notes, *converted, *said),
+        notes=(*table.notes, *moments.notes, *by_sounder, *converted, *said),
         unused=tuple(name for name in table.header if name and name not in used),
     )
+
+
+def _of_a_sounder(
+    found: dict[str, Column], given: TrackColumns, quantities: Quantities
+) -> tuple[dict[str, Column], list[str]]:
+    """The columns, and a note: a depth that no sonde's reading stands beside is the water's."""
+    beside = [key for key in quantities if key in found and quantities[key].on_sonde]
+    depth = found.get(SONDE_DEPTH)
+    if depth is None or SONDE_DEPTH in given or WATER_DEPTH in found or beside:
+        return found, []
+    named = {key: one for key, one in found.items() if key != SONDE_DEPTH}
+    return named | {WATER_DEPTH: depth}, [
+        f"{depth.name}: taken as the depth of the water, for no sonde's reading stands beside it"
+    ]
 
 
 def _values(
     path: Path, table: Table, found: Mapping[str, Column], quantities: Quantities
 ) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
     """Values (n,) of each quantity that the table has, in its unit, and notes."""
-    values = {
-        key: _present(numbers_of(cells_of(table, found[key].name)), one.missing)
-        for key, one in quantities.items()
-        if key in found
-    }
+    values: dict[str, NDArray[np.float64]] = {}
     notes: list[str] = []
+    for key, one in quantities.items():
+        if key not in found:
+            continue
+        cells = cells_of(table, found[key].name)
+        numbers = numbers_of(cells)
+        values[key] = _present(numbers, one.missing)
+        notes += no_numbers(found[key].name, cells, numbers)
     for key, column in found.items():
         if column.unknown:
             unit = quantities[key].unit or "its unit"
             text = f"{column.name}: {column.unknown!r} is no unit that is known; taken as {unit}"
             notes.append(text)
+        if re.search("f[nt]u", column.unit.lower()):
+            notes.append(
+                f"{column.name}: kept as it is, under NTU: the scales of infrared and of white "
+                "light agree for formazin alone"
+            )
         if column.converted:
             values[key] = _converted(path, values, key, column)
             notes.append(_conversion_text(column, quantities[key].unit))
+    sonde = values.get(SONDE_DEPTH)
+    if sonde is not None and np.isfinite(sonde).any() and np.nanmedian(sonde) > SONDE_HANGS_M:
+        notes.append(
+            f"{found[SONDE_DEPTH].name}: taken as the depth of the sonde; if it is the water's, "
+            f"name it so, as {WATER_DEPTH}=NAME"
+        )
     return values, notes
 
 
@@ -228,7 +288,7 @@ def _find_glitches(
     keep[jumps] = False
     untimed = np.zeros(len(keep), dtype=bool) if times is None else keep & ~np.isfinite(times)
     keep &= ~untimed
-    where = _jump_text(jumps, lonlat, order)
+    where = _jump_text(jumps, lonlat, order, keep)
     counts = {
         "have no position": int((~finite).sum()),
         "are at 0, 0": int(zero.sum()),
@@ -239,11 +299,23 @@ def _find_glitches(
     return keep, [f"{count} rows {what}: left out" for what, count in counts.items() if count]
 
 
-def _jump_text(jumps: Sequence[int], lonlat: NDArray[np.float64], order: NDArray[np.intp]) -> str:
+def _jump_text(
+    jumps: Sequence[int],
+    lonlat: NDArray[np.float64],
+    order: NDArray[np.intp],
+    keep: NDArray[np.bool_],
+) -> str:
     """Where the first jump is and what to do, by the number of its row of values."""
     if not jumps:
         return ""
     lon, lat = lonlat[jumps[0]].tolist()
+    middle = np.median(lonlat[keep], axis=0)
+    swapped = np.abs(lonlat[jumps][:, ::-1] - middle).max(axis=1) < NEAR_DEG
+    if swapped.all():
+        return (
+            f" (from row {order[jumps[0]] + 1} of the values on, at {lat:g} N {lon:g} E: latitude "
+            "and longitude look swapped there)"
+        )
     return (
         f" (first row {order[jumps[0]] + 1} of the values, at {lat:g} N {lon:g} E; if the boat was "
         "there, give a file for each stretch)"

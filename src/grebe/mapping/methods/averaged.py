@@ -97,6 +97,7 @@ def averaged(fields: tuple[KrigingField, ...]) -> AveragedField:
             practical_range_m=first.practical_range_m,
             ratio=first.ratio,
             angle_deg=first.angle_deg,
+            parts=tuple(models),
             reason="; ".join(one.reason for one in models),
             standard_errors=first.standard_errors,
             semivariance=semivariance,

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import shapely
 
+from grebe.mapping.covariance import Fleeting
 from grebe.mapping.grid import Grid
 from grebe.mapping.spde import Mesh, coarse_mesh
 from grebe.mapping.variogram import EmpiricalVariogram
@@ -88,7 +89,7 @@ class Model:
     the covariance's own parameter and `practical_range_m` where 95 % of the correlation is gone,
     None where a method knows no such thing. `ratio` of the ranges across and along `angle_deg`
     (clockwise from north). `semivariance` is the model's curve over distance [m], `empirical`
-    what it was held to.
+    what it was held to. `passing` is what passes differ by; of a mean of several `parts` are these.
     """
 
     kind: str
@@ -99,6 +100,8 @@ class Model:
     practical_range_m: float | None = None
     ratio: float = 1.0
     angle_deg: float = 0.0
+    passing: Fleeting | None = None
+    parts: tuple[Model, ...] = ()
     reason: str = field(default="", compare=False)
     standard_errors: Mapping[str, float] = field(default_factory=dict[str, float], compare=False)
     semivariance: Callable[[Array], Array] | None = field(default=None, compare=False)

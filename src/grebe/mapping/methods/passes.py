@@ -53,7 +53,7 @@ class Passes:
             fit, fleeting = fit_passes(readings.positions, values, readings.times, self.estimator)
         model = described(fit)
         if fleeting is not None:
-            model = replace(model, text=f"{model.text}, and {_told(fleeting)}")
+            model = replace(model, text=f"{model.text}, and {_told(fleeting)}", passing=fleeting)
         return KrigingField(
             covariance=fit.model,
             model=model,

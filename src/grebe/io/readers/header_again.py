@@ -1,0 +1,65 @@
+"""A header that comes again among the rows: a logger was started anew, or files were appended.
+
+Its columns may have changed places, and then each value after it would stand under another name.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from grebe.core.errors import TrackError
+
+# A row that has so many of the header's names is a header.
+SHARE = 0.5
+
+
+def under_one_header(
+    path: Path, header: Sequence[str], rows: list[list[str]]
+) -> tuple[list[list[str]], list[str]]:
+    """The rows (of `header`'s columns) without headers among them, each value under its name, and
+    notes. `TrackError` where a later header names other columns.
+    """
+    names = {name for name in header if name}
+    kept: list[list[str]] = []
+    places: list[int] | None = None
+    again = moved = 0
+    for number, row in enumerate(rows, start=1):
+        if _is_header(row, names):
+            found = [cell.strip() for cell in row]
+            if Counter(filter(None, found)) != Counter(filter(None, header)):
+                other = [name for name in found if name and name not in names]
+                raise TrackError(
+                    f"{path}: row {number} of the values is another header, "
+                    f"{'with ' + ', '.join(other) if other else 'without some of the columns'}; "
+                    "give a file for each."
+                )
+            places = None if found == list(header) else _places(header, found)
+            again += 1
+            continue
+        moved += places is not None
+        kept.append(row if places is None else [row[k] if k < len(row) else "" for k in places])
+    notes = [f"{again} times a header among the rows: not used"] if again else []
+    if moved:
+        notes.append(f"{moved} rows below a header of another order: put in the first one's")
+    return kept, notes
+
+
+def _is_header(row: Sequence[str], names: set[str]) -> bool:
+    # Next to no row of values has one of the names: the first look is a short one.
+    if not any(cell.strip() in names for cell in row[:3]):
+        return False
+    cells = [cell.strip() for cell in row if cell.strip()]
+    return sum(cell in names for cell in cells) > SHARE * len(names)
+
+
+def _places(header: Sequence[str], found: list[str]) -> list[int]:
+    """Where in a row below another header each of the first one's columns is."""
+    left = list(enumerate(found))
+    places: list[int] = []
+    for name in header:
+        place = next(one for one in left if one[1] == name)
+        left.remove(place)
+        places.append(place[0])
+    return places
