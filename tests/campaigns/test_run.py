@@ -19,7 +19,7 @@ from grebe.campaigns.settings import Campaign, Success
 from grebe.campaigns.spread import spread_of
 from grebe.campaigns.task import Scene, Summary, clearance_m
 from grebe.cli.main import grebe
-from grebe.core.errors import InputError, LinkError, UsageError
+from grebe.core.errors import InputError, LinkError, StoppedError, UsageError
 from grebe.workflow.files import write_survey
 
 pytest.importorskip("pyarrow")
@@ -231,4 +231,63 @@ def test_what_is_wrong_in_a_campaign_s_file_is_said(tmp_path, change, said):
     file = tmp_path / "pond.toml"
     file.write_text(FILE.replace(*change, 1))
     with pytest.raises((InputError, UsageError), match=said):
+        read_campaign(file)
+
+
+def test_that_somebody_stops_it_is_no_failure_of_a_mission(monkeypatch):
+    def stopped(*_):
+        raise StoppedError("told to end")
+
+    monkeypatch.setattr("grebe.campaigns.task.sail", stopped)
+    with pytest.raises(StoppedError):
+        Scene(campaign=campaign(), survey=SURVEY)(3)
+
+
+def test_a_simulation_that_cannot_be_computed_is_a_failure_and_kept(monkeypatch):
+    def diverges(*_):
+        raise ValueError("math domain error")
+
+    monkeypatch.setattr("grebe.campaigns.task.sail", diverges)
+    found = Scene(campaign=campaign(), survey=SURVEY)(3)
+    assert (found.success, found.error) == (False, "math domain error")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("mismatch", 1.0, "a share below 1"),
+        ("lost_share", [0.0, 1.0], "a share below 1"),
+        ("late_s", 1e9, "which no boat is made for; give at most 10"),
+        ("position_noise_m", 1e9, "give at most 100"),
+    ],
+)
+def test_what_no_mission_can_be_drawn_from_is_refused(name, value, says):
+    with pytest.raises(UsageError, match=says):
+        campaign(**{name: value})
+
+
+def test_another_survey_is_another_campaign(tmp_path):
+    told = set()
+    sets = [replace(one, set=replace(one.set, speed_max_mps=1.9)) for one in SURVEY.targets]
+    others = (
+        SURVEY,
+        replace(SURVEY, targets=tuple(sets)),
+        replace(SURVEY, no_go=(shapely.box(1, 1, 2, 2),)),
+    )
+    for k, survey in enumerate(others):
+        path = tmp_path / f"{k}.gpkg"
+        write_survey(path, survey)
+        file = tmp_path / f"{k}.toml"
+        file.write_text(f"survey = '{path}'\n[success]\nwithin_minutes = 2\n")
+        told.add(read_campaign(file).identity)
+    assert len(told) == 3
+
+
+@pytest.mark.parametrize("draw", ["draw = 5", "draw = [1]"])
+def test_a_table_that_is_none_is_said(tmp_path, draw):
+    path = tmp_path / "s.gpkg"
+    write_survey(path, SURVEY)
+    file = tmp_path / "c.toml"
+    file.write_text(f"survey = '{path}'\n{draw}\n[success]\nwithin_minutes = 2\n")
+    with pytest.raises(InputError, match="draw is a table"):
         read_campaign(file)

@@ -208,3 +208,21 @@ def test_a_set_too_far_for_the_horizon_takes_all_of_it():
     proposal = ahead_of((-500.0, 2.5, 0, 0, 0, 0))
     assert proposal.decision.entries == (32,)
     assert np.all(proposal.horizon.duration_bounds[:, 1] == LONGEST_STAGE_S)
+
+
+def test_each_mode_of_the_dual_rule_has_its_whole_cost_weighed():
+    """Eq. (7): p and q multiply distance and effort alike, so that a common factor of both, and of
+    what a set's slack costs, changes nothing.
+    """
+    one, _ = answer(Dual(p=3.0, q=5.0), situation(at_distance(7.0)))
+    split = split_stage(7.0, Dual().epsilon, 15)
+    assert 0 < split < 15
+    assert one.effort_weights[:split] == pytest.approx(3.0 * Dual().beta)
+    assert one.effort_weights[split:] == pytest.approx(5.0 * Dual().beta)
+
+
+@pytest.mark.parametrize("bad", [{"alpha": np.inf}, {"beta": np.nan}, {"stages": 15.0}])
+@pytest.mark.parametrize("rule", [Single, Dual])
+def test_weights_that_only_fail_at_sea_are_refused(rule, bad):
+    with pytest.raises(UsageError):
+        rule(**bad)

@@ -1,6 +1,7 @@
 """Eq. (9): masses, signs, conservation, symmetry, current."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -153,3 +154,17 @@ def test_weather_must_be_finite():
     assert CALM.as_tuple() == (0, 0, 0, 0)
     with pytest.raises(InputError):
         Weather(current_north_mps=float("inf"))
+
+
+@pytest.mark.parametrize(
+    "bad", [{"yaw_coupling": "Fossen"}, {"m11_kg": True}, {"m11_kg": "23"}], ids=str
+)
+def test_a_vessel_says_what_is_wrong_with_it(bad):
+    with pytest.raises(VesselError, match=next(iter(bad))):
+        replace(PRESETS["spyboat"], **bad)
+
+
+@pytest.mark.parametrize("mass_kg", [-1.0, 0.0, float("nan")])
+def test_a_hull_without_a_mass_has_none(mass_kg):
+    with pytest.raises(VesselError, match="above 0"):
+        paper_masses(mass_kg=mass_kg, length_m=1, width_m=1, depth_m=1, propeller_distance_m=1)

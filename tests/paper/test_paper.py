@@ -37,13 +37,16 @@ def test_the_targets_of_fig_7_cover_the_region():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(reproduce.FIGURES))
 def test_each_figure_shows_what_it_must(tmp_path, name):
-    made = reproduce.FIGURES[name](tmp_path)
+    made = reproduce.FIGURES[name](tmp_path, scenes.BOAT)
     assert made.holds, [check for check in made.checks if not check.holds]
     assert made.picture.stat().st_size > 10_000
 
 
-def fake(holds):
-    def draw(out):
+def fake(holds, *signs):
+    signs = list(signs) or ["fossen"]
+
+    def draw(out, boat):
+        assert boat.yaw_coupling == signs.pop()
         picture = out / "fig2.png"
         picture.write_bytes(b"")
         check = Check(what="a number", found="1", holds=holds)
@@ -60,6 +63,7 @@ def test_the_command_names_what_does_not_hold(tmp_path, monkeypatch):
 
 
 def test_the_command_prints_json(tmp_path, monkeypatch):
-    monkeypatch.setitem(reproduce.FIGURES, "fig2", fake(holds=True))
-    done = CliRunner().invoke(grebe, ["paper", "fig2", "--out", str(tmp_path), "--json"])
+    monkeypatch.setitem(reproduce.FIGURES, "fig2", fake(True, "printed"))
+    words = ["paper", "fig2", "--out", str(tmp_path), "--json", "--printed-sign"]
+    done = CliRunner().invoke(grebe, words)
     assert json.loads(done.stdout)[0]["checks"][0]["holds"] is True

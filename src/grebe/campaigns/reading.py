@@ -6,17 +6,18 @@ import hashlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from grebe.campaigns.certificate import Claim
-from grebe.campaigns.settings import Campaign, Success
+from grebe.campaigns.settings import DEFAULTS, Campaign, Success
 from grebe.campaigns.spread import OneOf, Spread, spread_of
 from grebe.core.errors import InputError
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
-from grebe.workflow.steering_names import rule_named
+from grebe.workflow.steering_names import RULES
 from grebe.workflow.vessels import vessel_of
 
 TOP = {"name", "survey", "missions", "seed", "success", "claim", "draw"}
@@ -51,10 +52,16 @@ def read_campaign(path: Path) -> Read:
     with SurveyFile.open(where) as survey_file:
         survey = survey_file.survey
     campaign = _campaign(path, written)
-    targets = b"".join(target.set.polygon.wkb for target in survey.targets)
-    told = survey.water.wkb + targets + repr((survey.start, survey.vessel)).encode()
-    identity = campaign.identity(hashlib.sha256(told).hexdigest())
+    identity = campaign.identity(_told(survey))
     return Read(campaign=campaign, survey=survey, identity=identity)
+
+
+def _told(survey: Survey) -> str:
+    """What of a survey a mission depends on, and on which Grebe, in a few letters."""
+    shapes = [survey.water, *survey.no_go, *survey.corridors]
+    sets = [(one.kind, one.set) for one in survey.targets]
+    rest = repr((sets, survey.start, survey.vessel, version("grebe"))).encode()
+    return hashlib.sha256(b"".join(one.wkb for one in shapes) + rest).hexdigest()
 
 
 def _campaign(path: Path, written: Mapping[str, Any]) -> Campaign:
@@ -68,9 +75,11 @@ def _campaign(path: Path, written: Mapping[str, Any]) -> Campaign:
     for name in ("missions", "seed"):
         if type(written.get(name, 1)) is not int:
             raise InputError(f"{path}: {name} is a whole number, not {written[name]!r}.")
-    spreads = {name: spread_of(name, value) for name, value in written.get("draw", {}).items()}
+    drawn = _table(path, written, "draw", set(DEFAULTS))
+    spreads = {name: spread_of(name, value) for name, value in drawn.items()}
     for rule in _words(spreads, "rule"):
-        rule_named(rule)
+        if rule not in RULES:
+            raise InputError(f"{path}: there is no rule {rule!r}; there are {', '.join(RULES)}.")
     try:
         return Campaign(
             name=str(written.get("name", path.stem)),

@@ -36,6 +36,18 @@ DEFAULTS: Mapping[str, Value | tuple[float, float]] = {
 }
 WORDS = {"rule", "boat"}
 SHARES = {"mismatch", "lost_share", "thruster_dies"}
+# With all estimates lost, or a boat without mass, there is no mission.
+BELOW_ONE = {"mismatch", "lost_share"}
+# Beyond these it is not weather, a receiver or a compass.
+MOST = {
+    "current_mps": 10.0,
+    "wind_n": 1e5,
+    "position_noise_m": 100.0,
+    "heading_noise_deg": 180.0,
+    "velocity_noise_mps": 10.0,
+    "late_s": 10.0,
+    "blind_s": 3600.0,
+}
 SIGNED = {"current_to_deg", "wind_to_deg"}
 
 
@@ -121,3 +133,10 @@ def _check(name: str, spread: Spread) -> None:
         raise UsageError(f"{name} cannot be negative; give a spread with low = 0 or more.")
     if name in SHARES and max(numbers) > 1:
         raise UsageError(f"{name} is a share; give a spread within 0 to 1.")
+    if name in BELOW_ONE and max(numbers) >= 1:
+        raise UsageError(f"{name} is a share below 1; give a spread within 0 to 1, 1 left out.")
+    if name in MOST and max(numbers) > MOST[name]:
+        raise UsageError(
+            f"{name} reaches {max(numbers):g}, which no boat is made for; give at most "
+            f"{MOST[name]:g}."
+        )

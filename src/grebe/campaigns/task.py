@@ -16,7 +16,7 @@ import shapely
 from grebe.campaigns.sailing import sail
 from grebe.campaigns.settings import Campaign
 from grebe.campaigns.spread import Value
-from grebe.core.errors import GrebeError
+from grebe.core.errors import GrebeError, StoppedError
 from grebe.core.events import EndReason
 from grebe.core.survey import Survey
 from grebe.mission.statistics import MissionReport
@@ -59,11 +59,15 @@ class Scene:
     survey: Survey
 
     def __call__(self, number: int) -> Summary:
-        """Sail one mission; an error of the mission's own is a failure, and kept."""
+        """Sail one mission; an error of the mission's own is a failure, and kept. That somebody
+        stops the campaign is none.
+        """
         drawn = self.campaign.drawn(number)
         try:
             report, track = sail(self.campaign, self.survey, drawn, number)
-        except GrebeError as error:
+        except StoppedError:
+            raise
+        except (GrebeError, ArithmeticError, ValueError) as error:
             return self._failed(number, drawn, str(error))
         return self._summary(number, drawn, report, clearance_m(self.survey, track))
 

@@ -107,5 +107,5 @@ def main() -> None:
         # What cannot open a file names it, and every writer of one does: what is left is stdout.
         what = error.filename or "standard output cannot be written"
         output.give_up_stdout()
-        output.fail(f"{what}: {error.strerror}.")
+        output.fail(f"{what}: {error.strerror or error}.")
         sys.exit(InputError.exit_code)

@@ -15,7 +15,9 @@ from grebe.core.errors import IncompleteError, UsageError
 from grebe.workflow.files import make_folder
 
 if TYPE_CHECKING:
+    from grebe.core.vessel import Vessel
     from grebe.paper.checks import Reproduction
+    from grebe.paper.hand_driven import HandDriven
 
 FLOWN = ("fig1", "fig2", "fig7", "fig8", "fig9")
 BY_HAND = ("fig4", "fig5", "fig6")
@@ -41,9 +43,26 @@ CLAIM = "claim"
     show_default=True,
     help="Waters that the claim is tried on.",
 )
+@click.option(
+    "--printed-sign",
+    is_flag=True,
+    help="Fly Figs. 1, 2 and 7 to 9 with the last row of Eq. (9) as it is printed, and not with "
+    "Fossen's sign.",
+)
+@click.option(
+    "--header-from",
+    type=options.EXISTING,
+    help="Take the names of the track's columns from the first row of this file.",
+)
 @options.json_option
 def command(
-    figures: tuple[str, ...], out: Path, track: Path | None, seeds: int, as_json: bool
+    figures: tuple[str, ...],
+    out: Path,
+    track: Path | None,
+    seeds: int,
+    printed_sign: bool,
+    header_from: Path | None,
+    as_json: bool,
 ) -> None:
     """Reproduce FIGURES of the paper (by default all that need no --track): fly, draw, check.
 
@@ -54,10 +73,17 @@ def command(
     wanted = figures or (FLOWN if track is None else (*FLOWN, *BY_HAND))
     if track is None and set(wanted) & {*BY_HAND, CLAIM}:
         raise UsageError(f"{', '.join((*BY_HAND, CLAIM))} need a hand-driven track: --track FILE.")
+    from grebe.core.vessel import with_printed_sign
+    from grebe.paper.hand_driven import HandDriven
+    from grebe.paper.scenes import BOAT
+
     make_folder(out)
     output.compile_once()
-    made = _reproduced([name for name in wanted if name != CLAIM], out, track, quiet=as_json)
-    rows = _claimed(out, track, seeds, quiet=as_json) if CLAIM in wanted and track else []
+    hand = None if track is None else HandDriven.read(track, header_from)
+    boat = with_printed_sign(BOAT) if printed_sign else BOAT
+    flown = [name for name in wanted if name != CLAIM]
+    made = _reproduced(flown, out, hand, boat, quiet=as_json)
+    rows = _claimed(out, hand, seeds, quiet=as_json) if CLAIM in wanted and hand else []
     if as_json:
         shown = [asdict(one) for one in made]
         click.echo(json.dumps([*shown, *([{"figure": CLAIM, "rows": rows}] if rows else [])],
@@ -68,15 +94,15 @@ def command(
 
 
 def _reproduced(
-    names: Sequence[str], out: Path, track: Path | None, *, quiet: bool
+    names: Sequence[str], out: Path, hand: HandDriven | None, boat: Vessel, *, quiet: bool
 ) -> list[Reproduction]:
-    from grebe.paper.hand_driven import HAND_FIGURES, HandDriven
+    from grebe.paper.hand_driven import HAND_FIGURES
     from grebe.paper.reproduce import FIGURES
 
-    hand = HandDriven.read(track) if track is not None else None
     made: list[Reproduction] = []
     for name in names:
-        one = HAND_FIGURES[name](out, hand) if hand and name in BY_HAND else FIGURES[name](out)
+        by_hand = HAND_FIGURES.get(name)
+        one = by_hand(out, hand) if by_hand and hand else FIGURES[name](out, boat)
         made.append(one)
         if quiet:
             continue
@@ -87,12 +113,12 @@ def _reproduced(
     return made
 
 
-def _claimed(out: Path, track: Path, seeds: int, *, quiet: bool) -> list[dict[str, float | str]]:
+def _claimed(
+    out: Path, hand: HandDriven, seeds: int, *, quiet: bool
+) -> list[dict[str, float | str]]:
     from grebe.paper import claim, drawings
-    from grebe.paper.hand_driven import HandDriven
     from grebe.report.canvas import save
 
-    hand = HandDriven.read(track)
     sampled = claim.ways(hand)
     for one in sampled:
         output.note(

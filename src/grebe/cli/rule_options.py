@@ -9,25 +9,34 @@ import click
 from grebe.cli import options
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
+from grebe.control.rules.single import Single
 from grebe.control.solvers.base import SolverBuilder
 from grebe.workflow.steering_names import RULES, SOLVERS, rule_named, solver_named
 
-DEFAULTS = Dual()
 WEIGHTS = {
-    "alpha": "Weight of the squared distance (Eq. 2), for single and dual.",
-    "beta": "Weight of the squared thrusts (Eq. 2), for single and dual.",
-    "p": "Weight of the current set (Eq. 7), for dual.",
-    "q": "Weight of the next set (Eq. 7), for dual.",
+    "epsilon": "From how far off the next set counts (Definition 8)",
+    "alpha": "Weight of the squared distance (Eq. 2)",
+    "beta": "Weight of the squared thrusts (Eq. 2)",
+    "p": "Weight of the current set (Eq. 7)",
+    "q": "Weight of the next set (Eq. 7)",
 }
+
+
+def _with_defaults(name: str, what: str) -> str:
+    """A weight's help: each rule has a default of its own."""
+    told = {rule: getattr(one, name, None) for rule, one in RULES_WITH_WEIGHTS.items()}
+    return f"{what} [{', '.join(f'{k} {v:g}' for k, v in told.items() if v is not None)}]."
+
+
+RULES_WITH_WEIGHTS = {"single": Single(), "dual": Dual()}
 
 
 rule_options = options.together(
     click.option(
         "--rule",
-        type=click.Choice(list(RULES)),
         default="lookahead",
         show_default=True,
-        help="Who plans.",
+        help=f"Who plans: {', '.join(RULES)}, or python:FILE.py, a rule of your own.",
     ),
     click.option(
         "--solver",
@@ -38,17 +47,8 @@ rule_options = options.together(
     ),
     click.option("--horizon", type=int, help="N, in stages [lookahead 24, else 15]."),
     click.option("--step", "step_s", type=float, help="T [s] [lookahead 0.5, else 1]."),
-    click.option(
-        "--epsilon",
-        type=float,
-        default=DEFAULTS.epsilon,
-        show_default=True,
-        help="For single and dual: from how far off the next set counts (Definition 8).",
-    ),
     *(
-        click.option(
-            f"--{name}", type=float, default=getattr(DEFAULTS, name), show_default=True, help=what
-        )
+        click.option(f"--{name}", type=float, help=_with_defaults(name, what))
         for name, what in WEIGHTS.items()
     ),
 )

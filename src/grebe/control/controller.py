@@ -81,13 +81,18 @@ class Margins:
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """The result of a step: thrusts (F_1, F_2) [N] and what led to them."""
+    """The result of a step: thrusts (F_1, F_2) [N] and what led to them.
+
+    A controller that plans hands out its `plan`, whose thrusts are followed until the next step;
+    without one `thrusts` hold until then. `target` is the set that it steers to, an index into the
+    survey's, and `split` the stage at which a rule's second mode begins, for the record alone.
+    """
 
     thrusts: tuple[float, float]
-    plan: Plan | None
-    status: StepStatus
-    target: int
-    split: int
+    plan: Plan | None = None
+    status: StepStatus = StepStatus.SOLVED
+    target: int = 0
+    split: int = 0
 
     def thrusts_at(self, elapsed_s: float) -> tuple[float, float]:
         """Thrusts to apply so long after the step; a plan's stages may be shorter than it."""
@@ -145,6 +150,12 @@ class Controller:
         solver: SolverBuilder | None = None,
         second_solver: SolverBuilder | None = None,
     ) -> None:
+        if len(corridors) not in (0, len(targets)):
+            raise ValueError(
+                f"{len(targets)} targets have {len(corridors)} corridors; give one each"
+            )
+        if not 0 <= reached <= len(targets):
+            raise ValueError(f"{reached} of {len(targets)} targets cannot be reached already")
         self.vessel = vessel
         self.targets = tuple(targets)
         self.rule: Rule = rule or Lookahead()
@@ -213,6 +224,8 @@ class Controller:
             raise ValueError(f"a state is six finite numbers, but this is {state}")
         wind = np.asarray(weather.as_tuple())
         elapsed = self.rule.step_s if elapsed_s is None else elapsed_s
+        if not 0 <= elapsed < math.inf:
+            raise ValueError(f"the time since the last step is {elapsed} s; give 0 or more")
         situation = self._situation(z, elapsed)
         best: _Answer | None = None
         for attempt, solver, status in self._attempts(situation):

@@ -2,8 +2,10 @@
 
 State z = (x, y, psi, u, v, r): north and east [m], heading clockwise from north [rad],
 surge and sway *over ground* [m/s], yaw rate positive to starboard [rad/s]. Inputs F_1
-(port) and F_2 (starboard) [N]. In still water this is Eq. (9) to the letter; in a steady
-current the hydrodynamic terms act on the velocity through the water (Fossen 2011, sec. 8.3).
+(port) and F_2 (starboard) [N]. In still water this is Eq. (9), but for what a
+vessel may have beside it: the sign of the Coriolis term in yaw (`Vessel.yaw_coupling`, Fossen's
+unless the printed one is asked for) and quadratic drag. In a steady current the hydrodynamic terms
+act on the velocity through the water (Fossen 2011, sec. 8.3).
 
 Every function is written once and serves numbers (`math`) and CasADi symbols alike:
 `cos` and `sin` are arguments.

@@ -13,6 +13,7 @@ from typing import Literal
 
 from grebe.core.errors import VesselError
 
+YAW_COUPLINGS = ("fossen", "printed")
 _DRIVE = ("propeller_diameter_m", "drive_efficiency")
 
 
@@ -58,6 +59,10 @@ class Vessel:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
+            if field.type == "float" and (
+                isinstance(value, bool) or not isinstance(value, float | int)
+            ):
+                raise VesselError(f"Vessel {self.name!r}: {field.name} is {value!r}, no number.")
             if isinstance(value, float | int) and not math.isfinite(value):
                 raise VesselError(f"Vessel {self.name!r}: {field.name} is {value}, not a number.")
         for name in (
@@ -81,6 +86,11 @@ class Vessel:
                 )
         if self.x_u + self.x_uu >= 0 or self.y_v + self.y_vv >= 0 or self.n_r + self.n_rr >= 0:
             raise VesselError(f"Vessel {self.name!r} has no drag in surge, sway or yaw.")
+        if self.yaw_coupling not in YAW_COUPLINGS:
+            raise VesselError(
+                f"Vessel {self.name!r}: yaw_coupling is {self.yaw_coupling!r}; it is one of "
+                f"{', '.join(YAW_COUPLINGS)}."
+            )
         if self.thruster_lag_s < 0:
             raise VesselError(f"Vessel {self.name!r}: thruster_lag_s is negative.")
         if not 0 <= self.thruster_dead_band_n < self.thrust_max_n:
@@ -160,8 +170,12 @@ def paper_masses(
 ) -> HullMasses:
     """Masses from the hull, the three formulas below Eq. (9).
 
-    `length_m` is the hull's length in the water, `depth_m` its mean submerged depth.
+    `length_m` is the hull's length in the water, `depth_m` its mean submerged depth. Raises
+    `VesselError` for what is not above 0.
     """
+    sizes = (mass_kg, length_m, width_m, depth_m, propeller_distance_m, water_kgm3)
+    if not all(0 < size < math.inf for size in sizes):
+        raise VesselError("A hull's mass, its sizes and the water's density are above 0.")
     displaced = water_kgm3 * math.pi * depth_m**2 * length_m
     inertia = mass_kg * (length_m**2 + width_m**2)
     added_inertia = 0.5 * (0.1 * mass_kg * propeller_distance_m**2 + displaced * length_m**2)

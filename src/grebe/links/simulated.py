@@ -35,8 +35,9 @@ class EstimateErrors:
     says_age: bool = True
 
     def __post_init__(self) -> None:
-        if min(self.position_m, self.heading_rad, self.velocity_mps, self.late_s) < 0:
-            raise UsageError("Errors of estimates and their delay are 0 or more.")
+        errors = (self.position_m, self.heading_rad, self.velocity_mps, self.late_s)
+        if not all(0 <= one < math.inf for one in errors):
+            raise UsageError("Errors of estimates and their delay are 0 or more, and finite.")
         if not 0 <= self.lost_share < 1:
             raise UsageError(
                 f"The share of lost estimates must be from 0 to less than 1, not {self.lost_share}."

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 from grebe.control.controller import Command
 from grebe.control.slow_thrusters import SlowThrusters
 from grebe.core.dynamics import Weather
+from grebe.core.errors import UsageError
 from grebe.core.events import State
 from grebe.core.vessel import Vessel
 
@@ -50,3 +53,25 @@ class ForeseeingHelm(Protocol):
     def expect(self, thrusters: SlowThrusters | None) -> None:
         """Plan the next step for these thrusters; None for such as answer at once."""
         ...
+
+
+def step_of(helm: Helm) -> float:
+    """The time between two steps of a helm [s]; `UsageError` where there would be none."""
+    step_s = float(helm.step_s)
+    if not 0 < step_s < math.inf:
+        raise UsageError(
+            f"A helm that is asked every {step_s:g} s steers nothing; give more than 0."
+        )
+    return step_s
+
+
+def possible_thrusts(vessel: Vessel, thrusts: Sequence[float]) -> tuple[float, float]:
+    """Thrusts (F_1, F_2) [N] within the vessel's limits; `UsageError` for what are none."""
+    try:
+        port, starboard = map(float, thrusts)
+    except (TypeError, ValueError):
+        raise UsageError(f"A helm's thrusts are two numbers [N], not {thrusts!r}.") from None
+    if not (math.isfinite(port) and math.isfinite(starboard)):
+        raise UsageError(f"A helm's thrusts are finite numbers [N], not {thrusts!r}.")
+    low, high = vessel.thrust_min_n, vessel.thrust_max_n
+    return min(max(port, low), high), min(max(starboard, low), high)

@@ -45,10 +45,17 @@ from grebe.links.base import (
     as_driven,
 )
 from grebe.mission.announcer import Announcer
+from grebe.mission.boat_clock import BoatClock
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard
 from grebe.mission.headings import unwrapped
-from grebe.mission.helm import AdaptableHelm, ForeseeingHelm, Helm
+from grebe.mission.helm import (
+    AdaptableHelm,
+    ForeseeingHelm,
+    Helm,
+    possible_thrusts,
+    step_of,
+)
 from grebe.mission.lookout import Lookout
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
@@ -121,7 +128,7 @@ class Mission:
             holds_motion=driven.holds_motion,
         )
         self._reached = controller.reached = reached
-        self._gate = Gate(link)
+        self._gate, self._clock = Gate(link), BoatClock()
         safety = self._settings.safety
         self._guard = Guard(
             survey,
@@ -328,7 +335,8 @@ class Mission:
         again.
         """
         while True:
-            observation = self._link.observe()
+            observation = self._asked()
+            self._clock.see(observation, seen_before=self._before is not None)
             if all(map(math.isfinite, observation.state)):
                 self._raw = unwrapped(observation, self._raw)
                 return replace(self._raw, state=self._tracker.righted(self._raw.state))
@@ -339,6 +347,13 @@ class Mission:
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._grope(self._before, observation)
             self._announcer.release()
+
+    def _asked(self) -> Observation:
+        """The link's next estimate; `LinkError` also where what is below it fails."""
+        try:
+            return self._link.observe()
+        except OSError as error:
+            raise LinkError(f"The boat's link fails: {error}.") from error
 
     def _grope(self, seen: Observation, now: Observation) -> None:
         """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""
@@ -404,7 +419,7 @@ class Mission:
         command = helm.step(state, self._weather, elapsed)
         solve_ms = 1e3 * (self._stopwatch() - began)
         self._command = (observation.time_s, command)
-        self._apply(observation, command.thrusts_at(0.0), solve_ms)
+        self._apply(observation, self._possible(command.thrusts_at(0.0)), solve_ms)
         if command.plan is not None:
             self._announcer.tell(
                 Prediction,
@@ -413,16 +428,19 @@ class Mission:
                 states=command.plan.states,
                 thrusts=command.plan.thrusts,
             )
-        self._next_step_s = observation.time_s + helm.step_s
+        self._next_step_s = observation.time_s + step_of(helm)
 
     def _follow_plan(self, observation: Observation) -> None:
         """Between two control steps: change the thrusts where the plan does."""
         if self._command is None:
             return
         since, command = self._command
-        thrusts = command.thrusts_at(observation.time_s - since)
+        thrusts = self._possible(command.thrusts_at(observation.time_s - since))
         if thrusts != self._thrusts or self._tracker.hurries:
             self._apply(observation, thrusts, None)
+
+    def _possible(self, thrusts: Sequence[float]) -> tuple[float, float]:
+        return possible_thrusts(self._controller.vessel, thrusts)
 
     def _apply(
         self, observation: Observation, thrusts: tuple[float, float], solve_ms: float | None

@@ -6,6 +6,7 @@ boat, a recorder in memory, and a witness of where the boat truly was.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.dynamics import CALM, Weather
+from grebe.core.errors import UsageError
 from grebe.core.events import Estimate, SampleTaken, State, Step
 from grebe.core.frames import LocalFrame
 from grebe.core.sets import TargetSet, hull_of, rectangle
@@ -58,6 +60,11 @@ class Conditions:
     safety: SafetySettings = NO_FENCE
     boat: Vessel | None = None
     effectiveness: tuple[float, float] = (1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        shares = self.effectiveness
+        if len(shares) != 2 or not all(0 <= share < math.inf for share in shares):
+            raise UsageError(f"Two thrusters give shares of what they are told, not {shares!r}.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,8 +132,15 @@ def fly(
     *,
     stopwatch: Callable[[], float] = time.process_time,
 ) -> Trial:
-    """Sail from `start` (6,) until every set is reached or the time is up."""
+    """Sail from `start` (6,) until every set is reached or the time is up.
+
+    Raises `UsageError` where there is no target set, or the start is no state.
+    """
     world = conditions or Conditions()
+    if not targets:
+        raise UsageError("There is no target set to sail through; give one or more.")
+    if len(start) != 6 or not all(map(math.isfinite, start)):
+        raise UsageError(f"A boat starts from six finite numbers, and not from {start!r}.")
     north, east, heading, surge, sway, yaw_rate = start
     state = (north, east, heading, surge, sway, yaw_rate)
     plant = Plant(world.boat or vessel, state, world.weather, world.effectiveness)

@@ -34,13 +34,14 @@ def mirrored(pair: Sequence[scenes.Scene], flights: Sequence[Trial], parting_s: 
     axes = figure.subplots()
     paths = zip(pair, flights, ("\u03a9", "\u03a8"), (BLUE, VERMILLION), strict=True)
     for scene, flight, letter, colour in paths:
-        _draw_sets(axes, scene.targets, letter, colour)
+        # The first set is both paths' own: each has its letter on its own side of it.
+        _draw_sets(axes, scene.targets, letter, colour, aside=1 if letter == "\u03a9" else -1)
         track = np.array(flight.track)
         axes.plot(track[:, 2], track[:, 1], color=colour, label=f"track along {letter}")
     first = np.array(flights[0].track)
     place = first[np.searchsorted(first[:, 0], parting_s - 1e-9)]
     axes.plot(place[2], place[1], "o", color=BLACK, ms=6, label="second mode begins")
-    return _finished(figure, axes, pair[0].start, "Fig. 1: two mirrored paths")
+    return _finished(figure, axes, pair[0].start, "Fig. 1: two mirrored paths (sets: stand-ins)")
 
 
 @styled
@@ -51,7 +52,12 @@ def paths(scene: scenes.Scene, flight: Trial) -> Figure:
     _draw_sets(axes, scene.targets, "\u03a9", BLUE)
     track = np.array(flight.track)
     axes.plot(track[:, 2], track[:, 1], color=VERMILLION, label="track")
-    return _finished(figure, axes, scene.start, "Fig. 2: four sets, the third touched at its rim")
+    return _finished(
+        figure,
+        axes,
+        scene.start,
+        "Fig. 2: four sets, the third touched at its rim (sets: stand-ins)",
+    )
 
 
 @styled
@@ -71,7 +77,11 @@ def exploration(scene: scenes.Scene, flight: Trial) -> Figure:
 
 @styled
 def histories(
-    scene: scenes.Scene, flight: Trial, window: tuple[float, float], span_s: float
+    scene: scenes.Scene,
+    flight: Trial,
+    window: tuple[float, float],
+    span_s: float,
+    title: str,
 ) -> Figure:
     """Figs. 8 and 9: thrusts within their limits and surge beside its window."""
     track, thrusts = np.array(flight.track), np.array(flight.thrusts)
@@ -91,7 +101,7 @@ def histories(
     speed.set_ylabel("u [m/s]")
     speed.set_xlabel("time [s]")
     speed.legend(loc="lower right", frameon=False, ncols=2)
-    port.set_title(f"Thrusts and surge, window {window[0]:g} to {window[1]:g} m/s")
+    port.set_title(f"{title}: thrusts and surge, window {window[0]:g} to {window[1]:g} m/s")
     return figure
 
 
@@ -184,7 +194,12 @@ def claim(scores: Sequence[Score]) -> Figure:
     return figure
 
 
-def _draw_sets(axes: Axes, targets: Sequence[TargetSet], letter: str, colour: str) -> None:
+def _draw_sets(
+    axes: Axes, targets: Sequence[TargetSet], letter: str, colour: str, *, aside: int = 0
+) -> None:
+    """Draw sets with their numbers in the middle; the first one's may stand `aside`, to the east of
+    it (1) or to the west (-1).
+    """
     corners = [np.asarray(target.vertices)[:, ::-1] for target in targets]
     axes.add_collection(
         PolyCollection(corners, facecolors="none", edgecolors=colour, linewidths=0.9)
@@ -193,6 +208,8 @@ def _draw_sets(axes: Axes, targets: Sequence[TargetSet], letter: str, colour: st
         return
     for i, target in enumerate(targets, start=1):
         north, east = target.centre
+        if aside and i == 1:
+            east += aside * (target.polygon.bounds[3] - target.polygon.bounds[1])
         axes.annotate(f"${letter}_{i}$", (east, north), ha="center", va="center", color=colour)
 
 

@@ -49,9 +49,9 @@ class HandDriven:
     survey: Survey
 
     @classmethod
-    def read(cls, path: Path) -> HandDriven:
+    def read(cls, path: Path, header_from: Path | None = None) -> HandDriven:
         """Read a track from CSV; `InputError` where it has no times."""
-        raw = read_track(path)
+        raw = read_track(path, header_from=header_from)
         if raw.times is None:
             raise InputError(f"{path} has no times; the duration of the survey is needed.")
         return cls(raw, survey_of_track(raw, path.stem))
@@ -141,8 +141,9 @@ def fig5(out: Path, hand: HandDriven) -> Reproduction:
 
 
 def fig6(out: Path, hand: HandDriven) -> Reproduction:
-    """A motion planning for squares of 100 m2 over the region."""
-    planned = plan(hand.region, vessel_named("spyboat"), PlanSettings(cell_m=FIG6_CELL_M))
+    """A regular motion planning for squares of 100 m2 over the region: rows, there and back."""
+    settings = PlanSettings(cell_m=FIG6_CELL_M, pattern="rows")
+    planned = plan(hand.region, vessel_named("spyboat"), settings)
     picture = save(drawings.planned(planned.survey), out / "fig6.png")
     cells = [t for t in planned.survey.targets if t.kind == "cell"]
     whole = sum(abs(t.set.polygon.area - FIG6_CELL_M**2) < 1e-6 for t in cells)

@@ -3,7 +3,8 @@
 The paper prints the starts of Figs. 2 and 7, N = 15, T = 1 s, the size of the cells and the
 windows of Figs. 8 and 9. It prints no coordinates of the sets of Figs. 1 and 2 nor of the
 region of Fig. 7: ours are stand-ins, laid out so that the same things can be seen. The boat is
-the illustrative `spyboat`, for the SPYBOAT's own parameters are not public.
+the illustrative `spyboat`, for the SPYBOAT's own parameters are not public, with Fossen's sign in
+the last row of Eq. (9) unless another boat is given (`grebe.core.vessel.with_printed_sign`).
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ WINDOW_HALF = (0.5, 1.5)
 # Sides of the cells of Fig. 7: 25 m2.
 CELL_M = 5.0
 LIMIT_S = 1500.0
+BOAT = vessel_named("spyboat")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,14 +52,14 @@ class Scene:
         return fly(self.vessel, self.targets, pilot, self.start, Conditions(limit_s=LIMIT_S))
 
 
-def _scene(targets: tuple[TargetSet, ...], start: State) -> Scene:
+def _scene(targets: tuple[TargetSet, ...], start: State, boat: Vessel) -> Scene:
     return Scene(
         targets=targets,
         start=start,
         # FATROP to its full tolerance: a mirror image must be one to the millimetre.
         solver=Fatrop(),
         rule=Dual(),
-        vessel=vessel_named("spyboat"),
+        vessel=boat,
     )
 
 
@@ -66,7 +68,7 @@ def flown_otherwise(scene: Scene, rule: Rule, solver: SolverBuilder) -> Scene:
     return replace(scene, rule=rule, solver=solver)
 
 
-def mirrored_paths() -> tuple[Scene, Scene]:
+def mirrored_paths(boat: Vessel = BOAT) -> tuple[Scene, Scene]:
     """Fig. 1: two paths of five sets, reflections of each other across the line of approach."""
     middles = [(22.0, 0.0), (30.0, 7.0), (32.0, 16.0), (26.0, 23.0), (17.0, 25.0)]
 
@@ -76,10 +78,10 @@ def mirrored_paths() -> tuple[Scene, Scene]:
         )
 
     start = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return _scene(path(1.0), start), _scene(path(-1.0), start)
+    return _scene(path(1.0), start, boat), _scene(path(-1.0), start, boat)
 
 
-def four_sets() -> Scene:
+def four_sets(boat: Vessel = BOAT) -> Scene:
     """Fig. 2: from (0, 0, pi/2, 0, 0, 0) through four sets; the third lies off the shortest way
     from the second to the fourth, so that it is enough to touch its rim.
     """
@@ -89,7 +91,7 @@ def four_sets() -> Scene:
         rectangle((9.0, 13.0), (30.0, 34.0), WINDOW_1_2),
         rectangle((4.0, 8.0), (40.0, 44.0), WINDOW_1_2),
     )
-    return _scene(targets, (0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0))
+    return _scene(targets, (0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0), boat)
 
 
 def region() -> shapely.Polygon:
@@ -97,8 +99,12 @@ def region() -> shapely.Polygon:
     return shapely.Polygon([(5, 100), (30, 105), (55, 85), (60, 45), (45, 15), (20, 5), (0, 30)])
 
 
-def exploration(window: tuple[float, float] = WINDOW_1_2) -> Scene:
-    """Figs. 7 to 9: squares of 25 m2 over the region, there and back, from (20, 105, -pi/2)."""
+def exploration(window: tuple[float, float] = WINDOW_1_2, boat: Vessel = BOAT) -> Scene:
+    """Figs. 7 to 9: squares of 25 m2 over the region, there and back, from (20, 105, -pi/2).
+
+    Those that the region's edge crosses are cut by it, and here and there two that follow each
+    other share a corner alone: our region is not the paper's.
+    """
     start = (20.0, 105.0, -math.pi / 2, 0.0, 0.0, 0.0)
     meshed = mesh_water(region(), CELL_M)
     order, _ = sweeps(meshed, connect(meshed, region(), CELL_M), start[:2])
@@ -111,4 +117,4 @@ def exploration(window: tuple[float, float] = WINDOW_1_2) -> Scene:
         )
         for cell in cells
     )
-    return _scene(targets, start)
+    return _scene(targets, start, boat)

@@ -33,6 +33,9 @@ def voyage_asked(given: dict[str, Any]) -> Voyage:
         raise UsageError("The link is no address.", settings=("link",))
     if link.startswith("python:"):
         raise UsageError("A boat of one's own is sailed from the command line.", settings=("link",))
+    rule = str(given.get("rule", "lookahead"))
+    if rule.startswith("python:"):
+        raise UsageError("A rule of one's own sails from the command line.", settings=("rule",))
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 200:
         raise UsageError("The rate is a number from 0.1 to 200.", settings=("rate",))
     given_weather = given.get("weather") or {}
@@ -41,7 +44,7 @@ def voyage_asked(given: dict[str, Any]) -> Voyage:
     resume = given.get("resume") is True
     return Voyage(
         link="sim:" if link == "simulated" else link,
-        rule=str(given.get("rule", "lookahead")),
+        rule=rule,
         rate=float(rate),
         weather=weather(cast("dict[str, Any]", given_weather)).as_tuple(),
         resume=resume,

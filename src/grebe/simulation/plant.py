@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from grebe.core.dynamics import CALM, Weather, rates, rk4
+from grebe.core.errors import InputError
 from grebe.core.vessel import Vessel
 from grebe.simulation.changing import WeatherAt
 
 PLANT_STEP_S = 0.05
+# A step is cut into so many at most.
+MOST_SUBSTEPS = 200
 # What a boat on the water differs in from its data sheet: load, growth on the hull, propellers.
 UNCERTAIN = ("m11_kg", "m22_kg", "m33_kgm2", "x_u", "y_v", "n_r", "x_uu", "y_vv", "n_rr", "arm_m")
 
@@ -72,9 +75,33 @@ class Plant:
         for _ in range(steps):
             self.thrusts = self._lagged(step)
             self.state = rk4(
-                lambda z: rates(self.vessel, z, self._given, weather), self.state, step, 1
+                lambda z: rates(self.vessel, z, self._given, weather),
+                self.state,
+                step,
+                self._substeps(step),
             )
         self.time_s += duration_s
+
+    def _substeps(self, step_s: float) -> int:
+        """Into how many steps one is cut: more for a boat whose motion decays within it, or which
+        the water passes fast.
+        """
+        weather, (_, _, _, surge, sway, yaw_rate) = self.weather, self.state
+        current = math.hypot(weather.current_north_mps, weather.current_east_mps)
+        boat, speed = self.vessel, math.hypot(surge, sway) + current
+        rate = max(
+            boat.fastest_rate_hz,
+            -(boat.x_u + 2 * boat.x_uu * speed) / boat.m11_kg,
+            -(boat.y_v + 2 * boat.y_vv * speed) / boat.m22_kg,
+            -(boat.n_r + 2 * boat.n_rr * abs(yaw_rate)) / boat.m33_kgm2,
+        )
+        if not math.isfinite(rate) or rate * step_s > MOST_SUBSTEPS:
+            raise InputError(
+                f"The motion of the simulated {boat.name!r} cannot be followed: it decays at "
+                f"{rate:.3g} a second, at {speed:.3g} m/s through the water; give it more mass, "
+                "less drag, or less weather."
+            )
+        return max(1, math.ceil(rate * step_s))
 
     def _lagged(self, step_s: float) -> tuple[float, float]:
         if self.vessel.thruster_lag_s == 0:

@@ -7,6 +7,7 @@ whatever has the members of `Rule` steers as well (docs/how-to/add-a-rule.md).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -156,21 +157,22 @@ def shifted(situation: Situation) -> Plan | None:
 
 def check_stages(stages: int, step_s: float) -> None:
     """Raise `UsageError` for a horizon that no boat can be steered with."""
-    if not 2 <= stages <= 100:
-        raise UsageError(f"The horizon is {stages} stages; give 2 to 100.")
+    # Not even 15.0: it counts rows.
+    if type(stages) is not int or not 2 <= stages <= 100:
+        raise UsageError(f"The horizon is {stages!r} stages; give a whole number from 2 to 100.")
     if not 0.05 <= step_s <= 10.0:
         raise UsageError(f"The control step is {step_s} s; give 0.05 to 10 s.")
 
 
 def check_positive(**values: float) -> None:
-    """Raise `UsageError` naming the first value that is not positive."""
+    """Raise `UsageError` naming the first value that is not positive and finite."""
     for name, value in values.items():
-        if not value > 0:
-            raise UsageError(f"{name} is {value}; it must be positive.")
+        if not 0 < value < math.inf:
+            raise UsageError(f"{name} is {value}; it must be positive and finite.")
 
 
 def check_not_negative(**values: float) -> None:
-    """Raise `UsageError` naming the first value that is negative or not a number."""
+    """Raise `UsageError` naming the first value that is negative or not a finite number."""
     for name, value in values.items():
-        if not value >= 0:
-            raise UsageError(f"{name} is {value}; it must not be negative.")
+        if not 0 <= value < math.inf:
+            raise UsageError(f"{name} is {value}; it must be finite and not negative.")

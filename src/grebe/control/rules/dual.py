@@ -63,7 +63,7 @@ class Dual:
         planned = split_stage(situation.distance, self.epsilon, n)
         decision = decide(situation, planned, self.epsilon, n)
         split = decision.split
-        horizon = fixed_steps(shape, self.step_s, self.beta)
+        horizon = fixed_steps(shape, self.step_s, self.p * self.beta, split, self.q * self.beta)
         aim = situation.aims[0].halfspaces
         for stage in range(split):
             horizon.attract(stage, aim, self.p * self.alpha)

@@ -53,7 +53,7 @@ class Single:
     def propose(self, situation: Situation, shape: HorizonShape) -> Proposal:
         """See `Rule.propose`."""
         decision = decide(situation, shape.stages, self.epsilon, shape.stages)
-        horizon = fixed_steps(shape, self.step_s, self.beta)
+        horizon = fixed_steps(shape, self.step_s, self.beta, shape.stages, self.beta)
         aim = situation.aims[0].halfspaces
         for stage in range(shape.stages):
             horizon.attract(stage, aim, self.alpha)

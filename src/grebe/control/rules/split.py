@@ -53,9 +53,14 @@ def decide(situation: Situation, split: int, epsilon: float, horizon: int) -> De
     return Decision(target=situation.target, split=split, memory=memory)
 
 
-def fixed_steps(shape: HorizonShape, step_s: float, beta: float) -> Horizon:
-    """Return a horizon of stages that all last T, with a price on effort."""
+def fixed_steps(
+    shape: HorizonShape, step_s: float, effort: float, split: int, later_effort: float
+) -> Horizon:
+    """Return a horizon of stages that all last T, with a price on effort before the split and one
+    after it.
+    """
     horizon = Horizon(shape=shape)
     horizon.duration_bounds[:] = step_s
-    horizon.effort_weights[:] = beta
+    horizon.effort_weights[:split] = effort
+    horizon.effort_weights[split:] = later_effort
     return horizon

@@ -105,6 +105,7 @@ class SurveyFile(SurveyReader):
 
         One that an older version made is brought up to date.
         """
+        path = Path(path)
         if path.is_dir():
             raise SurveyFileError(f"{path} is a folder, not a survey file.")
         if not path.is_file():

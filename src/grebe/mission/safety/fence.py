@@ -27,8 +27,9 @@ from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Place
 
 STEP_S = 0.1
-# Nothing is foreseen further than this: a boat that is still under way then is on its way in.
-LONGEST_S = 16.0
+# Nothing is foreseen further than this: a boat that is still under way then is on its way in. One
+# that takes longer to stop is foreseen for as long, up to a limit; beyond that it may not go on.
+LONGEST_S, MOST_S = 16.0, 120.0
 # Slower than this the boat has stopped [m/s].
 STOPPED_MPS = 0.1
 # Less drift than this needs no turn against it [m/s].
@@ -175,6 +176,8 @@ def escape(
     for steps in (reaction, *(reaction + round(s / STEP_S) for s in PLANS_S)):
         thrusts = tuple(ahead(STEP_S * min(k, steps)) for k in range(steps))
         way = foreseen(fence, keeper, state, thrusts, weather, refuge)
+        if _ends_under_way(way, len(thrusts), keeper, weather, refuge):
+            continue
         if fence.holds_way(way[:, :2], _strays(way, keeper.vessel, weather, doubt)):
             return Escape(thrusts=thrusts, refuge=refuge, way=way[:, :2])
     return None
@@ -217,7 +220,8 @@ def foreseen(
     drift = drift_mps(vessel, weather)
     room_m = drift * keeper.turn_s
     states = [np.asarray(state, dtype=float)]
-    for k in range(len(thrusts) + round(LONGEST_S / STEP_S)):
+    longest_s = min(max(LONGEST_S, 2 * stopping_s(keeper, state)), MOST_S)
+    for k in range(len(thrusts) + round(longest_s / STEP_S)):
         here = states[-1]
         if k < len(thrusts):
             inputs = thrusts[k]
@@ -229,6 +233,29 @@ def foreseen(
         advance(parameters, here, np.asarray(inputs, dtype=float), STEP_S, substeps, ahead)
         states.append(ahead)
     return np.array([*states, states[-1]] if len(states) == 1 else states)
+
+
+def stopping_s(keeper: StationKeeper, state: State) -> float:
+    """How long a boat takes to stop by its weaker thruster's reverse thrust alone [s]."""
+    boat = keeper.vessel
+    speed = max(math.hypot(state[3], state[4]), boat.speed_max_mps)
+    force = -2 * keeper.weaker_share * boat.thrust_min_n
+    slowing = max(force, boat.surge_drag_n(0.5 * speed))
+    return boat.m11_kg * speed / slowing
+
+
+def _ends_under_way(
+    way: np.ndarray, given: int, keeper: StationKeeper, weather: Weather, refuge: Place
+) -> bool:
+    """Whether a boat that takes long to stop goes on outwards where what is foreseen ends."""
+    if len(way) <= given + round(LONGEST_S / STEP_S):
+        return False
+    north, east, heading, surge, sway, _ = way[-1].tolist()
+    if math.hypot(surge, sway) <= 2 * STOPPED_MPS + drift_mps(keeper.vessel, weather):
+        return False
+    over_north = surge * math.cos(heading) - sway * math.sin(heading)
+    over_east = surge * math.sin(heading) + sway * math.cos(heading)
+    return over_north * (refuge[0] - north) + over_east * (refuge[1] - east) <= 0
 
 
 def reckoned(

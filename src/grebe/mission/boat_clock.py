@@ -1,0 +1,44 @@
+"""The boat's own clock: a mission steers by it, and must not go on by one that stands."""
+
+from __future__ import annotations
+
+from grebe.core.errors import LinkError
+from grebe.core.events import EndReason
+from grebe.links.base import Observation
+from grebe.mission.gate import OverError
+
+# So many estimates in a row of one time are no hiccup.
+MOST_ALIKE = 20
+# A clock that goes back by less than this is rounded [s].
+ROUNDING_S = 1e-6
+# A boat that has not once said where it is by then does not know it [s].
+NEVER_SEEN_S = 60.0
+
+
+class BoatClock:
+    """Judges when estimates come."""
+
+    def __init__(self) -> None:
+        self._last_s: float | None = None
+        self._alike = 0
+
+    def see(self, observation: Observation, *, seen_before: bool) -> None:
+        """Take the time of an estimate, usable or not; `seen_before` says whether any was.
+
+        `LinkError` where the clock stands still or runs back, for nothing that is planned would
+        ever be due; `OverError` for a boat that never says where it is.
+        """
+        now, last = observation.time_s, self._last_s
+        if last is not None and now < last - ROUNDING_S:
+            raise LinkError(f"The boat's clock went back, from {last:g} s to {now:g} s.")
+        self._alike = self._alike + 1 if now == last else 0
+        self._last_s = now
+        if self._alike >= MOST_ALIKE:
+            raise LinkError(
+                f"The boat's clock stands at {now:g} s, which {self._alike + 1} estimates in a row "
+                "have for their time."
+            )
+        if not seen_before and now > NEVER_SEEN_S:
+            raise OverError(
+                EndReason.BLIND, f"no estimate of where the boat is came within {NEVER_SEEN_S:g} s"
+            )

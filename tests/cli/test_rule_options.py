@@ -1,0 +1,67 @@
+"""Who steers, by the command line: each rule's own defaults, and a rule in a user's file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from conftest import square_survey
+
+from grebe.cli.main import grebe
+from grebe.control.rules.dual import Dual
+from grebe.control.rules.lookahead import Lookahead
+from grebe.control.rules.single import Single
+from grebe.core.errors import UsageError
+from grebe.io.store import SurveyFile
+from grebe.workflow.files import write_survey
+from grebe.workflow.steering_names import rule_named
+
+OWN = """
+from grebe.control.rules.lookahead import Lookahead
+
+def rule():
+    return Lookahead(stages=20)
+"""
+
+
+@pytest.mark.parametrize("rule", [Single(), Dual(), Lookahead()], ids=lambda r: type(r).__name__)
+def test_a_rule_that_is_given_no_weights_has_its_own(
+    rule: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def steered_by(one: object, *_: object) -> object:
+        made.append(one)
+        raise UsageError("that is enough")
+
+    monkeypatch.setattr("grebe.cli.run_command.steered_by", steered_by)
+    write_survey(tmp_path / "s.gpkg", square_survey())
+    name = type(rule).__name__.lower()
+    CliRunner().invoke(grebe, ["run", str(tmp_path / "s.gpkg"), "--rule", name])
+    assert made == [rule]
+
+
+def test_a_rule_of_one_s_own_is_flown_and_resumed_by_name(tmp_path: Path) -> None:
+    own, file = tmp_path / "own.py", tmp_path / "s.gpkg"
+    own.write_text(OWN)
+    assert rule_named(f"python:{own}") == Lookahead(stages=20)
+    write_survey(file, square_survey())
+    words = ["run", str(file), "--rule", f"python:{own}", "--json"]
+    done = CliRunner().invoke(grebe, words, catch_exceptions=False)
+    assert json.loads(done.stdout.splitlines()[-1])["ended"] == "mission_complete"
+    with SurveyFile.open(file) as kept:
+        assert json.loads(kept.meta()["run"])["rule"] == f"python:{own}"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [(None, "no such file"), ("x = 1", "no function rule"), ("def rule(): return 3", "is no rule")],
+)
+def test_a_file_that_holds_no_rule_is_refused(tmp_path: Path, text: str | None, says: str) -> None:
+    path = tmp_path / "own.py"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(UsageError, match=says):
+        rule_named(f"python:{path}")
