@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from conftest import CHINA, FRAME, needs_tracks
 
 from grebe.cli.main import grebe
+from grebe.core.errors import InputError
 from grebe.core.quantities import BUILTIN
 from grebe.core.samples import Flag, Samples
 from grebe.io.export.samples import (
@@ -111,3 +112,29 @@ def test_the_command_exports_a_track(tmp_path):
     code, said = run("export", survey, "-o", out)
     assert code != 0
     assert "exists already" in said
+
+
+def test_results_have_the_sonde_s_depth_and_no_more_digits_than_it_resolves(measured, tmp_path):
+    values = dict(measured.samples.values) | {"sonde_depth_m": np.full(N, 0.5123)}
+    values["ph"] = np.full(N, 7.123456)
+    samples = Samples.of(
+        times=measured.samples.times, positions=measured.samples.positions, values=values,
+        quantities=BUILTIN,
+    )  # fmt: skip
+    measured = Measured(samples=samples, frame=FRAME, name="pond")
+    path = tmp_path / "lake.wqx.csv"
+    write_results(measured, path)
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["ActivityDepthHeightMeasure/MeasureValue"] for row in rows} == {"0.51"}
+    assert {r["ResultMeasureValue"] for r in rows if r["CharacteristicName"] == "pH"} == {"7.123"}
+    assert measured.unnamed() == ["chlorophyll_rfu"]
+
+
+def test_what_was_simulated_is_no_result(simulated_survey, tmp_path):
+    words = ["export", str(simulated_survey[0]), "-o", str(tmp_path / "lake.wqx.csv")]
+    done = CliRunner().invoke(grebe, words)
+    assert isinstance(done.exception, InputError)
+    assert "was sailed in simulation" in str(done.exception)
+    words[-1] = str(tmp_path / "lake.csv")
+    assert CliRunner().invoke(grebe, words).exit_code == 0

@@ -11,6 +11,7 @@ import rasterio
 from click.testing import CliRunner
 
 from grebe.cli.main import grebe
+from grebe.core.errors import InputError
 from grebe.io.store import SurveyFile
 from grebe.workflow.differences import compare_surveys
 from grebe.workflow.series import map_series
@@ -141,3 +142,18 @@ def test_a_survey_without_samples_and_water_apart_are_refused(years, tmp_path):
         pass
     with pytest.raises(Exception, match="holds no samples"):
         map_series([*years[:2], empty])
+
+
+def test_surveys_of_one_day_are_one_date(years, tmp_path):
+    """Two on one day and one on another tell no trend, whatever their maps say of themselves."""
+    again = sailed(tmp_path, 2020, seed=7, warmer=0.1)
+    with pytest.raises(InputError, match="surveys of 3 days; there are those of 2"):
+        map_series([years[0], again, years[1]], 10.0)
+    series = map_series([years[0], again, *years[1:3]], 10.0)
+    assert len(series.by_quantity["ph"].times_s) == 3
+
+
+def test_a_difference_within_a_day_says_the_time(years, tmp_path):
+    again = sailed(tmp_path, 2020, seed=7)
+    assert compare_surveys(years[0], again, 20.0).days == ("2020-07-01 10:00", "2020-07-01 10:00")
+    assert compare_surveys(years[0], years[1], 20.0).days == ("2020-07-01", "2021-07-01")

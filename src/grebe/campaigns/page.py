@@ -6,6 +6,7 @@ import base64
 import json
 from collections import Counter
 from collections.abc import Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -53,8 +54,8 @@ def verdict_sentence(outcome: Outcome) -> str:
     share, missions = outcome.campaign.claim.share, len(outcome.missions)
     if share is None:
         return (
-            f"No share was claimed: {missions} missions were sailed, as was fixed beforehand, and "
-            "the limit is that of Clopper and Pearson."
+            f"No share was claimed: {missions} missions were sailed. The limit is that of Clopper "
+            "and Pearson, and holds if their number was fixed before any of them was looked at."
         )
     claimed = f"that at least {100 * share:g} % succeed"
     said = {
@@ -90,6 +91,10 @@ def numbers(outcome: Outcome) -> dict[str, Any]:
         "duration_s_p95": float(np.percentile(times, 95)) if times else None,
         "clearance_m_least": min(clear) if clear else None,
         "seed": campaign.seed,
+        "survey": outcome.survey.name,
+        "boat": outcome.survey.vessel.name if outcome.survey.vessel else None,
+        "drawn": spreads_in_words(campaign.spreads),
+        "software_version": version("grebe"),
         "failed": [one.number for one in missions if not one.success][:100],
     }
 

@@ -11,24 +11,11 @@ import click
 from grebe.campaigns.engine import Engine, engine_of
 from grebe.campaigns.maps import MapTask, map_many
 from grebe.cli import options, output
+from grebe.cli.mapping_options import asked_again, map_settings, mapping_options, settings_with
 from grebe.core.errors import InputError, UsageError
 from grebe.core.quantities import BUILTIN
-from grebe.core.survey import Survey
-from grebe.io.readers.depth import read_depth
 from grebe.io.store import SurveyFile
-from grebe.mapping.drift import DriftFunction, combined, inflow, linear
-from grebe.mapping.maps import MapSettings
-from grebe.mapping.methods.choice import (
-    AVERAGED,
-    COVARIANCE_FITS,
-    KRIGING,
-    METHODS,
-    ByShore,
-    Straight,
-    with_settings,
-)
-from grebe.mapping.scale import SCALES
-from grebe.mapping.variogram import ESTIMATORS
+from grebe.mapping.drift import linear
 from grebe.report.thresholds import read_profile
 from grebe.workflow.files import filled_folder, make_folder
 from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_survey, write_maps
@@ -42,56 +29,7 @@ from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_surv
     "--workers", type=click.IntRange(min=1), help="For --many: processes.  [default: one a core]"
 )
 @click.option("--scheduler", metavar="ADDRESS", help="For --many: a Dask cluster's scheduler.")
-@click.option("--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m].")
-@click.option(
-    "--method",
-    type=click.Choice(tuple(METHODS)),
-    help="How to interpolate.  [default: by the shore]",
-)
-@click.option(
-    "--variogram",
-    type=click.Choice(tuple(COVARIANCE_FITS)),
-    help="The covariance of place alone: rough or smooth by its posterior under priors, by "
-    "restricted likelihood alone (reml), or as the variogram has it (wls).  [default: the mean of "
-    "a rough one and of a smooth one that knows of passes]",
-)
-@click.option(
-    "--moment",
-    type=options.MOMENT,
-    help="Map the water of one moment of the survey (ISO 8601, or middle): what changed everywhere "
-    "meanwhile, and the sensors' lag, are estimated and taken out.  [default: each place as it was "
-    "measured]",
-)
-@click.option(
-    "--scale",
-    type=click.Choice(tuple(SCALES)),
-    help="Map the quantity itself, or its logarithm with asymmetric intervals.  [default: the "
-    "logarithm of what is positive and skewed]",
-)
-@click.option("--drift", type=click.Choice(("linear",)), help="What the mean depends on.")
-@click.option(
-    "--inflow",
-    "inflows",
-    type=options.LON_LAT,
-    multiple=True,
-    help="An inflow from whose distance the mean depends; may be given several times.",
-)
-@click.option(
-    "--depth", type=options.EXISTING, help="Raster of depths on which the mean depends (GeoTIFF)."
-)
-@click.option(
-    "--shore-depth-sd",
-    "shore_depth_sd_m",
-    type=float,
-    help="Take the depth of the water as zero along the shore, within this standard deviation [m].",
-)
-@click.option(
-    "--estimator",
-    type=click.Choice(ESTIMATORS),
-    default="matheron",
-    show_default=True,
-    help="Of the variogram; cressie and dowd bear outliers.",
-)
+@mapping_options
 @click.option("--draws", type=click.IntRange(0, 1000), default=0, help="Conditional simulations.")
 @click.option("--profile", type=options.EXISTING, help="TOML: thresholds.  [default: fresh water]")
 @click.option(
@@ -102,7 +40,9 @@ from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_surv
 )
 @options.force_option
 @options.json_option
+@click.pass_context
 def command(
+    ctx: click.Context,
     files: tuple[Path, ...],
     out: Path,
     many: bool,
@@ -123,7 +63,7 @@ def command(
             raise UsageError("Inflows and a raster of depths are one lake's own; map it by itself.")
         task = MapTask(
             out=out,
-            settings=_settings(asked, linear if asked["drift"] else None),
+            settings=settings_with(asked, linear if asked["drift"] else None),
             resolution_m=asked["resolution_m"],
             draws=asked["draws"],
             profile=asked["profile"],
@@ -139,15 +79,14 @@ def command(
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} holds maps already; give another folder, or --force.")
     with filled_folder(out):
-        _map_one(files[0], out, asked, as_json=as_json)
+        _map_one(files[0], out, asked, asked_again(ctx), as_json=as_json)
 
 
-def _map_one(file: Path, out: Path, asked: dict[str, Any], *, as_json: bool) -> None:
+def _map_one(file: Path, out: Path, asked: dict[str, Any], again: str, *, as_json: bool) -> None:
     with SurveyFile.open(file) as survey_file:
-        functions = _drift(survey_file.survey, asked["drift"], asked["inflows"], asked["depth"])
+        settings = map_settings(asked, survey_file.survey)
         mapped = sum(one.mapped for one in survey_file.quantities.values())
         thresholds = read_profile(asked["profile"], BUILTIN.extended(survey_file.quantities))
-    settings = _settings(asked, functions)
     with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
         data = map_survey(file, settings, asked["resolution_m"], countdown.update)
     written = write_maps(data, out, thresholds, asked["draws"], asked["credits_file"])
@@ -164,7 +103,7 @@ def _map_one(file: Path, out: Path, asked: dict[str, Any], *, as_json: bool) -> 
             "files": [str(path) for path in written],
         },
         as_json=as_json,
-        next_command=f"grebe report {file} -o report.html",
+        next_command=f"grebe report {file} -o report.html{again}",
     )
 
 
@@ -189,37 +128,3 @@ def _map_many(
     )
     if failed:
         raise InputError(f"{len(failed)} of {len(files)} surveys could not be mapped.")
-
-
-def _settings(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings:
-    """The methods by their names in the table, with the settings that are given."""
-    method, variogram = asked["method"], asked["variogram"]
-    more: dict[str, Any] = {
-        "shore_depth_sd_m": asked["shore_depth_sd_m"],
-        "moment": asked["moment"],
-        "scale": SCALES.get(asked["scale"]),
-    }
-    given = {"estimator": asked["estimator"], "drift": drift}
-    if variogram is not None:
-        given["fit_covariance"] = COVARIANCE_FITS[variogram]
-    if method not in (None, AVERAGED.key):
-        return MapSettings(method=with_settings(METHODS[method], **given), **more)
-    straight: tuple[Straight, ...] = (AVERAGED,) if variogram is None else KRIGING[:1]
-    straight = with_settings(straight, **given)
-    if method is None:
-        return MapSettings(choice=ByShore(straight=straight), **more)
-    return MapSettings(method=straight, **more)
-
-
-def _drift(
-    survey: Survey,
-    name: str | None,
-    inflows: Sequence[tuple[float, float]],
-    depth: Path | None,
-) -> DriftFunction | None:
-    frame = survey.frame
-    functions: list[DriftFunction] = [linear] if name == "linear" else []
-    functions += [inflow(frame.place_near(survey.water, place, "inflow")) for place in inflows]
-    if depth is not None:
-        functions.append(read_depth(depth, frame))
-    return combined(functions)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from grebe.cli import options, output
+from grebe.cli.mapping_options import map_settings, mapping_options
 from grebe.core.errors import InputError
 from grebe.core.quantities import BUILTIN
 from grebe.io.store import SurveyFile
@@ -20,7 +22,7 @@ from grebe.report.thresholds import read_profile
 @click.command(name="report")
 @click.argument("file", type=options.EXISTING)
 @click.option("-o", "--output", "path", type=options.OUTPUT, help="HTML page [FILE.html].")
-@click.option("--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m].")
+@mapping_options
 @click.option(
     "--language", type=click.Choice(LANGUAGES), default="en", show_default=True, help="Of the page."
 )
@@ -31,14 +33,14 @@ from grebe.report.thresholds import read_profile
 def command(
     file: Path,
     path: Path | None,
-    resolution_m: float | None,
     language: str,
     profile: Path | None,
     pdf: bool,
     force: bool,
     as_json: bool,
+    **asked: Any,
 ) -> None:
-    """Write one self-contained HTML page about FILE."""
+    """Write one self-contained HTML page about FILE, with its maps made as grebe map makes them."""
     path = path or file.with_suffix(".html")
     options.refuse_same(file, options.checked_output(path))
     if path.suffix.lower() == ".pdf":
@@ -48,7 +50,8 @@ def command(
             raise InputError(f"{made} exists already; give another name with -o, or --force.")
     with SurveyFile.open(file) as survey_file:
         thresholds = read_profile(profile, BUILTIN.extended(survey_file.quantities))
-        data = gather(survey_file, resolution_m)
+        settings = map_settings(asked, survey_file.survey)
+        data = gather(survey_file, asked["resolution_m"], settings)
     write_report(path, data, thresholds, language)
     printed: dict[str, str] = {}
     if pdf:

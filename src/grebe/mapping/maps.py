@@ -227,6 +227,10 @@ def map_all(
     where a moment is asked for in which nobody measured.
     """
     _refuse_moment(mapper.settings.moment, samples.times)
+    if mapper.settings.moment == "middle" and len(samples):
+        # The survey's own, the same for all quantities, whatever is flagged of each.
+        middle = float(samples.times.min() + samples.times.max()) / 2
+        mapper = replace(mapper, settings=replace(mapper.settings, moment=middle))
     maps: list[QuantityMap] = []
     left_out: list[str] = []
     # What changed, and how late sensors were, is told by one boat's way over time.

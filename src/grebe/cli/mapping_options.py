@@ -1,0 +1,142 @@
+"""The options of how maps are made, for every command that makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from grebe.cli import options
+from grebe.core.survey import Survey
+from grebe.io.readers.depth import read_depth
+from grebe.mapping.drift import DriftFunction, combined, inflow, linear
+from grebe.mapping.maps import MapSettings
+from grebe.mapping.methods.choice import (
+    AVERAGED,
+    COVARIANCE_FITS,
+    KRIGING,
+    METHODS,
+    ByShore,
+    Straight,
+    with_settings,
+)
+from grebe.mapping.scale import SCALES
+from grebe.mapping.variogram import ESTIMATORS
+
+mapping_options = options.together(
+    click.option(
+        "--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m]."
+    ),
+    click.option(
+        "--method",
+        type=click.Choice(tuple(METHODS)),
+        help="How to interpolate.  [default: by the shore]",
+    ),
+    click.option(
+        "--variogram",
+        type=click.Choice(tuple(COVARIANCE_FITS)),
+        help="The covariance of place alone: rough or smooth by its posterior under priors, by "
+        "restricted likelihood alone (reml), or as the variogram has it (wls).  [default: the mean "
+        "of a rough one and of a smooth one that knows of passes]",
+    ),
+    click.option(
+        "--moment",
+        type=options.MOMENT,
+        help="Map the water of one moment of the survey (ISO 8601, or middle): what changed "
+        "everywhere meanwhile, and the sensors' lag, are estimated and taken out.  [default: each "
+        "place as it was measured]",
+    ),
+    click.option(
+        "--scale",
+        type=click.Choice(tuple(SCALES)),
+        help="Map the quantity itself, or its logarithm with asymmetric intervals.  [default: the "
+        "logarithm of what is positive and skewed]",
+    ),
+    click.option("--drift", type=click.Choice(("linear",)), help="What the mean depends on."),
+    click.option(
+        "--inflow",
+        "inflows",
+        type=options.LON_LAT,
+        multiple=True,
+        help="An inflow from whose distance the mean depends; may be given several times.",
+    ),
+    click.option(
+        "--depth",
+        type=options.EXISTING,
+        help="Raster of depths on which the mean depends (GeoTIFF).",
+    ),
+    click.option(
+        "--shore-depth-sd",
+        "shore_depth_sd_m",
+        type=float,
+        help="Take the depth of the water as zero along the shore, within this standard deviation "
+        "[m].",
+    ),
+    click.option(
+        "--estimator",
+        type=click.Choice(ESTIMATORS),
+        default="matheron",
+        show_default=True,
+        help="Of the variogram; cressie and dowd bear outliers.",
+    ),
+)
+# What a command that follows is told again.
+REPEATED = ("method", "variogram", "moment", "scale", "drift", "depth", "estimator")
+
+
+def map_settings(asked: dict[str, Any], survey: Survey) -> MapSettings:
+    """How the maps of a survey are made, by what was asked for."""
+    drift = _drift(survey, asked["drift"], asked["inflows"], asked["depth"])
+    return settings_with(asked, drift)
+
+
+def asked_again(ctx: click.Context) -> str:
+    """The options that were given, as they are written for the next command."""
+    given = {
+        name: ctx.params[name]
+        for name in REPEATED
+        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    }
+    if isinstance(given.get("moment"), float):
+        given["moment"] = datetime.fromtimestamp(given["moment"], UTC).strftime(
+            "%Y-%m-%dT%H:%M:%SZ"
+        )
+    return "".join(f" --{name} {value}" for name, value in given.items())
+
+
+def settings_with(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings:
+    """The methods by their names in the table, with the settings that are given."""
+    method, variogram = asked["method"], asked["variogram"]
+    more: dict[str, Any] = {
+        "shore_depth_sd_m": asked["shore_depth_sd_m"],
+        "moment": asked["moment"],
+        "scale": SCALES.get(asked["scale"]),
+    }
+    given = {"estimator": asked["estimator"], "drift": drift}
+    if variogram is not None:
+        given["fit_covariance"] = COVARIANCE_FITS[variogram]
+    if method not in (None, AVERAGED.key):
+        return MapSettings(method=with_settings(METHODS[method], **given), **more)
+    straight: tuple[Straight, ...] = (AVERAGED,) if variogram is None else KRIGING[:1]
+    straight = with_settings(straight, **given)
+    if method is None:
+        return MapSettings(choice=ByShore(straight=straight), **more)
+    return MapSettings(method=straight, **more)
+
+
+def _drift(
+    survey: Survey,
+    name: str | None,
+    inflows: Sequence[tuple[float, float]],
+    depth: Path | None,
+) -> DriftFunction | None:
+    frame = survey.frame
+    functions: list[DriftFunction] = [linear] if name == "linear" else []
+    functions += [inflow(frame.place_near(survey.water, place, "inflow")) for place in inflows]
+    if depth is not None:
+        functions.append(read_depth(depth, frame))
+    return combined(functions)

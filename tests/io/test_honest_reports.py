@@ -1,0 +1,74 @@
+"""What a report must say: of a hull, a simulation, a lag that was corrected, one moment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import netCDF4
+import pytest
+from click.testing import CliRunner
+from conftest import CHINA, needs_tracks
+
+from grebe.cli.main import grebe
+from grebe.report.texts import texts_of
+
+
+def run(*words: object) -> str:
+    """What a command prints; it must succeed."""
+    done = CliRunner().invoke(grebe, [str(one) for one in words], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def china(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A real track, its oxygen put back by 18 s."""
+    file = tmp_path_factory.mktemp("china") / "china.gpkg"
+    run("import", CHINA, "-o", file)
+    run("check", file, "--lag", "dissolved_oxygen_mgl=18")
+    return file
+
+
+@needs_tracks
+def test_a_report_says_of_a_track_what_it_is_of(china: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    run("report", china, "-o", page, "--resolution", "8", "--moment", "middle")
+    text = page.read_text()
+    assert "ha within the convex hull of the track from 2,655 samples" in text
+    assert "The sensor&#39;s delay of 18 s and its time constant of 0 s were made up for" in text
+    assert text.count("The map is of 2020-09-15 16:36 UTC: this is taken out.") == 8
+    assert "by quantity, " in text
+    run("report", china, "-o", page, "--resolution", "8", "--language", "fr", "--force")
+    text = page.read_text()
+    assert "4,15 ha à l&#39;intérieur de l&#39;enveloppe convexe du trajet" in text
+    for english in ("the mean of", "practical range", "passes that", "(kriging)"):
+        assert english not in text
+
+
+@needs_tracks
+def test_no_shore_is_known_of_a_track(china: Path, tmp_path: Path) -> None:
+    words = ["map", str(china), "--out", str(tmp_path / "m"), "--shore-depth-sd", "0.5"]
+    done = CliRunner().invoke(grebe, words)
+    assert "drawn about its track and is no shore" in str(done.exception)
+
+
+def test_what_is_simulated_is_said_to_be(
+    simulated_survey: tuple[Path, object], tmp_path: Path
+) -> None:
+    file, page = simulated_survey[0], tmp_path / "page.html"
+    run("map", file, "--out", tmp_path / "m", "--resolution", "4")
+    with netCDF4.Dataset(tmp_path / "m" / "map.nc") as maps:
+        assert maps.title.startswith("Simulated water of")
+        assert "a simulated boat" in maps.summary
+    run("report", file, "-o", page, "--resolution", "4")
+    assert "This survey was simulated: nothing was measured." in page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "french"),
+    [("2,655", "2\N{NARROW NO-BREAK SPACE}655"), ("4.15 ha", "4,15 ha"), ("0.1.0", "0,1,0")],
+)
+def test_numbers_are_written_as_the_language_has_them(text: str, french: str) -> None:
+    assert texts_of("fr").number(text) == french
+    assert texts_of("en").number(text) == text
+    assert texts_of("fr").share(0.125, 1) == "12,5\N{NO-BREAK SPACE}%"
