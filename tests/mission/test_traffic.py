@@ -14,12 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.core.dynamics import Weather
-from grebe.core.errors import LinkError
+from grebe.core.errors import LinkError, UsageError
 from grebe.core.events import EndReason, SafetyChanged
 from grebe.core.plan_settings import FleetSettings, PlanSettings
 from grebe.core.revision import survey_of
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
+from grebe.links.base import Reading
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
 from grebe.mission.rota import Rota
@@ -29,6 +30,7 @@ from grebe.planning.region import Region
 from grebe.simulation.faults import NO_FAULTS, Faults
 from grebe.workflow.files import write_survey
 from grebe.workflow.fleets import FleetRun
+from grebe.workflow.instruments import boat_and_instrument, of_fleet, of_one_boat
 from grebe.workflow.run import steered_by
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -212,3 +214,52 @@ def test_a_large_boat_that_needs_room_to_turn_is_given_it(tmp_path):
     report, _, least = sailed(path, world)
     assert report.complete
     assert least >= 6.0
+
+
+class Sonde:
+    """A pH probe apart from the boat that always has something to say."""
+
+    keys, silent = ("ph",), ()
+
+    def readings(self):
+        return [Reading(age_s=0.0, values={"ph": 6.5})]
+
+    def notes(self):
+        return []
+
+    def close(self):
+        pass
+
+
+def test_a_boat_of_a_fleet_has_a_sonde_of_its_own(tmp_path):
+    path = fleet_file(tmp_path / "f.gpkg", boats=2, side=40.0)
+    world = SimulatedWorld()
+    with SurveyFile.open(path) as file:
+        report = FleetRun(
+            file,
+            lambda boat, departure: replace(world, boat=boat)(departure),
+            steered_by(),
+            instruments={2: Sonde()},
+        ).run(NOON)
+        assert report.complete
+        samples = file.samples()
+    of_second = np.isclose(samples.values["ph"], 6.5)
+    assert set(samples.boat[of_second]) == {2}
+    assert of_second.sum() > 20
+    # Its own sonde is no longer asked for it, and the other boat's is.
+    assert not np.isfinite(samples.values["ph"][(samples.boat == 2) & ~of_second]).any()
+    assert np.isfinite(samples.values["ph"][samples.boat == 1]).any()
+
+
+def test_whose_an_instrument_is_has_to_be_said():
+    one, two = Sonde(), Sonde()
+    assert boat_and_instrument("2=tcp:h:1@ysi-exo") == (2, "tcp:h:1@ysi-exo")
+    assert boat_and_instrument("serial:/dev/x@ysi-exo") == (None, "serial:/dev/x@ysi-exo")
+    assert of_one_boat({None: one}) is one
+    assert of_one_boat({}) is None
+    assert of_fleet({1: one, 2: two}, 2) == {1: one, 2: two}
+    with pytest.raises(UsageError, match="leave its number out"):
+        of_one_boat({2: one})
+    for wrong in ({None: one}, {3: one}, {0: one}):
+        with pytest.raises(UsageError, match="say which of them"):
+            of_fleet(wrong, 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
@@ -15,12 +15,14 @@ from grebe.core.errors import IncompleteError, StoppedError, UsageError
 from grebe.core.survey import SIMULATED_WATER
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
+from grebe.links.instruments.instrument import Bench
 from grebe.mission.departure import Departure
 from grebe.mission.recorders import Listener
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, Progress, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.fleets import FleetReport, FleetRun
+from grebe.workflow.instruments import of_fleet
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -68,8 +70,11 @@ def run_fleet(
     yes: bool,
     resume: bool,
     force: bool,
+    benches: Mapping[int | None, Bench],
 ) -> FleetReport:
-    """Sail a fleet's survey; `urls` are one link for all boats, or one for each."""
+    """Sail a fleet's survey; `urls` are one link for all boats, or one for each, `benches` the
+    instruments of some.
+    """
     rule, solver, world = how
     fleet = survey_file.survey.fleet
     assert fleet is not None
@@ -95,6 +100,7 @@ def run_fleet(
         shares_time=simulated,
         watches=FleetMeter(bar, len(survey_file.survey.targets)).listeners,
         on_ready=lambda _, mission: heed_mission(mission),
+        instruments=of_fleet(benches, fleet.boats),
     ).run(now, resume=resume, force=force)
     check_samples(survey_file)
     return report

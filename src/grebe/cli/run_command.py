@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -34,7 +34,13 @@ from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
-from grebe.workflow.instruments import declare_quantities, instrument_named, instruments_at
+from grebe.workflow.instruments import (
+    boat_and_instrument,
+    declare_quantities,
+    instrument_named,
+    instruments_at,
+    of_one_boat,
+)
 from grebe.workflow.preview import preview_of, way_home_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
@@ -68,8 +74,9 @@ from grebe.workflow.sorties import kept_by_plan, sortie_states
     "instruments",
     multiple=True,
     metavar="ADDRESS@PROFILE",
-    help="A sonde apart from the boat, such as serial:/dev/ttyUSB0@ysi-exo; may be given several "
-    "times.  (grebe instruments lists the profiles)",
+    help="A sonde apart from the boat, such as serial:/dev/ttyUSB0@ysi-exo, of a fleet's boat with "
+    "its number, 2=ADDRESS@PROFILE; may be given several times.  (grebe instruments lists the "
+    "profiles)",
 )
 @safety_options
 @options.quantities_option
@@ -122,24 +129,25 @@ def command(
     own = user_quantities(run.pop("quantities_file"), file)
     with (
         _claimed(file) as survey_file,
-        instruments_at(instruments, BUILTIN.extended(own)) as bench,
+        instruments_at(instruments, BUILTIN.extended(own)) as benches,
         output.MissionBar(quiet=as_json) as bar,
     ):
-        _declare(survey_file, own, bench)
+        _declare(survey_file, own, benches)
         if goes_on:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
         before = survey_file.progress().reached if goes_on else 0
         kept = {name: value for name, value in run.items() if name not in ONCE}
         survey_file.set_meta("run", json.dumps(kept, default=str))
         if survey_file.survey.fleet is not None and sortie is None:
-            _refuse_for_fleets(instruments, run, live=live)
+            _refuse_for_fleets(run, live=live)
             _sail_fleet(
-                survey_file, urls, run, now, bar, resume=resume, force=force, as_json=as_json
-            )
+                survey_file, urls, run, now, bar, benches,
+                resume=resume, force=force, as_json=as_json,
+            )  # fmt: skip
             return
         report = _run(
             survey_file, _only(urls), run, now, bar, live,
-            resume=goes_on, force=force, sortie=sortie, instruments=bench,
+            resume=goes_on, force=force, sortie=sortie, instruments=of_one_boat(benches),
         )  # fmt: skip
         file = survey_file.path
         moved = survey_file.count("track") > 0 and report.reached > before
@@ -174,15 +182,15 @@ def _judge(
     wish_of(run)
     _settings(run)
     for one in instruments:
-        instrument_named(one)
+        instrument_named(boat_and_instrument(one)[1])
 
 
-def _declare(survey_file: SurveyFile, own: Quantities, bench: Bench | None) -> None:
+def _declare(survey_file: SurveyFile, own: Quantities, benches: Mapping[int | None, Bench]) -> None:
     """Let the file hold a column of each quantity that is going to be measured."""
     if own:
         survey_file.claim()
         survey_file.declare(own)
-    if bench is not None:
+    for bench in benches.values():
         survey_file.claim()
         declare_quantities(survey_file, bench, BUILTIN.extended(own))
 
@@ -239,6 +247,7 @@ def _sail_fleet(
     run: dict[str, Any],
     now: datetime,
     bar: output.MissionBar,
+    benches: Mapping[int | None, Bench],
     *,
     resume: bool,
     force: bool,
@@ -248,7 +257,7 @@ def _sail_fleet(
     settings = _mission_settings(run, now, survey_file)
     report = run_fleet(
         survey_file, urls, _settings(run), settings, now, bar,
-        yes=run["yes"], resume=resume, force=force,
+        yes=run["yes"], resume=resume, force=force, benches=benches,
     )  # fmt: skip
     ahead = f"grebe map {survey_file.path} --out maps"
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
@@ -264,10 +273,9 @@ def _mission_settings(
     )
 
 
-def _refuse_for_fleets(instruments: tuple[str, ...], run: dict[str, Any], *, live: bool) -> None:
+def _refuse_for_fleets(run: dict[str, Any], *, live: bool) -> None:
     """What one boat can, and a fleet cannot yet."""
     asked = {
-        "--instrument": bool(instruments),
         "--live": live,
         "--replan": run["replans"],
         "--adaptive": run["adaptive_key"] is not None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -16,7 +16,7 @@ from grebe.core.revision import PlanRevision, Sortie
 from grebe.core.survey import Pose
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
-from grebe.links.base import BoatLink
+from grebe.links.base import BoatLink, Instruments
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.lookout import Lookout
 from grebe.mission.loop import Mission
@@ -121,7 +121,8 @@ class FleetRun:
     """One survey file, its boats, and how they are steered.
 
     `boat_at` opens the link of a boat by its number; `shares_time` where the boats' time is not
-    the clock's: they then act in turn. `watches` hear of the events of each boat.
+    the clock's: they then act in turn. `watches` hear of the events of each boat; `instruments`
+    are sondes apart from a boat, by its number.
     """
 
     survey_file: SurveyFile
@@ -131,6 +132,7 @@ class FleetRun:
     shares_time: bool = True
     watches: Callable[[int], Sequence[Listener]] = lambda _: ()
     on_ready: Callable[[int, Mission], None] | None = None
+    instruments: Mapping[int, Instruments] = field(default_factory=dict[int, Instruments])
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
         """Sail until every boat has done its part; what one that drops out has left is taken over
@@ -221,6 +223,7 @@ class FleetRun:
             pilot=pilot_of(known, self.helm_of),
             lookout=Lookout(traffic=together.traffic, boat=boat),
             stands_by=lambda: together.others_sail(boat),
+            instruments=self.instruments.get(boat),
         )
         if self.on_ready is not None:
             self.on_ready(boat, mission)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 
 from grebe.core.errors import UsageError
 from grebe.core.quantities import BUILTIN, Quantities
@@ -32,17 +32,55 @@ def instrument_named(text: str, quantities: Quantities = BUILTIN) -> tuple[str, 
     return address, name, profile_named(name, quantities)
 
 
+def boat_and_instrument(text: str) -> tuple[int | None, str]:
+    """Which boat of a fleet has an instrument, of `2=ADDRESS@PROFILE`, None without a number; and
+    the instrument.
+    """
+    boat, equals, rest = text.partition("=")
+    return (int(boat), rest) if equals and boat.isdecimal() else (None, text)
+
+
 @contextmanager
 def instruments_at(
     texts: Sequence[str], quantities: Quantities = BUILTIN
-) -> Generator[Bench | None]:
-    """Open instruments for as long as they are needed; None where there are none."""
-    named = [instrument_named(text, quantities) for text in texts]
-    bench = Bench([Instrument(a, name, profile, quantities) for a, name, profile in named])
-    try:
-        yield bench if named else None
-    finally:
-        bench.close()
+) -> Generator[dict[int | None, Bench]]:
+    """Open instruments for as long as they are needed: those of each boat of a fleet, or of None
+    where no boat is named.
+    """
+    of_boat: dict[int | None, list[tuple[str, str, Profile]]] = {}
+    for boat, text in map(boat_and_instrument, texts):
+        of_boat.setdefault(boat, []).append(instrument_named(text, quantities))
+    with ExitStack() as opened:
+        benches: dict[int | None, Bench] = {}
+        for boat, named in of_boat.items():
+            bench = Bench([Instrument(a, name, profile, quantities) for a, name, profile in named])
+            opened.callback(bench.close)
+            benches[boat] = bench
+        yield benches
+
+
+def of_one_boat(benches: Mapping[int | None, Bench]) -> Bench | None:
+    """The instruments of a boat that sails alone; `UsageError` where they are a fleet's."""
+    others = [boat for boat in benches if boat is not None]
+    if others:
+        raise UsageError(
+            f"An instrument is said to be boat {others[0]}'s, and one boat sails; leave its number "
+            "out.",
+            settings=("instrument",),
+        )
+    return benches.get(None)
+
+
+def of_fleet(benches: Mapping[int | None, Bench], boats: int) -> dict[int, Bench]:
+    """The instruments of each boat of a fleet; `UsageError` where it is not said whose they are."""
+    found = {boat: bench for boat, bench in benches.items() if boat is not None}
+    if None in benches or not all(1 <= boat <= boats for boat in found):
+        raise UsageError(
+            f"{boats} boats sail, from 1 to {boats}: say which of them has the instrument, as "
+            "1=ADDRESS@PROFILE.",
+            settings=("instrument",),
+        )
+    return found
 
 
 def declare_quantities(file: SurveyFile, bench: Bench, quantities: Quantities = BUILTIN) -> None:
