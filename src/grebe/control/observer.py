@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.control.solvers.fast.model import advance, parameter_vector
+from grebe.core.copies import put
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.kernels import machine_code
 from grebe.core.vessel import Vessel
@@ -122,14 +123,15 @@ def _velocities(boat, weather, probe, state, thrusts, duration, substeps):
     p = np.empty(len(boat) + 4)
     out = np.empty(6)
     velocities, jacobian = np.empty(2), np.empty((2, 4))
-    p[: len(boat)] = boat
+    put(p[: len(boat)], boat)
     for i in range(-1, 4):
-        p[len(boat) :] = weather
+        put(p[len(boat) :], weather)
         if i >= 0:
             p[len(boat) + i] += probe[i]
         advance(p, state, thrusts, duration, substeps, out)
         if i < 0:
-            velocities[:] = out[3:5]
+            put(velocities, out[3:5])
         else:
-            jacobian[:, i] = (out[3:5] - velocities) / probe[i]
+            for j in range(2):
+                jacobian[j, i] = (out[3 + j] - velocities[j]) / probe[i]
     return velocities, jacobian

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from grebe.control.solvers.fast.model import advance
+from grebe.core.copies import put
 from grebe.core.kernels import machine_code
 
 SUBSTEPS_PER_S = 20.0
@@ -39,7 +40,7 @@ def pieces_ends(p, drift, times, states, thrusts, first, last, per_second):
     z = np.empty(6)
     q = p.copy()
     for k in range(len(first)):
-        z[:] = states[first[k]]
+        put(z, states[first[k]])
         before = times[-1] - 0.5 * (times[first[k]] + times[last[k]])
         q[11] = p[11] - before * drift[0]
         q[12] = p[12] - before * drift[1]
@@ -47,5 +48,5 @@ def pieces_ends(p, drift, times, states, thrusts, first, last, per_second):
             duration = times[i + 1] - times[i]
             substeps = max(1, int(np.ceil(duration * per_second - 1e-6)))
             advance(q, z, thrusts[i], duration, substeps, ends[k])
-            z[:] = ends[k]
+            put(z, ends[k])
     return ends

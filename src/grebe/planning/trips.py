@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from grebe.core.copies import put
 from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.planning.costs import Costs, leg
 
@@ -364,7 +365,7 @@ def _sort_waiting(ports, waiting, first, count, keys):
     for i in range(first, count):
         away = ports.out[:, waiting[i]].min()
         keys[i] = np.random.random() if kind < 4 else (-away if kind < 6 else away)
-    waiting[first:count] = waiting[first:count][np.argsort(keys[first:count])]
+    put(waiting[first:count], waiting[first:count][np.argsort(keys[first:count])])
 
 
 @machine_code
@@ -453,20 +454,20 @@ def _anneal(costs, ports, fleet, old, kept, harbours, waiting, count, rounds, ho
         if dear or not _all_in_time(ports, fleet, touched):
             _take_back(fleet, old, trip_of, place_of, touched)
             count = before
-            waiting[:count] = old_waiting[:count]
+            put(waiting[:count], old_waiting[:count])
             continue
         total = now
-        old_waiting[:count] = waiting[:count]
+        put(old_waiting[:count], waiting[:count])
         for t in range(trips):
             if touched[t]:
                 _copy(fleet, old, t)
                 changed[t] = True
         if total < best - 1e-9:
             best, kept_count = total, count
-            kept_waiting[:count] = waiting[:count]
+            put(kept_waiting[:count], waiting[:count])
             for t in range(trips):
                 if changed[t]:
                     _copy(fleet, kept, t)
                     changed[t] = False
-    waiting[:] = kept_waiting
+    put(waiting, kept_waiting)
     return kept_count

@@ -20,6 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from grebe.control.solvers.fast.riccati import NW, NX, NY, factorise, solve
+from grebe.core.copies import put, put_rows
 from grebe.core.kernels import machine_code
 
 GROUPS = 3
@@ -309,8 +310,8 @@ def _assemble(
                         block[p, q] -= pull[p] * pull[q] / curve
         if k < n:
             if corrector == 0:
-                full[k] = hess[k]
-            full_grad[k] = grad[k]
+                put_rows(full[k], hess[k])
+            put(full_grad[k], grad[k])
             for p in range(3):
                 i = 3 if p == 2 else p
                 full_grad[k, i] += slope[p]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.core.copies import put, put_rows
 from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.core.vessel import Vessel
 
@@ -189,14 +190,14 @@ def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs
     k_sens = np.empty((6, 7))
     p_sens = np.empty((6, 7))
     total_sens = np.empty((6, 7))
-    out[:] = z
+    put(out, z)
     sens[:] = 0.0
     for i in range(4):
         sens[2 + i, i] = 1.0
     index = 0
     for _ in range(substeps):
-        point[:] = out
-        p_sens[:] = sens
+        put(point, out)
+        put_rows(p_sens, sens)
         total[:] = 0.0
         total_sens[:] = 0.0
         for stage in range(4):

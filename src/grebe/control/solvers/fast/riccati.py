@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from grebe.core.copies import put, put_rows
 from grebe.core.kernels import machine_code
 
 NX, NW, NY = 6, 3, 9
@@ -31,7 +32,7 @@ def factorise(hess, terminal, a, b, p, gain, chol):
     pb = np.empty((NX, NW))
     r = np.empty((NW, NW))
     s = np.empty((NW, NX))
-    p[n] = terminal
+    put_rows(p[n], terminal)
     for k in range(n - 1, -1, -1):
         ak, bk, pk = a[k], b[k], p[k + 1]
         for i in range(NX):
@@ -105,8 +106,8 @@ def solve(grad, terminal, a, b, c, p, gain, chol, dx, dw, costate):
     q = np.empty(NX)
     t = np.empty(NX)
     feed = np.empty((n, NW))
-    q[:] = terminal
-    costate[n] = terminal
+    put(q, terminal)
+    put(costate[n], terminal)
     for k in range(n - 1, -1, -1):
         for i in range(NX):
             value = q[i]

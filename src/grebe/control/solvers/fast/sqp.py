@@ -20,6 +20,7 @@ import numpy as np
 from grebe.control.solvers.fast.interior import minimise, start_box, start_rows
 from grebe.control.solvers.fast.model import advance, linearise, second_order
 from grebe.control.solvers.fast.riccati import NW, NX, NY
+from grebe.core.copies import put, put_rows
 from grebe.core.kernels import machine_code
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
             # The solution, but for what no penalty function resolves.
             states += dx
             inputs += dw
-            costate[:] = new_costate
+            put_rows(costate, new_costate)
             return CONVERGED, iteration + 1, _cost(terms, states, inputs)
         penalty = max(1.1 * np.max(np.abs(new_costate[1:])), 0.5 * penalty)
         cost, gaps = _cost(terms, states, inputs), np.sum(np.abs(shooting.gap))
@@ -153,8 +154,8 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
             step = np.inf
             continue
         damping = _eased(damping, alpha)
-        states[:] = trial_x
-        inputs[:] = trial_w
+        put_rows(states, trial_x)
+        put_rows(inputs, trial_w)
         costate += alpha * (new_costate - costate)
         idle = np.max(history) - np.min(history) < IDLE * abs(history[0])
         small = step < tolerance or _next_is_negligible(before, step, tolerance)
@@ -180,8 +181,8 @@ def _unfinished(terms, gain, states, inputs, first, iterations):
     cost = _cost(terms, driven_x, driven_w)
     if not cost <= first:
         return FAILED, iterations, cost
-    states[:] = driven_x
-    inputs[:] = driven_w
+    put_rows(states, driven_x)
+    put_rows(inputs, driven_w)
     return FEASIBLE, iterations, cost
 
 
@@ -235,8 +236,8 @@ def _search(
     for driven in range(ways):
         alpha = 1.0
         for _ in range(HALVINGS):
-            trial_x[:] = states + alpha * dx
-            trial_w[:] = inputs + alpha * dw
+            put_rows(trial_x, states + alpha * dx)
+            put_rows(trial_w, inputs + alpha * dw)
             if driven:
                 _drive(terms, gain, trial_x, trial_w)
             trial = _cost(terms, trial_x, trial_w) + penalty * _gaps(terms, trial_x, trial_w)
@@ -263,8 +264,9 @@ def _drive(terms, gain, states, inputs):
         advance(
             terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following
         )
-        off[:] = following - states[k + 1]
-        states[k + 1] = following
+        for i in range(NX):
+            off[i] = following[i] - states[k + 1, i]
+            states[k + 1, i] = following[i]
 
 
 @machine_code
@@ -304,15 +306,17 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
                 terms.p, costate[k + 1], _duration(terms, inputs, k), terms.substeps,
                 shooting.points[k], shooting.slopes[k], shooting.jacs[k], curve,
             )  # fmt: skip
-            curve[:, 6] *= span
-            curve[6, :] *= span
+            for i in range(7):
+                curve[i, 6] *= span
+            for i in range(7):
+                curve[6, i] *= span
             # From a hopeless iterate the curvature may overflow: it then has nothing to say.
             if not np.all(np.isfinite(curve)):
                 curve[:] = 0.0
             elif mirrored:
                 values, vectors = np.linalg.eigh(curve)
-                curve[:] = (vectors * np.abs(values)) @ vectors.T
-            hess[k, 2:, 2:] = curve
+                put_rows(curve, (vectors * np.abs(values)) @ vectors.T)
+            put_rows(hess[k, 2:, 2:], curve)
         for i in range(2):
             hess[k, 6 + i, 6 + i] += 2 * terms.effort[k] + damping / (reach * reach)
             grad[k, 6 + i] = 2 * terms.effort[k] * inputs[k, i]
@@ -372,8 +376,8 @@ def _promise(hess, dx, dw, gap, penalty):
     total = 0.0
     y = np.empty(NY)
     for k in range(dw.shape[0]):
-        y[:NX] = dx[k]
-        y[NX:] = dw[k]
+        put(y[:NX], dx[k])
+        put(y[NX:], dw[k])
         for i in range(NX):
             total -= penalty * abs(gap[k, i])
         for i in range(NY):
