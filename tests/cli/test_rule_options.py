@@ -57,7 +57,14 @@ def test_a_rule_of_one_s_own_is_flown_and_resumed_by_name(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("text", "says"),
-    [(None, "no such file"), ("x = 1", "no function rule"), ("def rule(): return 3", "is no rule")],
+    [
+        (None, "no such file"),
+        ("x = 1", "no function rule"),
+        ("def rule(): return 3", "is no rule"),
+        ("def rule(): return 1 / 0", "rule\\(\\) fails"),
+        ("import nothing_such", "cannot be run"),
+        ("def rule(:", "cannot be run"),
+    ],
 )
 def test_a_file_that_holds_no_rule_is_refused(tmp_path: Path, text: str | None, says: str) -> None:
     path = tmp_path / "own.py"
@@ -65,3 +72,10 @@ def test_a_file_that_holds_no_rule_is_refused(tmp_path: Path, text: str | None, 
         path.write_text(text)
     with pytest.raises(UsageError, match=says):
         rule_named(f"python:{path}")
+
+
+def test_the_numbers_of_a_rule_of_one_s_own_are_set_in_its_file(tmp_path: Path) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(OWN)
+    with pytest.raises(UsageError, match="set stages in the file"):
+        rule_named(f"python:{own}", {"stages": 5, "beta": None})

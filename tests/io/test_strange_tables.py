@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grebe.core.errors import TrackError
+from grebe.core.errors import InputError, TrackError
 from grebe.io.readers.text import read_any_text, read_text
 from grebe.io.readers.track import RawTrack, read_track
 
@@ -101,11 +101,56 @@ def test_a_clock_of_twelve_hours_and_a_pause_are_told(path: Path) -> None:
     assert any(one.startswith("a pause of 35 hours after row 10:") for one in notes)
 
 
-def test_a_date_with_am_and_pm_has_the_month_first(path: Path) -> None:
+def test_a_date_with_am_and_pm_has_the_month_first_in_america(path: Path) -> None:
     lines = [f"11/01/20 01:{k:02d}:00 AM,{44.4 + 1e-5 * k},-69.6,20,7" for k in range(20)]
-    track = read(path, HEADER, *lines)
+    header = HEADER.replace("time", '"Date Time, GMT-04:00"')
+    track = read(path, header, *lines)
     assert track.times is not None
-    assert np.datetime64(int(track.times[0]), "s") == np.datetime64("2020-11-01T01:00:00")
+    assert np.datetime64(int(track.times[0]), "s") == np.datetime64("2020-11-01T05:00:00")
+    with pytest.raises(InputError, match="may be day and month or month and day"):
+        read(path, HEADER, *lines)
+
+
+def test_appended_files_with_marks_and_trailing_commas_are_one(path: Path) -> None:
+    rows = [row(k, 20 + k, 7) for k in range(20)]
+    for first, again in (
+        (f"{HEADER},", HEADER),
+        (HEADER, f"{HEADER},"),
+        (HEADER, f"\ufeff{HEADER}"),
+    ):
+        track = read(path, first, *rows[:10], again, *rows[10:])
+        assert track.values["temperature_degc"].tolist() == [20.0 + k for k in range(20)]
+        assert not any("another order" in note for note in track.notes)
+
+
+def test_a_later_header_of_more_columns_is_refused_and_loses_no_row(path: Path) -> None:
+    rows = [row(k, 20) for k in range(10)]
+    more = [row(k, 20, 7) for k in range(10, 20)]
+    with pytest.raises(TrackError, match="another header, with pH"):
+        read(path, "time,latitude,longitude,Temp", *rows, HEADER, *more)
+
+
+def test_other_units_below_a_later_header_are_refused(path: Path) -> None:
+    header = "time,latitude,longitude,Temp"
+    rows = [row(k, 68) for k in range(20)]
+    units = ("s,deg,deg,degF", "s,deg,deg,degC")
+    with pytest.raises(TrackError, match=r"degF become .*degC further down"):
+        read(path, header, units[0], *rows[:10], header, units[1], *rows[10:])
+    track = read(path, header, units[0], *rows[:10], header, units[0], *rows[10:])
+    assert track.values["temperature_degc"] == pytest.approx(np.full(20, 20.0))
+
+
+def test_a_device_s_letter_is_no_unit(path: Path) -> None:
+    header = "Site,Unit,time,latitude,longitude,Temp (C),Air Temp,Air Temp Unit"
+    lines = [f"A,{'CF'[k % 2]},{row(k, 20)},68,{'FC'[k % 2]}" for k in range(20)]
+    assert read(path, header, *lines).values["temperature_degc"].tolist() == [20.0] * 20
+
+
+def test_one_broken_byte_makes_no_other_letters(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.csv"
+    broken.write_bytes("Temp (°F)\n".encode() + b"caf\xe9\n")
+    with pytest.raises(InputError, match="is no UTF-8 text"):
+        read_any_text(broken)
 
 
 def test_swapped_coordinates_of_some_rows_are_recognised(path: Path) -> None:

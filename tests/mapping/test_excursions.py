@@ -13,7 +13,7 @@ from grebe.mapping.maps import Mapper, MapSettings, map_all
 from grebe.mapping.quality import check_quality
 from grebe.mapping.stamps import spread_times, usual_step_s
 
-WATER = shapely.box(-10, -10, 610, 110)
+WATER = shapely.box(-10, -10, 3_010, 110)
 
 
 def samples(**columns: np.ndarray) -> Samples:
@@ -64,6 +64,33 @@ def test_a_plume_of_turbid_water_is_kept() -> None:
     assert good("turbidity_ntu", values)[305:335].all()
 
 
+def test_a_plume_of_an_inflow_is_kept() -> None:
+    noise = np.random.default_rng(2).normal(0, 2.0, 600)
+    values = lake(mean=250.0, sd=5.0) + noise
+    values[200:500] += 400.0
+    assert good("conductivity_uscm", values)[205:495].all()
+
+
+def test_a_long_beginning_elsewhere_is_another_water() -> None:
+    values = lake(mean=250.0, sd=5.0, count=3000)
+    values[:1000] = 600.0
+    values[:1000] += np.random.default_rng(3).normal(0, 1.0, 1000)
+    assert good("conductivity_uscm", values)[:990].all()
+
+
+def test_the_deep_half_of_a_quarry_is_its_bed() -> None:
+    depth = lake(mean=4.0, sd=0.2)
+    for first in range(50, 600, 100):
+        depth[first : first + 40] += 21.0
+    assert good("water_depth_m", depth)[55:85].all()
+
+
+def test_a_logger_of_few_digits_is_not_stuck_from_the_beginning() -> None:
+    values = np.round(lake(mean=7.8, sd=0.3, count=3000), 1)
+    values[500:1500] = 7.8
+    assert good("ph", values)[500:700].all()
+
+
 def test_a_stuck_sensor_was_stuck_from_the_beginning() -> None:
     values = lake(mean=7.8, sd=0.1, count=1500)
     values[300:1400] = 7.85
@@ -104,6 +131,13 @@ def test_times_to_the_minute_are_spread_within_it() -> None:
     assert np.all(np.diff(spread) > 0)
     assert np.abs(spread - exact)[60:-60].max() < 60.0
     assert np.median(np.diff(spread)) == pytest.approx(1.0, rel=0.1)
+
+
+def test_times_are_not_spread_over_a_pause() -> None:
+    spread = spread_times(np.repeat([100.0, 101.0, 102.0, 701.0, 702.0], 4))
+    assert spread[8:12].max() < 110.0
+    minutes = np.repeat(60.0 * np.arange(10.0), 4)
+    assert usual_step_s(minutes) == pytest.approx(15.0)
 
 
 def test_the_usual_step_leaves_pauses_out() -> None:

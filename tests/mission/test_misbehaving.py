@@ -20,7 +20,7 @@ from grebe.core.events import Ended, EndReason
 from grebe.core.vessel import PRESETS, Vessel
 from grebe.links.base import NOT_A_STATE, Observation, Order
 from grebe.links.simulated import SimulatedLink
-from grebe.mission.boat_clock import MOST_ALIKE, NEVER_SEEN_S
+from grebe.mission.boat_clock import MOST_ALIKE, NEVER_SEEN_S, BoatClock
 from grebe.mission.helm import possible_thrusts
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
@@ -91,6 +91,24 @@ def test_a_boat_that_never_says_where_it_is_is_given_up() -> None:
     end = sailed(Odd(lambda _, seen: replace(seen, state=NOT_A_STATE)))
     assert end.reason is EndReason.BLIND
     assert f"within {NEVER_SEEN_S:g} s" in end.message
+
+
+def test_the_minute_begins_with_the_first_estimate() -> None:
+    clock = BoatClock()
+    for k in range(10):
+        clock.see(Observation(time_s=75.0 + k, state=NOT_A_STATE), seen_before=False)
+
+
+@pytest.mark.parametrize("what", ["status", "measure", "command", "close"])
+def test_whatever_fails_below_a_link_is_the_link_s(
+    what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise OSError("unplugged")
+
+    monkeypatch.setattr(SimulatedLink, what, fails)
+    end = sailed(Odd(lambda _, seen: seen))
+    assert end.reason is (EndReason.COMPLETE if what == "close" else EndReason.LINK_LOST)
 
 
 def test_a_link_that_fails_below_says_so() -> None:

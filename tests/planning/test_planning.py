@@ -197,3 +197,11 @@ def test_plans_that_cannot_be_are_refused():
 def test_real_lakes_have_their_known_areas(name, hectares):
     region = read_region(DATA / "regions" / f"{name}.geojson")
     assert region.area_m2 / 1e4 == pytest.approx(hectares, rel=0.01)
+
+
+@pytest.mark.parametrize("pattern", ["free", "rows"])
+def test_water_of_a_single_cell_is_planned(pattern):
+    settings = PlanSettings(cell_m=11.0, shore_margin_m=0.0, pattern=pattern)
+    region = region_of([(0, 0), (11, 0), (11, 11), (0, 11)])
+    survey = plan_survey(region, PRESETS["spyboat"], settings)
+    assert [one.kind for one in survey.targets] == ["cell"]

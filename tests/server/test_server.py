@@ -54,7 +54,13 @@ async def hear(app, path, method, sent, **headers):
         "server": ("127.0.0.1", 8737), "client": ("127.0.0.1", 1), "root_path": "",
     }  # fmt: skip
 
+    asked = []
+
     async def receive():
+        # Whoever has asked waits: an app that listens for that end would else listen for ever.
+        if asked:
+            await asyncio.Event().wait()
+        asked.append(True)
         return {"type": "http.request", "body": sent, "more_body": False}
 
     async def send(message):

@@ -133,9 +133,9 @@ def _check(name: str, spread: Spread) -> None:
         raise UsageError(f"{name} cannot be negative; give a spread with low = 0 or more.")
     if name in SHARES and max(numbers) > 1:
         raise UsageError(f"{name} is a share; give a spread within 0 to 1.")
-    if name in BELOW_ONE and max(numbers) >= 1:
+    if name in BELOW_ONE and 1 <= max(numbers) < math.inf:
         raise UsageError(f"{name} is a share below 1; give a spread within 0 to 1, 1 left out.")
-    if name in MOST and max(numbers) > MOST[name]:
+    if name in MOST and MOST[name] < max(numbers) < math.inf:
         raise UsageError(
             f"{name} reaches {max(numbers):g}, which no boat is made for; give at most "
             f"{MOST[name]:g}."

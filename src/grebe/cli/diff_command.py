@@ -124,7 +124,7 @@ def _trends(
             "half_width_95": one.trend.of_mean.half_width,
             "p": one.trend.of_mean.p,
             "p_adjusted": one.mean_p,
-            "surveys": len(one.times_s),
+            "days": len(one.times_s),
             "changed_share": float(np.mean(one.trend.clear)),
             "file": str(written[key]),
         }
@@ -148,5 +148,5 @@ def _of_trend(row: dict[str, Any]) -> str:
     return (
         f"{row['trend_per_year']:+.3g} ± {row['half_width_95']:.2g}{unit} a year on average (95 %; "
         f"p {row['p_adjusted']:.2g} among the quantities); clear on {row['changed_share']:.0%} "
-        f"of the area; surveys of {row['surveys']} days"
+        f"of the area; surveys of {row['days']} days"
     )

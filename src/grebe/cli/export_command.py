@@ -10,7 +10,7 @@ import click
 from grebe.cli import options, output
 from grebe.core.errors import InputError, PlanError, UsageError
 from grebe.core.revision import survey_of
-from grebe.core.survey import SIMULATED_WATER, Survey
+from grebe.core.survey import Survey, is_simulated
 from grebe.io.export.route import write_export
 from grebe.io.export.samples import Measured, write_results, writer_of
 from grebe.io.store import SurveyFile
@@ -83,7 +83,7 @@ def _export_samples(
         quantities, water = survey_file.quantities, survey_file.meta().get("water", "")
     if not len(samples):
         raise InputError(f"{file} has no samples to export; sail it with grebe run, or import.")
-    if write is write_results and water.startswith(SIMULATED_WATER):
+    if write is write_results and is_simulated(water):
         raise InputError(
             f"{file} was sailed in simulation: its values are no results, and not for an exchange "
             "of them; export a plain table, .csv or .parquet."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -84,8 +85,19 @@ mapping_options = options.together(
         help="Of the variogram; cressie and dowd bear outliers.",
     ),
 )
-# What a command that follows is told again.
-REPEATED = ("method", "variogram", "moment", "scale", "drift", "depth", "estimator")
+# What a command that follows is told again, by the names of the options' values.
+REPEATED = {
+    "resolution_m": "--resolution",
+    "method": "--method",
+    "variogram": "--variogram",
+    "moment": "--moment",
+    "scale": "--scale",
+    "drift": "--drift",
+    "inflows": "--inflow",
+    "depth": "--depth",
+    "shore_depth_sd_m": "--shore-depth-sd",
+    "estimator": "--estimator",
+}
 
 
 def map_settings(asked: dict[str, Any], survey: Survey) -> MapSettings:
@@ -96,16 +108,22 @@ def map_settings(asked: dict[str, Any], survey: Survey) -> MapSettings:
 
 def asked_again(ctx: click.Context) -> str:
     """The options that were given, as they are written for the next command."""
-    given = {
-        name: ctx.params[name]
-        for name in REPEATED
-        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE
-    }
-    if isinstance(given.get("moment"), float):
-        given["moment"] = datetime.fromtimestamp(given["moment"], UTC).strftime(
-            "%Y-%m-%dT%H:%M:%SZ"
-        )
-    return "".join(f" --{name} {value}" for name, value in given.items())
+    words: list[str] = []
+    for name, flag in REPEATED.items():
+        if ctx.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+            continue
+        value = ctx.params[name]
+        for one in value if name == "inflows" else [value]:
+            words += [flag, shlex.quote(_as_written(name, one))]
+    return "".join(f" {word}" for word in words)
+
+
+def _as_written(name: str, value: Any) -> str:
+    if name == "moment" and isinstance(value, float):
+        return datetime.fromtimestamp(value, UTC).isoformat().replace("+00:00", "Z")
+    if name == "inflows":
+        return ",".join(f"{one:.10g}" for one in value)
+    return str(value)
 
 
 def settings_with(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings:

@@ -13,6 +13,7 @@ from grebe.control.rules.single import Single
 from grebe.control.solvers.base import SolverBuilder
 from grebe.workflow.steering_names import RULES, SOLVERS, rule_named, solver_named
 
+RULES_WITH_WEIGHTS = {"single": Single(), "dual": Dual()}
 WEIGHTS = {
     "epsilon": "From how far off the next set counts (Definition 8)",
     "alpha": "Weight of the squared distance (Eq. 2)",
@@ -26,9 +27,6 @@ def _with_defaults(name: str, what: str) -> str:
     """A weight's help: each rule has a default of its own."""
     told = {rule: getattr(one, name, None) for rule, one in RULES_WITH_WEIGHTS.items()}
     return f"{what} [{', '.join(f'{k} {v:g}' for k, v in told.items() if v is not None)}]."
-
-
-RULES_WITH_WEIGHTS = {"single": Single(), "dual": Dual()}
 
 
 rule_options = options.together(

@@ -39,6 +39,7 @@ from grebe.workflow.instruments import (
     declare_quantities,
     instrument_named,
     instruments_at,
+    of_fleet,
     of_one_boat,
 )
 from grebe.workflow.preview import preview_of, way_home_of
@@ -128,7 +129,7 @@ def command(
     ignore_hangup()
     own = user_quantities(run.pop("quantities_file"), file)
     with (
-        _claimed(file) as survey_file,
+        _claimed(file, instruments, sortie) as survey_file,
         instruments_at(instruments, BUILTIN.extended(own)) as benches,
         output.MissionBar(quiet=as_json) as bar,
     ):
@@ -162,11 +163,18 @@ def command(
 
 
 @contextmanager
-def _claimed(file: Path) -> Generator[SurveyFile]:
+def _claimed(file: Path, instruments: tuple[str, ...], sortie: int | None) -> Generator[SurveyFile]:
     """A survey's file that nobody else writes, and the controller compiled: in this order, for the
-    second takes a minute that need not be spent where the first cannot be had.
+    second takes half a minute that need not be spent where the first cannot be had, or where it is
+    not said whose the instruments are.
     """
     with SurveyFile.open(file) as survey_file:
+        fleet = survey_file.survey.fleet if sortie is None else None
+        whose = {boat_and_instrument(one)[0]: one for one in instruments}
+        if fleet is None:
+            of_one_boat(whose)
+        else:
+            of_fleet(whose, fleet.boats)
         survey_file.claim()
         output.compile_once()
         yield survey_file

@@ -28,6 +28,13 @@ OF_TRACK = "convex hull of the track"
 SIMULATED_WATER = "simulated"
 
 
+def is_simulated(water: str) -> bool:
+    """Whether what a survey file says of its water means that nothing was measured: by one boat, or
+    by a fleet as earlier versions noted it.
+    """
+    return water.startswith(SIMULATED_WATER) or water.endswith("boats: sim:")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Target:
     """One set of the ordered sequence Omega_1 ... Omega_K; `seq` is its number in the survey.

@@ -9,6 +9,7 @@ import difflib
 import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from numbers import Real
 from typing import Literal
 
 from grebe.core.errors import VesselError
@@ -59,9 +60,7 @@ class Vessel:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.type == "float" and (
-                isinstance(value, bool) or not isinstance(value, float | int)
-            ):
+            if field.type == "float" and (isinstance(value, bool) or not isinstance(value, Real)):
                 raise VesselError(f"Vessel {self.name!r}: {field.name} is {value!r}, no number.")
             if isinstance(value, float | int) and not math.isfinite(value):
                 raise VesselError(f"Vessel {self.name!r}: {field.name} is {value}, not a number.")

@@ -43,17 +43,11 @@ SPIKE_NOISE = 5.0
 RATE_NOISE = 5.0 * math.sqrt(2.0)
 # A bubble in a conductivity cell is judged by the other sensors, but not by the depth of the sonde.
 WITHOUT_WITNESS = frozenset({"sonde_depth_m"})
-# Of these the water itself may hold a hundred times as much within a metre, and no longer.
-WITH_PLUMES = frozenset(
-    {
-        "turbidity_ntu",
-        "chlorophyll_rfu",
-        "chlorophyll_ugl",
-        "phycocyanin_rfu",
-        "phycocyanin_ugl",
-        "fdom_qsu",
-    }
-)
+# Of the readings of a depth so many at most are echoes from below the bed; what lies deeper than
+# so large a share of the others is none of the bed's.
+MOST_AWAY, DEEPEST_SHARE = 0.2, 0.99
+# A record whose smallest step is so many times its sensor's is too coarse to tell when it stuck.
+COARSE_STEPS = 2.5
 # In the air the conductivity falls at once to nearly nothing, by this factor from one sample to
 # the next; an inflow thins it by and by.
 ABRUPT = 3.0
@@ -180,10 +174,11 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
                 fail_threshold=int(SLOWED * limits.flat_fail_s),
                 tolerance=limits.flat_tolerance,
             )
-            results["flat line"] = _from_the_beginning(results["flat line"], values, limits)
-        if quantity.key not in WITH_PLUMES and math.isfinite(limits.spike_fail):
+            results["flat line"] = _from_the_beginning(results["flat line"], values, quantity)
+        if math.isfinite(limits.spike_fail):
+            step = max(limits.spike_fail, SPIKE_NOISE * noise)
             jumps = _bad(np.asarray(results["rate of change"])) | _bad(np.asarray(results["spike"]))
-            away = excursions(values, times, jumps, max(limits.spike_fail, SPIKE_NOISE * noise))
+            away = _elsewhere(values, times, jumps, step, quantity)
             results["excursion"] = np.where(away, Flag.SUSPECT, Flag.GOOD)
     return {
         name: np.ma.filled(np.ma.asarray(one), Flag.NOT_EVALUATED).astype(np.int64)
@@ -191,10 +186,34 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
     }
 
 
-def _from_the_beginning(flags: Any, values: Array, limits: Limits) -> Flags:
-    """Flags of a flat line, failed from where it begins: a sensor that is stuck was so at once."""
+def _elsewhere(
+    values: Array, times: Array, jumps: NDArray[np.bool_], step: float, quantity: Quantity
+) -> NDArray[np.bool_]:
+    """Which readings (n,) are on an excursion that is no water: one at a single value, as of a
+    sensor that has dropped out, where a plume varies; and of a depth one that is below the bed.
+    """
+    away = excursions(values, times, jumps, step)
+    if not away.any() or (not quantity.on_sonde and away.mean() > MOST_AWAY):
+        return np.zeros(len(values), dtype=bool)
+    deep = float(np.quantile(values[~away], DEEPEST_SHARE)) if not away.all() else np.inf
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], away.astype(int), [0]])))
+    for first, end in zip(ends[::2], ends[1::2], strict=True):
+        part = values[first:end]
+        still = part[~jumps[first:end]] if not jumps[first:end].all() else part
+        is_one = np.ptp(still) <= quantity.resolution
+        away[first:end] = is_one if quantity.on_sonde else float(np.median(still)) > deep
+    return away
+
+
+def _from_the_beginning(flags: Any, values: Array, quantity: Quantity) -> Flags:
+    """Flags of a flat line, failed from where it begins: a sensor that is stuck was so at once. Not
+    of a logger that writes fewer digits than its sensor has: its record may well stand still.
+    """
     flags = np.ma.filled(np.ma.asarray(flags), Flag.NOT_EVALUATED).astype(np.int64)
-    moves = np.flatnonzero(np.abs(np.diff(values)) > limits.flat_tolerance) + 1
+    steps = np.diff(np.unique(values))
+    if len(steps) and steps.min() > COARSE_STEPS * quantity.resolution > 0:
+        return flags
+    moves = np.flatnonzero(np.abs(np.diff(values)) > quantity.limits.flat_tolerance) + 1
     for part in np.split(np.arange(len(values)), moves):
         if len(part) and np.any(flags[part] == Flag.FAIL):
             flags[part] = Flag.FAIL

@@ -27,7 +27,7 @@ def excursions(values: Array, times: Array, jumps: Mask, step: float) -> Mask:
     """
     found = np.zeros(len(values), dtype=bool)
     runs = _runs(jumps)
-    believed = _first_believed(values, runs, step)
+    believed = _first_believed(values, times, runs, step)
     for k in range(believed):
         found[slice(*runs[k])] = True
     k = believed
@@ -49,13 +49,16 @@ def _runs(jumps: Mask) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _first_believed(values: Array, runs: list[tuple[int, int]], step: float) -> int:
-    """The stretch with which a record begins, but for a shorter one that is elsewhere."""
+def _first_believed(values: Array, times: Array, runs: list[tuple[int, int]], step: float) -> int:
+    """The number of the stretch with which a record begins: the first, or the second where the
+    first is short, shorter than it, and elsewhere.
+    """
     if len(runs) < 2:
         return 0
     (first, end), (then, until) = runs[:2]
     elsewhere = abs(values[end - 1] - values[then]) > step
-    return int(elsewhere and end - first < until - then)
+    is_short = times[end - 1] - times[first] <= LONGEST_S and end - first < until - then
+    return int(elsewhere and is_short)
 
 
 def _back(values: Array, times: Array, runs: list[tuple[int, int]], k: int, step: float) -> int:

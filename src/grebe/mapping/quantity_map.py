@@ -144,8 +144,8 @@ class QuantityMap:
         return PlaceValues(
             mean=possible(self.scale.mean(mean, known), self.quantity, self.values),
             sd=self.scale.sd(mean, sd),
-            low=low,
-            high=high,
+            low=possible(low, self.quantity, self.values),
+            high=possible(high, self.quantity, self.values),
         )
 
     def exceedance(self, threshold: float) -> Array:

@@ -24,14 +24,16 @@ def spread_times(times: Array) -> Array:
     stamps, first, size = np.unique(times, return_index=True, return_counts=True)
     if len(stamps) == len(times):
         return times
-    until = np.append(np.diff(stamps), np.median(np.diff(stamps)) if len(stamps) > 1 else 1.0)
+    usual = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 1.0
+    # Before a pause they were taken as before any other stamp.
+    until = np.minimum(np.append(np.diff(stamps), usual), PAUSE_STEPS * usual)
     place = np.arange(len(times)) - np.repeat(first, size)
     return times + place * np.repeat(until / size, size)
 
 
 def usual_step_s(times: Array) -> float:
     """How far apart readings at times (n,) [s] are in the mean, pauses apart."""
-    steps = np.diff(np.sort(times))
+    steps = np.diff(spread_times(np.sort(times)))
     if not len(steps):
         return 0.0
     return float(np.mean(steps[steps <= PAUSE_STEPS * max(float(np.median(steps)), 1.0)]))

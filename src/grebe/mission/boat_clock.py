@@ -19,6 +19,7 @@ class BoatClock:
     """Judges when estimates come."""
 
     def __init__(self) -> None:
+        self._first_s: float | None = None
         self._last_s: float | None = None
         self._alike = 0
 
@@ -38,7 +39,8 @@ class BoatClock:
                 f"The boat's clock stands at {now:g} s, which {self._alike + 1} estimates in a row "
                 "have for their time."
             )
-        if not seen_before and now > NEVER_SEEN_S:
+        self._first_s = now if self._first_s is None else self._first_s
+        if not seen_before and now - self._first_s > NEVER_SEEN_S:
             raise OverError(
                 EndReason.BLIND, f"no estimate of where the boat is came within {NEVER_SEEN_S:g} s"
             )

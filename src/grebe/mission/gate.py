@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import threading
 
-from grebe.core.errors import LinkError
 from grebe.core.events import EndReason
 from grebe.links.base import BoatLink, Order
 
@@ -33,10 +32,7 @@ class Gate:
         """Give the boat an order, unless the gate is shut."""
         with self._lock:
             if not self.why:
-                try:
-                    self._link.command(order)
-                except OSError as error:
-                    raise LinkError(f"The boat's link fails: {error}.") from error
+                self._link.command(order)
 
     def shut(self, why: str) -> None:
         """Take all thrust away, for good. Safe from any thread."""

@@ -66,6 +66,7 @@ from grebe.mission.safety.states import SafetyState
 from grebe.mission.sampler import Sampler
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport, Statistics
+from grebe.mission.sturdy_link import SturdyLink
 from grebe.mission.way_home import Pilot
 
 # The state that is told of a mission that never received an estimate.
@@ -111,7 +112,8 @@ class Mission:
         self._targets = survey.targets
         self._sets = survey.sets
         self._controller = controller
-        self._link = link
+        driven = as_driven(link)
+        self._link = link = SturdyLink(link)
         self._settings = settings or MissionSettings()
         self._stopwatch = stopwatch
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
@@ -120,7 +122,6 @@ class Mission:
             self._targets, link, self._settings.sampling, quantities, instruments
         )
         observes = self._settings.observes
-        driven = as_driven(link)
         self._tracker = Tracker(
             controller.vessel,
             observes=observes,
@@ -335,7 +336,7 @@ class Mission:
         again.
         """
         while True:
-            observation = self._asked()
+            observation = self._link.observe()
             self._clock.see(observation, seen_before=self._before is not None)
             if all(map(math.isfinite, observation.state)):
                 self._raw = unwrapped(observation, self._raw)
@@ -347,13 +348,6 @@ class Mission:
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._grope(self._before, observation)
             self._announcer.release()
-
-    def _asked(self) -> Observation:
-        """The link's next estimate; `LinkError` also where what is below it fails."""
-        try:
-            return self._link.observe()
-        except OSError as error:
-            raise LinkError(f"The boat's link fails: {error}.") from error
 
     def _grope(self, seen: Observation, now: Observation) -> None:
         """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""

@@ -74,10 +74,12 @@ def _cut_all(
             region[k, 1] = bounds[i, 3 if k > 1 else 1]
         count = 4
         hull, beside = corners[starts[i] : starts[i + 1]], side[near[i] : near[i + 1]]
-        for _ in range(MOST_CUTS):
+        for cut in range(MOST_CUTS + 1):
             away, ax, ay, b = _nearest_land(hull, region[:count], shore, beside)
             if away == np.inf:
                 sides[i] = count if count <= MOST_SIDES else 0
+                break
+            if cut == MOST_CUTS:
                 break
             count = _clipped(region, count, ax, ay, b, spare)
             region, spare = spare, region

@@ -60,6 +60,8 @@ class Network:
 
     def opens(self, i: Indices, j: Indices) -> NDArray[np.bool_]:
         """Whether cells i and j are joined by an open link, pair by pair."""
+        if not np.size(i):
+            return np.zeros(0, dtype=bool)
         shape = (len(self), len(self))
         links = csr_array((self.is_open, self.neighbours, self.starts), shape=shape)
         return np.asarray(links[i, j], dtype=bool).ravel()

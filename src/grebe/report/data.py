@@ -15,7 +15,7 @@ from grebe.core.events import LogEntry
 from grebe.core.quantities import Quantities
 from grebe.core.samples import Samples
 from grebe.core.sets import footprints_of
-from grebe.core.survey import OF_TRACK, SIMULATED_WATER, Survey
+from grebe.core.survey import OF_TRACK, Survey, is_simulated
 from grebe.io.store import Progress, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
 from grebe.mapping.lag import Lag, corrected_values
@@ -71,7 +71,7 @@ class ReportData:
     @property
     def is_simulated(self) -> bool:
         """Whether nothing was measured."""
-        return self.meta.get("water", "").startswith(SIMULATED_WATER)
+        return is_simulated(self.meta.get("water", ""))
 
     @property
     def quality(self) -> dict[str, dict[str, tuple[int, int]]] | None:

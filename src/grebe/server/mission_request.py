@@ -9,6 +9,7 @@ from typing import Any, cast
 from grebe.core.dynamics import Weather
 from grebe.core.errors import UsageError
 from grebe.server.requests import setting_number
+from grebe.workflow.own_files import OWN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,10 +32,10 @@ def voyage_asked(given: dict[str, Any]) -> Voyage:
     rate = given.get("rate", 1.0)
     if not isinstance(link, str) or len(link) > 200:
         raise UsageError("The link is no address.", settings=("link",))
-    if link.startswith("python:"):
+    if link.startswith(OWN):
         raise UsageError("A boat of one's own is sailed from the command line.", settings=("link",))
     rule = str(given.get("rule", "lookahead"))
-    if rule.startswith("python:"):
+    if rule.startswith(OWN):
         raise UsageError("A rule of one's own sails from the command line.", settings=("rule",))
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 200:
         raise UsageError("The rate is a number from 0.1 to 200.", settings=("rate",))

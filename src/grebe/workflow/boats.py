@@ -5,7 +5,6 @@ user's own.
 
 from __future__ import annotations
 
-import runpy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from urllib.parse import parse_qsl
 from grebe.core.errors import LinkError
 from grebe.links.base import BoatLink
 from grebe.mission.departure import Departure
+from grebe.workflow.own_files import function_of
 from grebe.workflow.run import BoatAt
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -69,13 +69,7 @@ def _simulated(rest: str, harbour: Harbour) -> BoatAt:
 
 def _from_file(rest: str, harbour: Harbour) -> BoatAt:  # noqa: ARG001
     """The function `boat_at` that a Python file defines."""
-    path = Path(rest)
-    if not path.is_file():
-        raise LinkError(f"python:{rest}: there is no such file.")
-    found: BoatAt | None = runpy.run_path(str(path)).get("boat_at")
-    if not callable(found):
-        raise LinkError(f"python:{rest}: the file defines no function boat_at(departure).")
-    return found
+    return function_of(Path(rest), "boat_at", LinkError)
 
 
 def _nmea(rest: str, harbour: Harbour) -> BoatAt:

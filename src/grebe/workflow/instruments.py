@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from typing import TypeVar
 
 from grebe.core.errors import UsageError
 from grebe.core.quantities import BUILTIN, Quantities
@@ -14,6 +15,7 @@ from grebe.links.checks import Check, check
 from grebe.links.instruments.instrument import Bench, Instrument
 from grebe.links.instruments.profile import Profile, profile_named
 
+_T = TypeVar("_T")
 # How long an instrument is listened to before it counts as silent [s].
 LISTEN_S = 12.0
 
@@ -59,7 +61,7 @@ def instruments_at(
         yield benches
 
 
-def of_one_boat(benches: Mapping[int | None, Bench]) -> Bench | None:
+def of_one_boat(benches: Mapping[int | None, _T]) -> _T | None:
     """The instruments of a boat that sails alone; `UsageError` where they are a fleet's."""
     others = [boat for boat in benches if boat is not None]
     if others:
@@ -71,7 +73,7 @@ def of_one_boat(benches: Mapping[int | None, Bench]) -> Bench | None:
     return benches.get(None)
 
 
-def of_fleet(benches: Mapping[int | None, Bench], boats: int) -> dict[int, Bench]:
+def of_fleet(benches: Mapping[int | None, _T], boats: int) -> dict[int, _T]:
     """The instruments of each boat of a fleet; `UsageError` where it is not said whose they are."""
     found = {boat: bench for boat, bench in benches.items() if boat is not None}
     if None in benches or not all(1 <= boat <= boats for boat in found):

@@ -5,11 +5,10 @@ The controller itself takes values and knows no names: this is the one table of 
 
 from __future__ import annotations
 
-import runpy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
@@ -18,10 +17,11 @@ from grebe.control.rules.single import Single
 from grebe.control.solvers.base import SolverBuilder
 from grebe.control.solvers.builders import Fast, Fatrop, Ipopt
 from grebe.core.errors import UsageError
+from grebe.workflow.own_files import OWN, function_of
 
 _T = TypeVar("_T")
-# How the name of a rule in a file of one's own begins.
-OWN = "python:"
+# What can be said of a built-in rule.
+NUMBERS = ("stages", "step_s", "epsilon", "alpha", "beta", "p", "q")
 
 RULES: Mapping[str, type[Single | Dual | Lookahead]] = {
     "single": Single,
@@ -43,27 +43,31 @@ def rule_named(name: str, settings: Mapping[str, Any] | None = None) -> Rule:
     what was typed for any rule. Raises `UsageError` for an unknown name or an impossible value.
     """
     if name.startswith(OWN):
-        return _own_rule(name, Path(name.removeprefix(OWN)))
+        typed = [key for key in NUMBERS if (settings or {}).get(key) is not None]
+        if typed:
+            raise UsageError(f"{name} has settings of its own; set {', '.join(typed)} in the file.")
+        return _own_rule(Path(name.removeprefix(OWN)))
     chosen = _choice("rule", name, RULES)
     own = {field.name for field in fields(chosen)}
     given = {k: v for k, v in (settings or {}).items() if k in own and v is not None}
     return chosen(**given)
 
 
-def _own_rule(name: str, path: Path) -> Rule:
+def _own_rule(path: Path) -> Rule:
     """What the function `rule` of a Python file returns."""
-    if not path.is_file():
-        raise UsageError(f"{name}: there is no such file.")
-    made: Callable[[], Rule] | None = runpy.run_path(str(path)).get("rule")
-    if not callable(made):
-        raise UsageError(f"{name}: the file defines no function rule() that returns a rule.")
-    found: Any = made()
-    lacks = [
-        one for one in ("propose", "stages", "step_s", "longest_stage_s") if not hasattr(found, one)
-    ]
-    if lacks:
-        raise UsageError(f"{name}: what rule() returns is no rule: it lacks {', '.join(lacks)}.")
-    return found
+    try:
+        found: Any = function_of(path, "rule", UsageError)()
+    except UsageError:
+        raise
+    except Exception as wrong:
+        text = f"{type(wrong).__name__}: {wrong}"
+        raise UsageError(f"{OWN}{path}: rule() fails ({text}).") from wrong
+    needed = ("propose", "stages", "step_s", "longest_stage_s")
+    lacks = [one for one in needed if not hasattr(found, one)]
+    if lacks or isinstance(found, type):
+        lacking = f"; it lacks {', '.join(lacks)}" if lacks else ", but a class of them"
+        raise UsageError(f"{OWN}{path}: what rule() returns is no rule{lacking}.")
+    return cast("Rule", found)
 
 
 def solver_named(name: str) -> SolverBuilder:

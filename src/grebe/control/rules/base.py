@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import TYPE_CHECKING, Protocol
 
 from grebe.control.horizon import Horizon, HorizonShape, Plan
@@ -158,7 +159,7 @@ def shifted(situation: Situation) -> Plan | None:
 def check_stages(stages: int, step_s: float) -> None:
     """Raise `UsageError` for a horizon that no boat can be steered with."""
     # Not even 15.0: it counts rows.
-    if type(stages) is not int or not 2 <= stages <= 100:
+    if not isinstance(stages, Integral) or not 2 <= stages <= 100:
         raise UsageError(f"The horizon is {stages!r} stages; give a whole number from 2 to 100.")
     if not 0.05 <= step_s <= 10.0:
         raise UsageError(f"The control step is {step_s} s; give 0.05 to 10 s.")

@@ -27,6 +27,8 @@ SCALES = ((1e17, 1e9), (1e14, 1e6), (1e11, 1e3))
 # Surveys with a logger lie between these [unix s]: 1990 and 2100.
 EARLIEST_S, LATEST_S = 631_152_000.0, 4_102_444_800.0
 MOST_OFFSET_H = 14
+# Between Hawaii and Newfoundland [h].
+AMERICAN_H = (-10.0, -2.5)
 # Spreadsheets count days from 1899-12-30; these are the numbers of the same years.
 EXCEL_EPOCH_DAYS, DAY_S = 25_569.0, 86_400.0
 # A time so far from the middle of a record is the logger's, from before its clock was set [s].
@@ -131,7 +133,7 @@ def read_times(
     cells = [_without_zone_name(cell) for cell in cells]
     moments, told = [_iso(cell) for cell in cells], list[str]()
     if sum(moment is not None for moment in moments) < len(cells) / 2:
-        moments, told = _written(cells, header)
+        moments, told = _written(cells, header, zone)
     if sum(moment is not None for moment in moments) < max(len(cells) / 2, 1):
         return None
     seconds, notes = _in_seconds(moments, zone)
@@ -190,7 +192,9 @@ def _iso(text: str) -> datetime | None:
         return None
 
 
-def _written(cells: Sequence[str], header: str) -> tuple[list[datetime | None], list[str]]:
+def _written(
+    cells: Sequence[str], header: str, zone: tzinfo | None
+) -> tuple[list[datetime | None], list[str]]:
     """Dates and times in the one format that reads most of the column, and notes."""
     texts = [" ".join(cell.split()) for cell in cells]
     probe = texts[:: max(len(texts) // 2000, 1)] + texts[-1:]
@@ -204,7 +208,7 @@ def _written(cells: Sequence[str], header: str) -> tuple[list[datetime | None], 
     doubtful = rivals and any(_parsed(text, best) != _parsed(text, rivals[0]) for text in probe)
     if not doubtful:
         return [_parsed(text, best) for text in texts], []
-    one = _months_first([best, *rivals])
+    one = _months_first([best, *rivals]) if _is_american(zone) else None
     if one is None:
         raise InputError(
             f"{texts[0]!r} and the like may be day and month or month and day; write the order "
@@ -212,8 +216,15 @@ def _written(cells: Sequence[str], header: str) -> tuple[list[datetime | None], 
             settings=("columns",),
         )
     return [_parsed(text, one) for text in texts], [
-        f"{texts[0]!r} and the like: taken as month and day, as clocks with AM and PM have it"
+        f"{texts[0]!r} and the like: taken as month and day, as American clocks with AM and PM "
+        "have it"
     ]
+
+
+def _is_american(zone: tzinfo | None) -> bool:
+    """Whether a zone lies where the month is written first."""
+    offset = None if zone is None else zone.utcoffset(datetime(2020, 1, 1))
+    return offset is not None and AMERICAN_H[0] <= offset / timedelta(hours=1) <= AMERICAN_H[1]
 
 
 def _months_first(forms: Sequence[str]) -> str | None:

@@ -13,6 +13,8 @@ from grebe.core.errors import TrackError
 
 # A row that has so many of the header's names is a header.
 SHARE = 0.5
+# What stands around a name: blanks, and the byte order mark of a file that was appended.
+BLANK = " \t\ufeff"
 
 
 def under_one_header(
@@ -21,13 +23,14 @@ def under_one_header(
     """The rows (of `header`'s columns) without headers among them, each value under its name, and
     notes. `TrackError` where a later header names other columns.
     """
+    header = _plain(header)
     names = {name for name in header if name}
     kept: list[list[str]] = []
     places: list[int] | None = None
     again = moved = 0
     for number, row in enumerate(rows, start=1):
         if _is_header(row, names):
-            found = [cell.strip() for cell in row]
+            found = _plain(row)
             if Counter(filter(None, found)) != Counter(filter(None, header)):
                 other = [name for name in found if name and name not in names]
                 raise TrackError(
@@ -35,7 +38,7 @@ def under_one_header(
                     f"{'with ' + ', '.join(other) if other else 'without some of the columns'}; "
                     "give a file for each."
                 )
-            places = None if found == list(header) else _places(header, found)
+            places = None if found == header else _places(header, found)
             again += 1
             continue
         moved += places is not None
@@ -48,10 +51,18 @@ def under_one_header(
 
 def _is_header(row: Sequence[str], names: set[str]) -> bool:
     # Next to no row of values has one of the names: the first look is a short one.
-    if not any(cell.strip() in names for cell in row[:3]):
+    if not any(cell.strip(BLANK) in names for cell in row[:3]):
         return False
-    cells = [cell.strip() for cell in row if cell.strip()]
+    cells = [cell for cell in _plain(row) if cell]
     return sum(cell in names for cell in cells) > SHARE * len(names)
+
+
+def _plain(row: Sequence[str]) -> list[str]:
+    """The cells of a header without blanks, and without empty ones behind the last name."""
+    cells = [cell.strip(BLANK) for cell in row]
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
 
 
 def _places(header: Sequence[str], found: list[str]) -> list[int]:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,7 +43,7 @@ _NAMES = re.compile(
 class Table:
     """The names of the columns, and the rows as texts; a row may be shorter than the header.
     `groups`: a comma within a number stands between thousands; `clues`: columns that are used for
-    what they say of others.
+    what they say of others; `mixed`: what is to be said of columns whose unit changes.
     """
 
     header: list[str]
@@ -51,6 +51,7 @@ class Table:
     notes: tuple[str, ...] = ()
     groups: bool = False
     clues: tuple[str, ...] = ()
+    mixed: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
 def read_table(
@@ -82,11 +83,11 @@ def read_table(
     body, again = under_one_header(path, header, rows[place + 1 :])
     if body and _is_units(body[0]):
         units = body[0]
-        body = [row for row in body if row != units]
+        body = _without_units(path, body, units)
         header = [_with_unit(name, unit.strip()) for name, unit in zip(header, units, strict=False)]
     if not body:
         raise TrackError(f"{path}: a header and no rows.")
-    header, clues = with_units(path, header, body)
+    header, clues, mixed = with_units(path, header, body)
     before = [f"{place} lines before the header: not used"] if place else []
     return Table(
         header=header,
@@ -94,6 +95,7 @@ def read_table(
         notes=(*told, *before, *again),
         groups=_groups_thousands(body, delimiter),
         clues=tuple(clues),
+        mixed=mixed,
     )
 
 
@@ -144,13 +146,36 @@ def _header_place(rows: list[list[str]]) -> int:
     first = score(rows[0])
     scores = [score(row) for row in rows[:LONGEST_PREAMBLE]]
     best = max(scores)
-    return 0 if best in {0, first} else scores.index(best)
+    place = 0 if best in {0, first} else scores.index(best)
+    # A row of names above rows of values is the header, however much one below them may name.
+    earlier = (k for k in range(place) if scores[k] and _holds_values(rows[k + 1 : k + 3]))
+    return next(earlier, place)
+
+
+def _holds_values(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether one of some rows is more than half numbers."""
+    return any(sum(map(is_number, row)) > len(row) / 2 for row in rows if len(row) > 1)
 
 
 def _is_units(row: list[str]) -> bool:
     texts = [cell.strip() for cell in row if cell.strip()]
     units = [parse_unit(text.strip("()[]")) for text in texts]
     return bool(texts) and not any(map(is_number, texts)) and any(units)
+
+
+def _without_units(path: Path, rows: list[list[str]], units: list[str]) -> list[list[str]]:
+    """The rows without the line of units, which may come again; `TrackError` for another one."""
+    kept: list[list[str]] = []
+    for row in rows:
+        if row == units:
+            continue
+        if not any(map(str.isdigit, row[0])) and _is_units(row):
+            raise TrackError(
+                f"{path}: the units {', '.join(filter(None, units))} become "
+                f"{', '.join(filter(None, row))} further down; give a file for each."
+            )
+        kept.append(row)
+    return kept
 
 
 def _with_unit(name: str, unit: str) -> str:

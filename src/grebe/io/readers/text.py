@@ -12,7 +12,7 @@ from grebe.core.errors import InputError
 UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
-# What no text holds but a tabulator, ends of lines and of pages.
+# Control characters that no text holds.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
 
 
@@ -37,7 +37,9 @@ def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
             text = data.decode("cp1252")
         except UnicodeDecodeError:
             text = "\0"
-        if _CONTROL.search(text):
+        # Of UTF-8 with a byte that is broken every letter beyond ASCII would be two others.
+        rest = data.decode("utf-8", "ignore")
+        if _CONTROL.search(text) or not rest.isascii():
             raise _undecoded(path, error) from None
         return _checked(path, text), ("read as text of Windows-1252, for it is no UTF-8",)
 

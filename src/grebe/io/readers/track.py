@@ -221,6 +221,8 @@ def _values(
     for key, one in quantities.items():
         if key not in found:
             continue
+        if found[key].name in table.mixed:
+            raise TrackError(table.mixed[found[key].name])
         cells = cells_of(table, found[key].name)
         numbers = numbers_of(cells)
         values[key] = _present(numbers, one.missing)
@@ -310,7 +312,8 @@ def _jump_text(
         return ""
     lon, lat = lonlat[jumps[0]].tolist()
     middle = np.median(lonlat[keep], axis=0)
-    swapped = np.abs(lonlat[jumps][:, ::-1] - middle).max(axis=1) < NEAR_DEG
+    away, put_right = lonlat[jumps] - middle, lonlat[jumps][:, ::-1] - middle
+    swapped = (np.abs(put_right).max(axis=1) < NEAR_DEG) & (np.abs(away).max(axis=1) > NEAR_DEG)
     if swapped.all():
         return (
             f" (from row {order[jumps[0]] + 1} of the values on, at {lat:g} N {lon:g} E: latitude "

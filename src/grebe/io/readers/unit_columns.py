@@ -8,7 +8,6 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from grebe.core.errors import TrackError
 from grebe.core.header_units import parse_unit, split_header
 
 _UNIT = re.compile(r"(.*?)[ _.]*units?", re.IGNORECASE)
@@ -16,11 +15,11 @@ _UNIT = re.compile(r"(.*?)[ _.]*units?", re.IGNORECASE)
 
 def with_units(
     path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]
-) -> tuple[list[str], list[str]]:
-    """The header with the units that columns of their own name, and these columns. `TrackError`
-    where such a column names more than one.
+) -> tuple[list[str], list[str], dict[str, str]]:
+    """The header with the units that columns of their own name, these columns, and of each column
+    whose unit changes from row to row what is to be said where it is used.
     """
-    named, used = list(header), list[str]()
+    named, used, mixed = list(header), list[str](), dict[str, str]()
     for place, name in enumerate(header):
         about = _about(header, place)
         if about is None:
@@ -28,14 +27,14 @@ def with_units(
         told = {row[place].strip() for row in rows if place < len(row) and row[place].strip()}
         units = sorted(unit for unit in told if parse_unit(unit))
         if len({parse_unit(unit) for unit in units}) > 1:
-            raise TrackError(
+            mixed[header[about]] = (
                 f"{path}: column {name!r} names the units {', '.join(units)} of one quantity; give "
                 "a file for each."
             )
-        if units and not split_header(header[about])[1]:
+        elif units and not split_header(header[about])[1]:
             named[about] = f"{header[about]} ({units[0]})"
             used.append(name)
-    return named, used
+    return named, used, mixed
 
 
 def _about(header: Sequence[str], place: int) -> int | None:
@@ -49,7 +48,10 @@ def _about(header: Sequence[str], place: int) -> int | None:
     same = [
         k for k, name in enumerate(header) if k != place and stem and _plain(name).startswith(stem)
     ]
-    if place - 1 in same or (not stem and place > 0):
+    if not stem:
+        # Alone it may be the number of a device: it speaks of a temperature's or of nothing.
+        return place - 1 if place > 0 and "temp" in _plain(header[place - 1]) else None
+    if place - 1 in same:
         return place - 1
     return same[0] if len(same) == 1 else None
 

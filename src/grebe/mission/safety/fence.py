@@ -248,7 +248,7 @@ def _ends_under_way(
     way: np.ndarray, given: int, keeper: StationKeeper, weather: Weather, refuge: Place
 ) -> bool:
     """Whether a boat that takes long to stop goes on outwards where what is foreseen ends."""
-    if len(way) <= given + round(LONGEST_S / STEP_S):
+    if len(way) <= given + round(LONGEST_S / STEP_S) + 1:
         return False
     north, east, heading, surge, sway, _ = way[-1].tolist()
     if math.hypot(surge, sway) <= 2 * STOPPED_MPS + drift_mps(keeper.vessel, weather):
