@@ -190,18 +190,21 @@ def _elsewhere(
     values: Array, times: Array, jumps: NDArray[np.bool_], step: float, quantity: Quantity
 ) -> NDArray[np.bool_]:
     """Which readings (n,) are on an excursion that is no water: one at a single value, as of a
-    sensor that has dropped out, where a plume varies; and of a depth one that is below the bed.
+    sensor that has dropped out, where a plume varies; and of a depth what of one lies below the
+    bed.
     """
     away = excursions(values, times, jumps, step)
     if not away.any() or (not quantity.on_sonde and away.mean() > MOST_AWAY):
         return np.zeros(len(values), dtype=bool)
-    deep = float(np.quantile(values[~away], DEEPEST_SHARE)) if not away.all() else np.inf
+    steady = ~(away | jumps)
+    deep = float(np.quantile(values[steady], DEEPEST_SHARE)) if steady.any() else np.inf
+    if not quantity.on_sonde:
+        return away & (values > deep)
     ends = np.flatnonzero(np.diff(np.concatenate([[0], away.astype(int), [0]])))
     for first, end in zip(ends[::2], ends[1::2], strict=True):
         part = values[first:end]
         still = part[~jumps[first:end]] if not jumps[first:end].all() else part
-        is_one = np.ptp(still) <= quantity.resolution
-        away[first:end] = is_one if quantity.on_sonde else float(np.median(still)) > deep
+        away[first:end] = np.ptp(still) <= quantity.resolution
     return away
 
 
