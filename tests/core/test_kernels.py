@@ -46,6 +46,14 @@ def interrupted_in(depth, done):
         done.append(depth)
 
 
+@pytest.fixture(autouse=True)
+def _interruptible():
+    """Whoever starts the tests in the background may have them ignore an interruption."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.parametrize("depth", [0, 2])
 def test_a_signal_is_heard_after_what_must_not_be_interrupted(depth):
     """And where one such thing calls another, after the outermost."""

@@ -18,7 +18,7 @@ from grebe.core.dynamics import Weather
 from grebe.core.errors import UsageError
 from grebe.core.events import Ended, EndReason
 from grebe.core.vessel import PRESETS, Vessel
-from grebe.links.base import NOT_A_STATE, Observation, Order
+from grebe.links.base import NOT_A_STATE, BoatStatus, Observation, Order
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.boat_clock import MOST_ALIKE, NEVER_SEEN_S, BoatClock
 from grebe.mission.helm import possible_thrusts
@@ -75,6 +75,19 @@ def test_a_clock_that_stands_ends_the_mission_and_the_thrust() -> None:
 def test_a_clock_that_runs_back_ends_the_mission() -> None:
     end = sailed(Odd(lambda k, seen: replace(seen, time_s=seen.time_s - 5.0 * (k > 40))))
     assert (end.reason, "went back" in end.message) == (EndReason.LINK_LOST, True)
+
+
+def test_who_asks_for_the_end_is_heard_before_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = Odd(lambda k, seen: replace(seen, time_s=seen.time_s - 5.0 * (k > 40)))
+    usual = link.status
+
+    def status() -> BoatStatus:
+        asked = "started afresh" if link.orders and next(link._count) > 41 else ""
+        return replace(usual(), stop_request=asked)
+
+    monkeypatch.setattr(link, "status", status)
+    end = sailed(link)
+    assert (end.reason, end.message) == (EndReason.STOPPED, "started afresh")
 
 
 def test_a_few_estimates_of_one_time_are_a_hiccup() -> None:

@@ -337,7 +337,7 @@ class Mission:
         """
         while True:
             observation = self._link.observe()
-            self._clock.see(observation, seen_before=self._before is not None)
+            self._check_clock(observation)
             if all(map(math.isfinite, observation.state)):
                 self._raw = unwrapped(observation, self._raw)
                 return replace(self._raw, state=self._tracker.righted(self._raw.state))
@@ -348,6 +348,17 @@ class Mission:
             if self._before and observation.time_s - self._before.time_s > BLIND_S:
                 self._grope(self._before, observation)
             self._announcer.release()
+
+    def _check_clock(self, observation: Observation) -> None:
+        """End a mission whose boat's clock is none; an autopilot that has started afresh, and whose
+        clock therefore begins anew, says so itself.
+        """
+        try:
+            self._clock.see(observation, seen_before=self._before is not None)
+        except LinkError:
+            if request := self._requested_stop():
+                raise OverError(EndReason.STOPPED, request) from None
+            raise
 
     def _grope(self, seen: Observation, now: Observation) -> None:
         """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""

@@ -26,7 +26,7 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
         ),
         t(
             "model",
-            text=covariance_text(model, t),
+            text=covariance_text(model, t, one.quantity.unit if one.scale is LINEAR else ""),
             nugget=_squared(model.nugget, one, t),
             sill="-" if model.sill is None else _squared(model.sill, one, t),
             reason=model.reason,
@@ -90,10 +90,12 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
     return said
 
 
-def covariance_text(model: Model, t: Texts) -> str:
-    """A covariance in a few words."""
+def covariance_text(model: Model, t: Texts, unit: str) -> str:
+    """A covariance in a few words; `unit` of what it is of, nothing for a logarithm."""
     if model.parts:
-        return t("covariance_mean", parts="; ".join(covariance_text(one, t) for one in model.parts))
+        return t(
+            "covariance_mean", parts="; ".join(covariance_text(one, t, unit) for one in model.parts)
+        )
     if model.practical_range_m is None:
         return model.text
     text = t(
@@ -106,7 +108,11 @@ def covariance_text(model: Model, t: Texts) -> str:
         text += t("covariance_across", angle=f"{model.angle_deg:.0f}", ratio=ratio)
     if model.passing is not None:
         sd = t.number(f"{np.sqrt(model.passing.variance):.2g}")
-        text += t("covariance_passing", sd=sd, minutes=f"{model.passing.memory_s / 60:.0f}")
+        text += t(
+            "covariance_passing",
+            sd=sd + after_number(unit),
+            minutes=f"{model.passing.memory_s / 60:.0f}",
+        )
     return text
 
 
