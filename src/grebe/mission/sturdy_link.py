@@ -4,51 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import TypeVar
 
 from grebe.core.errors import LinkError
-from grebe.links.base import BoatLink, BoatStatus, Observation, Order
+from grebe.links.base import BoatStatus, Observation, Order
+from grebe.links.passing import PassingLink
 
 _T = TypeVar("_T")
 
 
-class SturdyLink:
-    """Hands everything on to a link; an `OSError` of its line becomes a `LinkError`, but where the
-    link is closed: what is broken already cannot be left in better order.
+class SturdyLink(PassingLink):
+    """A link of which an `OSError` becomes a `LinkError`, but where it is closed: what is broken
+    already cannot be left in better order.
     """
-
-    def __init__(self, link: BoatLink) -> None:
-        self._link = link
-
-    @property
-    def source(self) -> str:
-        """See `BoatLink`."""
-        return self._link.source
 
     def observe(self) -> Observation:
         """See `BoatLink`."""
-        return _told(self._link.observe)
+        return _told(super().observe)
 
     def command(self, order: Order) -> None:
         """See `BoatLink`."""
-        _told(lambda: self._link.command(order))
+        _told(partial(super().command, order))
 
     def measure(self) -> Mapping[str, float]:
         """See `BoatLink`."""
-        return _told(self._link.measure)
+        return _told(super().measure)
 
     def status(self) -> BoatStatus:
         """See `BoatLink`."""
-        return _told(self._link.status)
+        return _told(super().status)
 
     def stop(self) -> None:
         """See `BoatLink`."""
-        _told(self._link.stop)
+        _told(super().stop)
 
     def close(self) -> None:
         """See `BoatLink`."""
         with suppress(OSError):
-            self._link.close()
+            super().close()
 
 
 def _told(call: Callable[[], _T]) -> _T:
