@@ -13,7 +13,6 @@ from __future__ import annotations
 import csv
 import os
 import tempfile
-import warnings
 from dataclasses import dataclass, replace
 from multiprocessing import Pool
 from pathlib import Path
@@ -21,9 +20,9 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
-from scipy.spatial import KDTree
 
 from benchmarks.common import print_head, print_row
+from benchmarks.interpolators import peers, rms
 from grebe.core.samples import Flag, Samples
 from grebe.io.store import SurveyFile
 from grebe.mapping.maps import MapSettings
@@ -38,8 +37,6 @@ KEYS = (
     "temperature_degc", "dissolved_oxygen_mgl", "specific_conductance_uscm", "ph",
     "chlorophyll_rfu",
 )  # fmt: skip
-# What PyKrige and the Gaussian process are given at most.
-MOST_FOR_PEERS = 1_500
 Z50, Z95 = 0.6745, 1.96
 
 
@@ -69,14 +66,14 @@ def together(some: list[Judged]) -> Judged:
     def mean(values: list[float]) -> float:
         return float(np.average(values, weights=[one.count for one in some]))
 
-    def rms(values: list[float]) -> float:
+    def combined(values: list[float]) -> float:
         return float(np.sqrt(mean([value**2 for value in values])))
 
     return replace(
         some[0],
         count=sum(one.count for one in some),
-        rmse=rms([one.rmse for one in some]),
-        peers={name: rms([one.peers[name] for one in some]) for name in some[0].peers},
+        rmse=combined([one.rmse for one in some]),
+        peers={name: combined([one.peers[name] for one in some]) for name in some[0].peers},
         within50=mean([one.within50 for one in some]),
         within95=mean([one.within95 for one in some]),
         msdr=mean([one.msdr for one in some]),
@@ -162,79 +159,19 @@ def _compared(
     at, truth, mean, sd = at[inside], truth[inside], mean[inside], sd[inside]
     error = mean - truth
     z = np.abs(error) / np.hypot(sd, one.noise_sd)
-    peers, peer_msdr = _peers(one.positions, one.values, at, truth)
+    found, peer_msdr = peers(one.positions, one.values, at, truth)
     return Judged(
         track=track,
         quantity=one.quantity.key,
         left_out=how,
         count=len(truth),
-        rmse=_rms(error),
-        peers=peers,
+        rmse=rms(error),
+        peers=found,
         within50=float(np.mean(z <= Z50)),
         within95=float(np.mean(z <= Z95)),
         msdr=float(np.mean(z**2)),
         peer_msdr=peer_msdr,
     )
-
-
-def _peers(
-    positions: np.ndarray, values: np.ndarray, at: np.ndarray, truth: np.ndarray
-) -> tuple[dict[str, float], float]:
-    """RMSE of the nearest neighbour, the inverse squared distance, PyKrige and a Gaussian process;
-    and the mean squared standardised error of PyKrige.
-    """
-    tree = KDTree(positions)
-    distance, index = tree.query(at, k=12)
-    weight = 1 / np.maximum(distance, 1e-6) ** 2
-    idw = np.sum(weight * values[index], axis=1) / np.sum(weight, axis=1)
-    found = {"nearest": _rms(values[index[:, 0]] - truth), "idw": _rms(idw - truth)}
-    chosen = np.unique(
-        np.linspace(0, len(values) - 1, min(len(values), MOST_FOR_PEERS)).astype(int)
-    )
-    best, msdr = np.inf, np.nan
-    for kind in ("spherical", "exponential"):
-        mean, variance, misfit = _pykrige(positions[chosen], values[chosen], at, kind)
-        if misfit < best:
-            best = misfit
-            found["pykrige"] = _rms(mean - truth)
-            msdr = float(np.mean((mean - truth) ** 2 / np.maximum(variance, 1e-12)))
-    found["sklearn"] = _rms(_gaussian_process(positions[chosen], values[chosen], at) - truth)
-    return found, msdr
-
-
-def _pykrige(
-    positions: np.ndarray, values: np.ndarray, at: np.ndarray, kind: str
-) -> tuple[np.ndarray, np.ndarray, float]:
-    from pykrige.ok import OrdinaryKriging
-
-    kriging = OrdinaryKriging(
-        positions[:, 1], positions[:, 0], values, variogram_model=kind, nlags=15
-    )
-    mean, variance = kriging.execute("points", at[:, 1], at[:, 0])
-    model = kriging.variogram_function(kriging.variogram_model_parameters, kriging.lags)
-    return (
-        np.asarray(mean), np.asarray(variance), float(np.sum((model - kriging.semivariance) ** 2))
-    )  # fmt: skip
-
-
-def _gaussian_process(positions: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
-
-    few = np.linspace(0, len(values) - 1, min(len(values), 500)).astype(int)
-    scale, shift = values.std() or 1.0, values.mean()
-    kernel = ConstantKernel(1.0) * Matern(50.0, (1.0, 2_000.0), nu=1.5) + WhiteKernel(0.05)
-    process = GaussianProcessRegressor(kernel, normalize_y=False)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        process.fit(positions[few], (values[few] - shift) / scale)
-        process = GaussianProcessRegressor(process.kernel_, optimizer=None)
-        process.fit(positions, (values - shift) / scale)
-    return shift + scale * np.asarray(process.predict(at))
-
-
-def _rms(error: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(error**2)))
 
 
 def holdout() -> None:
@@ -248,7 +185,8 @@ def holdout() -> None:
     print_head(
         "Left-out places of real tracks",
         "track, quantity", "left out", "RMSE over best peer", "over nearest",
-        "the worst quarter over nearest", "over PyKrige", "within 50 %", "within 95 %",
+        "the worst quarter over nearest", "over PyKrige", "gstat", "GSTools", "best peer",
+        "within 50 %", "within 95 %",
         "MSDR (PyKrige's)",
     )  # fmt: skip
     rows: list[Judged] = []
@@ -269,18 +207,24 @@ def _shown(quarters: list[Judged]) -> list[Judged]:
         print_row(
             f"{one.track}, {quantity}", one.left_out, f"{one.over():.2f}",
             f"{one.over('nearest'):.2f}", f"{max(each.over('nearest') for each in some):.2f}",
-            f"{one.over('pykrige'):.2f}", f"{one.within50:.2f}", f"{one.within95:.2f}",
+            f"{one.over('pykrige'):.2f}", _over_gstat(one),
+            f"{one.over('gstools'):.2f}", min(one.peers, key=one.peers.__getitem__),
+            f"{one.within50:.2f}", f"{one.within95:.2f}",
             f"{one.msdr:.2f} ({one.peer_msdr:.2f})",
         )  # fmt: skip
         rows.append(one)
     return rows
 
 
+def _over_gstat(one: Judged) -> str:
+    return f"{one.over('gstat'):.2f}" if "gstat" in one.peers else "-"
+
+
 def _sum_up(how: str, rows: list[Judged]) -> None:
     ratios = [one.over() for one in rows]
     print_row(
         f"all {how}", f"{len(rows)}", f"median {np.median(ratios):.2f}, max {max(ratios):.2f}",
-        f"max {max(one.over('nearest') for one in rows):.2f}", "", "",
+        f"max {max(one.over('nearest') for one in rows):.2f}", "", "", "", "", "",
         f"{np.mean([0.40 <= o.within50 <= 0.65 for o in rows]):.0%} in .40-.65",
         f"{np.mean([0.90 <= o.within95 <= 0.99 for o in rows]):.0%} in .90-.99",
         f"{np.mean([0.6 <= o.msdr <= 1.5 for o in rows]):.0%} in .6-1.5",
