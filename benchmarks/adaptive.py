@@ -19,9 +19,12 @@ import numpy as np
 import shapely
 
 from benchmarks.common import print_head, print_row
+from benchmarks.informative import informative_path, interpreter, sampled
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.quantities import LIMNOLOGICAL
+from grebe.core.samples import Flag
+from grebe.core.taut import way_through
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EXACT, SimulatedLink
@@ -43,6 +46,8 @@ LAKE = shapely.box(0, 0, 260, 260) - shapely.box(90, 100, 260, 130) - shapely.bo
 NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
 MINUTES, NODES, SIDE = 20.0, 2_500, 131
 KEY, NOISE, RANGE_M = "temperature_degc", 0.1, 60.0
+# Of the Matern covariance of smoothness 3/2, whose practical range is 2.74 of it.
+LENGTH_SCALE_M = RANGE_M / 2.74
 KINDS = ("stationary", "front", "plumes")
 EACH = 10
 # The highest fifth of the water is what is looked for.
@@ -118,10 +123,16 @@ def _go_on(path: Path, wish: Wish) -> None:
 def _score(way: str, path: Path, water: Water, minutes: float) -> Score:
     with SurveyFile.open(path) as file:
         samples, region = file.samples(), file.survey.water
+    readings = samples.positions, samples.values[KEY], samples.flags[KEY]
+    return _score_of(way, readings, region, water, minutes)
+
+
+def _score_of(
+    way: str, readings: tuple[np.ndarray, ...], region: shapely.Polygon, water: Water,
+    minutes: float,
+) -> Score:  # fmt: skip
     grid = make_grid(region, float(np.sqrt(region.area / NODES)))
-    made = Mapper(region, grid).map_quantity(
-        LIMNOLOGICAL[KEY], samples.positions, samples.values[KEY], samples.flags[KEY]
-    )
+    made = Mapper(region, grid).map_quantity(LIMNOLOGICAL[KEY], *readings)
     real, mean = water.value(KEY, grid.nodes), made.mean[grid.inside]
     level = _level(water)
     hit = np.sum((mean > level) & (real > level))
@@ -170,7 +181,22 @@ def _one_water(job: tuple[str, int]) -> tuple[str, list[Score]]:
             coarse = PlanSettings(cell_m=None, minutes=spent)
             sailed(way, coarse, wish)
         sailed("half the time: free", PlanSettings(cell_m=None, minutes=half))
+    if interpreter() is not None:
+        scores.append(_informative(water, seed))
     return kind, scores
+
+
+def _informative(water: Water, seed: int) -> Score:
+    """A published planner's path, of the length that the free order is sailed in, ideally."""
+    region = Region(name="lake", frame=FRAME, water=LAKE)
+    free = plan(region, BOAT, PlanSettings(cell_m=None, minutes=MINUTES)).survey
+    assert free.outcome is not None
+    length = shapely.LineString(way_through(free)).length
+    path = informative_path(LAKE, LENGTH_SCALE_M, NOISE, length)
+    at = sampled(path, length / free.outcome.time_s)
+    values = water.value(KEY, at) + np.random.default_rng(seed).normal(0.0, NOISE, len(at))
+    flags = np.full(len(at), Flag.GOOD)
+    return _score_of("sgptools, an ideal boat", (at, values, flags), LAKE, water, MINUTES)
 
 
 def adaptive(each: int = EACH) -> None:

@@ -15,7 +15,7 @@ from grebe.core.revision import first_revision
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.mission.replanning import Replanner
+from grebe.mission.replanning import KeptPlan, Replanner
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.workflow.run import run_survey, steered_by
@@ -96,7 +96,7 @@ def test_an_order_that_cannot_be_made_ends_the_wait_for_it(survey, monkeypatch):
     )
     plans = Replanner(
         survey=survey,
-        revision=first_revision(survey),
+        plan=KeptPlan(revision=first_revision(survey)),
         vessel=BOAT,
         helm_of=lambda _: None,
         waits=True,

@@ -71,14 +71,67 @@ def test_a_closed_area_is_kept_out_of_and_what_lies_behind_it_is_still_visited(s
     old, where = first_revision(survey), halfway(survey, 10)
     zone = shapely.box(200, 150, 260, 210)
     new = replanned(
-        old, survey, open_water(survey, USABLE).closing([zone]), where, vessel=BOAT, weather=CALM,
-        reason="closed", note="",
+        old, survey, open_water(survey, USABLE).closing([zone], where.place), where,
+        vessel=BOAT, weather=CALM, reason="closed", note="",
     )  # fmt: skip
     gone = {t.seq for t in survey.targets if t.set.polygon.intersection(zone).area > 1e-6}
     ahead = {t.seq for t in survey.targets[10:] if t.kind == "cell"}
     assert set(left_out(old, new)) == gone & ahead
     part = rest_of(survey, new, 10, where.place)
     assert check_plan(part, USABLE.difference(zone)).outside_m2 == 0.0
+
+
+STRAIT = shapely.box(0, 0, 60, 300)
+
+
+@pytest.fixture(scope="module")
+def strait():
+    region = Region(name="strait", frame=FRAME, water=STRAIT)
+    return plan(region, BOAT, replace(SETTINGS, cell_m=20.0)).survey
+
+
+def closed_revision(survey, zone, place, reached=0):
+    return replanned(
+        first_revision(survey), survey, open_water(survey, STRAIT).closing([zone], place),
+        Halfway(reached=reached, place=place), vessel=BOAT, weather=CALM, reason="closed", note="",
+    )  # fmt: skip
+
+
+def test_what_a_closed_area_leaves_of_cells_is_still_a_way(strait):
+    """A closed area takes a piece of every cell of a strait's middle row: none is left whole."""
+    zone = shapely.box(5, 145, 55, 155)
+    new = closed_revision(strait, zone, (30.0, 20.0))
+    cells = [t.set.polygon for t in new.targets if t.kind == "cell"]
+    assert any(cell.bounds[1] > 160 for cell in cells)
+    assert not any(cell.intersection(zone).area > 1e-6 for cell in cells)
+    part = rest_of(strait, new, 0, (30.0, 20.0))
+    assert check_plan(part, STRAIT.difference(zone)).outside_m2 == 0.0
+
+
+def test_what_lies_behind_a_closed_area_and_cannot_be_come_to_is_left_out(strait):
+    zone = shapely.box(0, 145, 60, 155)
+    for place, near in (((30.0, 20.0), True), ((30.0, 250.0), False)):
+        new = closed_revision(strait, zone, place)
+        cells = [t.set.polygon for t in new.targets if t.kind == "cell"]
+        assert cells
+        assert all((cell.bounds[3] <= 145) == near for cell in cells)
+
+
+def test_a_boat_in_the_area_that_is_closed_is_led_out_of_it(strait):
+    zone = shapely.box(5, 100, 55, 160)
+    new = closed_revision(strait, zone, (30.0, 130.0))
+    first = new.targets[0].set.polygon
+    assert first.intersection(zone).area < 1e-6
+    assert new.corridors[0].buffer(1e-6).covers(shapely.Point(30.0, 130.0))
+    rest = shapely.union_all(list(new.corridors[1:]))
+    assert rest.intersection(zone).area < 1e-6
+
+
+def test_where_an_area_takes_every_cell_it_is_said(strait):
+    with pytest.raises(PlanError, match="No cell is left"):
+        open_water(strait, STRAIT).closing([shapely.box(2, 2, 58, 298)], (30.0, 30.0))
+    with pytest.raises(PlanError, match="Nothing of the water"):
+        open_water(strait, STRAIT).closing([shapely.box(-1, -1, 61, 301)], (30.0, 30.0))
 
 
 def test_a_sortie_that_is_planned_anew_ends_at_its_harbour_and_the_others_stay():

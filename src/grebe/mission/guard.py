@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from typing import Protocol
 
 import numpy as np
+import shapely
 
 from grebe.control.controller import Controller
 from grebe.control.station import StationKeeper
@@ -23,6 +25,7 @@ from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
 from grebe.mission.lookout import LEAST_WAIT_S, LONGEST_WAIT_S, Lookout
+from grebe.mission.safety.enclosure import Enclosure
 from grebe.mission.safety.fence import (
     FOLLOWED_DOUBT,
     FOLLOWED_S,
@@ -31,7 +34,6 @@ from grebe.mission.safety.fence import (
     Fence,
     Schedule,
     escape,
-    fence_of,
     reckoned,
 )
 from grebe.mission.safety.machine import (
@@ -107,9 +109,7 @@ class Guard:
         self._asked: deque[Asked] = deque()
         if settings.comes_home:
             self.ask(Request.HOME, settings.comes_home)
-        self._fence: Fence | None = None
-        # A boat that is launched from land is fenced in once it is on the water.
-        self._fenced = False
+        self._enclosure = Enclosure()
         self._home = WayHome(survey, settings)
         self._escape: tuple[float, Escape] | None = None
         self._reckoned: tuple[float, State] | None = None
@@ -123,6 +123,19 @@ class Guard:
     def take_for(self, vessel: Vessel) -> None:
         """Judge another boat from now on: it is not what it was said to be."""
         self._vessel = vessel
+
+    def take_order(self, survey: Survey) -> None:
+        """Judge another order of the same survey from now on."""
+        self._survey = replace(survey, no_go=self._survey.no_go)
+
+    def close(self, zones: Sequence[shapely.Polygon], observation: Observation) -> None:
+        """Keep the boat, and its ways home, out of zones from now on."""
+        self._survey = replace(self._survey, no_go=(*self._survey.no_go, *zones))
+        self._home = WayHome(self._survey, self._settings)
+        if self._settings.fence and self._began_s is not None:
+            self._enclosure.draw(self._survey, (observation.state[0], observation.state[1]))
+        if self.state is SafetyState.RETURNING:
+            self._set_out_for_home(observation)
 
     def ask(self, request: Request, why: str) -> None:
         """Ask something; it is answered at the next estimate. Safe from any thread."""
@@ -183,17 +196,18 @@ class Guard:
         where it may not, the guard steers from now on.
         """
         drives = self.state not in (SafetyState.HOLDING, SafetyState.STOPPED)
-        if self._fence is None or not self._fenced or not drives:
+        fence = self._enclosure.fence
+        if fence is None or not self._enclosure.fenced or not drives:
             return True
-        if self._may_go_on(self._fence, observation, ahead, weather):
+        if self._may_go_on(fence, observation, ahead, weather):
             return True
         facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
-        if self._lookout and self._way_out(self._fence, observation, ahead, weather):
+        if self._lookout and self._way_out(fence, observation, ahead, weather):
             self._lookout.refused()
-            waits = self._lookout.place_to_wait(self._fence, facts.place)
+            waits = self._lookout.place_to_wait(fence, facts.place)
             self._become(in_traffic(self._memory, facts, waits), observation)
             return False
-        refuge = self._fence.refuge(facts.place)
+        refuge = fence.refuge(facts.place)
         self._become(at_the_fence(self._memory, facts, self._settings, refuge), observation)
         return False
 
@@ -232,7 +246,7 @@ class Guard:
 
     def _look_out(self, observation: Observation, facts: Facts) -> None:
         """Say where the boat would go; where it waits for others, make room or go on."""
-        lookout, fence = self._lookout, self._fence
+        lookout, fence = self._lookout, self._enclosure.fence
         if lookout is None or fence is None:
             return
         ahead = self._next_place(facts.reached)
@@ -323,8 +337,7 @@ class Guard:
     def _begin(self, observation: Observation) -> None:
         self._began_s = self._before_s = observation.time_s
         if self._settings.fence:
-            place = (observation.state[0], observation.state[1])
-            self._fence = fence_of(self._survey.water, self._survey.no_go, place)
+            self._enclosure.draw(self._survey, (observation.state[0], observation.state[1]))
 
     def _spend(self, observation: Observation, thrusts: Thrusts) -> None:
         seconds = observation.time_s - self._before_s
@@ -341,8 +354,7 @@ class Guard:
         status: BoatStatus,
     ) -> Facts:
         place = (observation.state[0], observation.state[1])
-        inside = self._fence is None or self._fence.holds(place)
-        self._fenced = self._fenced or inside
+        inside = self._enclosure.holds(place)
         home_s, home_wh = self._cost_home(observation, weather, status)
         way = self._way
         return Facts(
@@ -360,7 +372,7 @@ class Guard:
             used_wh=self._used_wh,
             depth_m=self.depth_m,
             light_s=self._dark_s - observation.time_s,
-            outside=self._fenced and not inside,
+            outside=self._enclosure.fenced and not inside,
             mute=self.mute[0],
             mute_s=self.mute[1],
         )

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
+import shapely
 
 from grebe.control.controller import Command
 from grebe.control.rules.base import reached_count
@@ -141,6 +143,7 @@ class Mission:
             lookout,
             by_motion=driven.holds_motion,
         )
+        self._closings: deque[tuple[tuple[shapely.Polygon, ...], str]] = deque()
         self._next_step_s = 0.0
         self._deadline_s = math.inf
         self._raw: Observation | None = None
@@ -163,6 +166,10 @@ class Mission:
     def go_on(self, why: str) -> None:
         """Ask a boat that holds its place to go on with what it did. Safe from any thread."""
         self._guard.ask(Request.GO_ON, why)
+
+    def close(self, zones: Sequence[shapely.Polygon], why: str) -> None:
+        """Keep the boat out of local zones from the next estimate on. Safe from any thread."""
+        self._closings.append((tuple(zones), why))
 
     def run(self) -> MissionReport:
         """Steer until every target is reached, or one cannot be, or somebody stops it; the boat
@@ -203,6 +210,7 @@ class Mission:
             )
             self._visit(observation)
             self._read_instruments(observation)
+            self._close_areas(observation)
             self._watch(observation)
             self._replan(observation)
             end = self._end_reached(observation)
@@ -211,6 +219,16 @@ class Mission:
             self._act(observation)
             self._announcer.release()
             observation = self._advance()
+
+    def _close_areas(self, observation: Observation) -> None:
+        """Keep out of what has been closed since the last estimate."""
+        while self._closings:
+            zones, why = self._closings.popleft()
+            self._announcer.tell(Warned, observation.time_s, code="area_closed", message=why)
+            self._guard.close(zones, observation)
+            if self._replanner is not None and not self._done:
+                place = observation.state[:2]
+                self._replanner.close(zones, self._reached, place, self._weather)
 
     def _watch(self, observation: Observation) -> None:
         """Let the guard judge the estimate; what goes on after a change begins with a new step."""
@@ -277,13 +295,17 @@ class Mission:
         try:
             new = plans.ready(self._reached, place, self._weather)
         except PlanError as error:
-            raise OverError(EndReason.TARGET_GIVEN_UP, str(error)) from None
+            if plans.asked != "closed":
+                raise OverError(EndReason.TARGET_GIVEN_UP, str(error)) from None
+            self._guard.ask(Request.HOME, str(error))
+            return
         if new is None:
             return
         more = len(new.survey.targets) - len(self._targets)
         self._targets, self._sets = new.survey.targets, new.survey.sets
         self._sampler.look_for(self._targets)
         self._controller = new.helm
+        self._guard.take_order(new.survey)
         self._controller.reached = self._reached
         if isinstance(new.helm, AdaptableHelm) and new.helm.vessel != self._tracker.vessel:
             new.helm.take_for(self._tracker.vessel)

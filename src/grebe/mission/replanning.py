@@ -9,16 +9,19 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+import shapely
 
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import GrebeError, PlanError
-from grebe.core.revision import PlanRevision, Reason, Sortie, survey_of
+from grebe.core.revision import PlanRevision, Reason, Sortie, left_out, survey_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.mission.helm import Helm
+from grebe.mission.safety.states import Place
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, OpenWater, open_water, replanned
 
@@ -28,12 +31,16 @@ OTHER_WEATHER_MPS, FOR_S = 0.15, 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class NewOrder:
-    """A revision, what of it the mission has to do, who steers it, and what it was made from."""
+    """A revision, what of it the mission has to do, who steers it, and what it was made from: so
+    many targets reached and areas `closed`, and the `note` that it was asked for with.
+    """
 
     revision: PlanRevision
     survey: Survey
     helm: Helm
     reached: int
+    closed: int
+    note: str
 
 
 # Where a mission goes on that has sailed its order, by the revision that it sails, how far it has
@@ -42,15 +49,33 @@ Extension = Callable[[PlanRevision, Halfway, float], PlanRevision]
 
 
 @dataclass(kw_only=True)
+class KeptPlan:
+    """The plan of a survey, which the boats of a fleet share: each puts its own part in another
+    order.
+    """
+
+    revision: PlanRevision
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def take(self, new: PlanRevision) -> bool:
+        """Take a revision for the plan; False where another boat's has come in between."""
+        with self._lock:
+            if new.number != self.revision.number + 1:
+                return False
+            self.revision = new
+            return True
+
+
+@dataclass(kw_only=True)
 class Replanner:
-    """Keeps a mission's plan and makes revisions of it; `survey` is the whole of it, `helm_of`
-    makes who steers a part. `waits` where the loop waits for a new order. `heeds`: targets out of
+    """Makes revisions of a mission's plan; `survey` is the whole of it, `helm_of` makes who steers
+    a part. `waits` where the loop waits for a new order. `heeds`: targets out of
     reach and another weather are causes of a new order; `extends` says where the mission goes on
-    once its order is sailed, and `over` why it does not.
+    once its order is sailed, and `over` why it does not. `asked`: what an order was last asked for.
     """
 
     survey: Survey
-    revision: PlanRevision
+    plan: KeptPlan
     vessel: Vessel
     helm_of: Callable[[Survey], Helm]
     sortie: Sortie | None = None
@@ -58,7 +83,9 @@ class Replanner:
     heeds: bool = True
     extends: Extension | None = None
     over: str = ""
+    asked: Reason | None = None
     _open: OpenWater | None = None
+    _closed: tuple[shapely.Polygon, ...] = ()
     _left_out: set[int] = field(default_factory=set[int])
     _thread: threading.Thread | None = None
     _new: NewOrder | Exception | None = None
@@ -70,7 +97,7 @@ class Replanner:
         """Whether a new order has been asked for and is not taken yet."""
         return self._thread is not None or self._new is not None
 
-    def give_up(self, seq: int, reached: int, place: tuple[float, float], weather: Weather) -> None:
+    def give_up(self, seq: int, reached: int, place: Place, weather: Weather) -> None:
         """Ask for an order without a target that is not reached in time."""
         if self.is_busy or not self.heeds:
             return
@@ -78,9 +105,7 @@ class Replanner:
         note = f"target {seq} was not reached in time and is left out"
         self._ask("unreachable", note, reached, place, weather)
 
-    def watch(
-        self, time_s: float, reached: int, place: tuple[float, float], weather: Weather
-    ) -> None:
+    def watch(self, time_s: float, reached: int, place: Place, weather: Weather) -> None:
         """Ask for an order for the weather where it has long been another than was planned with."""
         if not self.heeds:
             return
@@ -101,7 +126,17 @@ class Replanner:
         )
         self._ask("weather", note, reached, place, weather)
 
-    def goes_on(self, time_s: float, reached: int, place: tuple[float, float]) -> bool:
+    def close(
+        self, zones: Sequence[shapely.Polygon], reached: int, place: Place, weather: Weather
+    ) -> None:
+        """Ask for an order that keeps out of zones, where what is ahead of the boat does not; one
+        that is being made meanwhile is not taken.
+        """
+        self._closed = (*self._closed, *zones)
+        if not self.is_busy and self._goes_through(zones, reached, place):
+            self._ask("closed", _closing(self._closed), reached, place, weather)
+
+    def goes_on(self, time_s: float, reached: int, place: Place) -> bool:
         """Whether the mission goes on after its last target; where it does is asked for, once."""
         if self.extends is None or self.over:
             return False
@@ -109,7 +144,7 @@ class Replanner:
             self._start(self._extend, Halfway(reached=reached, place=place), time_s)
         return True
 
-    def ready(self, reached: int, place: tuple[float, float], weather: Weather) -> NewOrder | None:
+    def ready(self, reached: int, place: Place, weather: Weather) -> NewOrder | None:
         """Return the new order once it is there; one that has become stale is asked for anew.
 
         Where there is none, `PlanError` says why, once.
@@ -124,17 +159,25 @@ class Replanner:
             raise new
         if isinstance(new, Exception):
             raise PlanError(f"Planning anew failed ({type(new).__name__}: {new}).") from new
-        if reached != new.reached:
-            self._ask(new.revision.reason, new.revision.note, reached, place, weather)
+        if new.closed != len(self._closed):
+            self._ask("closed", _closing(self._closed), reached, place, weather)
             return None
-        self.revision = new.revision
+        if reached != new.reached or not self.plan.take(new.revision):
+            self._ask(new.revision.reason, new.note, reached, place, weather)
+            return None
         if self.sortie is not None:
             self.sortie = new.revision.sortie(self.sortie.number)
         return new
 
-    def _ask(
-        self, reason: Reason, note: str, reached: int, place: tuple[float, float], weather: Weather
-    ) -> None:
+    def _goes_through(self, zones: Sequence[shapely.Polygon], reached: int, place: Place) -> bool:
+        part = survey_of(self.survey, self.plan.revision, self.sortie)
+        ahead = [one.set.polygon for one in part.targets[reached:]]
+        here = shapely.Point(place)
+        ways = shapely.union_all([*ahead, *part.corridors[reached:], here])
+        return bool(shapely.intersects(ways, shapely.union_all(list(zones))))
+
+    def _ask(self, reason: Reason, note: str, reached: int, place: Place, weather: Weather) -> None:
+        self.asked = reason
         halfway = Halfway(reached=reached, place=place, sortie=self.sortie)
         self._start(self._planned, reason, note, halfway, weather)
 
@@ -152,18 +195,19 @@ class Replanner:
     def _extend(self, halfway: Halfway, time_s: float) -> NewOrder | None:
         assert self.extends is not None
         try:
-            new = self.extends(self.revision, halfway, time_s)
+            new = self.extends(self.plan.revision, halfway, time_s)
         # What was to be surveyed is: no more is an end like any other.
         except GrebeError as error:
             self.over = str(error)
             return None
-        return self._ordered(new, halfway)
+        return self._ordered(new, halfway, len(self._closed))
 
     def _planned(self, reason: Reason, note: str, halfway: Halfway, weather: Weather) -> NewOrder:
+        closed, old = len(self._closed), self.plan.revision
         new = replanned(
-            self.revision,
+            old,
             self.survey,
-            self._water(),
+            self._water(halfway.place),
             halfway,
             vessel=self.vessel,
             weather=weather,
@@ -171,17 +215,29 @@ class Replanner:
             note=note,
             without=self._left_out,
         )
-        return self._ordered(new, halfway)
+        if reason == "closed":
+            new = replace(new, note=f"{note}; {len(left_out(old, new))} targets are left out")
+        return self._ordered(new, halfway, closed, note)
 
-    def _ordered(self, new: PlanRevision, halfway: Halfway) -> NewOrder:
+    def _ordered(
+        self, new: PlanRevision, halfway: Halfway, closed: int = 0, note: str = ""
+    ) -> NewOrder:
         part = None if self.sortie is None else new.sortie(self.sortie.number)
         survey = survey_of(self.survey, new, part)
+        helm = self.helm_of(survey)
         return NewOrder(
-            revision=new, survey=survey, helm=self.helm_of(survey), reached=halfway.reached
-        )
+            revision=new, survey=survey, helm=helm, reached=halfway.reached, closed=closed,
+            note=note,
+        )  # fmt: skip
 
-    def _water(self) -> OpenWater:
+    def _water(self, place: Place) -> OpenWater:
         """The cells and the ways between them, measured when they are first needed."""
         if self._open is None:
             self._open = open_water(self.survey, water_of(self.survey))
+        if self._closed:
+            return self._open.closing(self._closed, place)
         return self._open
+
+
+def _closing(zones: Sequence[shapely.Polygon]) -> str:
+    return f"an area of {shapely.union_all(list(zones)).area:,.0f} m2 is closed"

@@ -113,6 +113,11 @@ def _polygons(piece: shapely.Geometry) -> list[shapely.Polygon]:
     return [convex for part in parts for convex in convex_pieces(part)]
 
 
+def wide_pieces(water: shapely.Geometry) -> list[shapely.Polygon]:
+    """The convex pieces of water that are wide enough to be a way."""
+    return [one for one in _polygons(water) if 2 * one.area / one.length >= THINNEST_M]
+
+
 def _turned(cells: list[Cell], angle_deg: float) -> list[Cell]:
     """Turn cells from the lattice's axes to north and east, all at once."""
     if angle_deg == 0:

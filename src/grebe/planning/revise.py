@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from scipy.sparse.csgraph import connected_components
 
 from grebe.core.dynamics import Weather
 from grebe.core.errors import PlanError
@@ -25,7 +26,7 @@ from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.corridors import REACH_CELLS, Stop, Waterways, corridors_of, widened
 from grebe.planning.costs import costs_of
-from grebe.planning.mesh import Cell
+from grebe.planning.mesh import Cell, wide_pieces
 from grebe.planning.network import ROUNDING_M, Network, connect
 from grebe.planning.polish import polished
 from grebe.planning.travel import travel_of
@@ -53,13 +54,21 @@ class OpenWater:
 
     @cached_property
     def cells(self) -> list[Cell]:
-        """The cells, as the planner's mesh had them."""
+        """The cells, as the planner's mesh had them, and behind them the water between them, which
+        is only a way: what no target has, and what a closed area leaves of cells.
+        """
         shapes = footprints_of([target.set for target in self.targets])
         whole = self.cell_m**2 * (1 - 1e-6)
-        return [
+        targets = [
             Cell(row=0, column=i, footprint=shape, whole=shape.area >= whole)
             for i, shape in enumerate(shapes.tolist())
         ]
+        between = shapely.difference(self.water, shapely.union_all(shapes))
+        ways = [
+            Cell(row=1, column=i, footprint=piece, is_speck=True)
+            for i, piece in enumerate(wide_pieces(between))
+        ]
+        return [*targets, *ways]
 
     @cached_property
     def network(self) -> Network:
@@ -72,21 +81,40 @@ class OpenWater:
         return Waterways(self.cells, self.network, self.water, self.cell_m)
 
     @cached_property
+    def _parts(self) -> NDArray[np.int32]:
+        return connected_components(self.network.matrix(), directed=False)[1]
+
+    def within_reach(self, place: tuple[float, float]) -> NDArray[np.bool_]:
+        """Which cells a boat can come to from a place."""
+        shapes = np.array([cell.footprint for cell in self.cells], dtype=object)
+        here = int(np.argmin(shapely.distance(shapes, shapely.Point(place))))
+        return self._parts == self._parts[here]
+
+    @cached_property
     def place_of(self) -> dict[int, int]:
         """The cell of each target by the target's number."""
         return {target.seq: i for i, target in enumerate(self.targets)}
 
-    def closing(self, zones: Sequence[shapely.Polygon]) -> OpenWater:
-        """Return what is left when zones are closed, where it hangs together with most of it."""
+    def closing(self, zones: Sequence[shapely.Polygon], place: tuple[float, float]) -> OpenWater:
+        """Return what is left when zones are closed: the part where the boat's place is, or that
+        is nearest to it, with the cells that lie wholly in it.
+
+        Raises `PlanError` where no cell is left.
+        """
         left = shapely.difference(self.water, shapely.union_all(list(zones)))
-        parts = [p for p in shapely.get_parts(left) if isinstance(p, shapely.Polygon)]
+        parts = [p for p in shapely.get_parts(left) if isinstance(p, shapely.Polygon) and p.area]
         if not parts:
             raise PlanError("Nothing of the water is left when the area is closed.")
-        water = max(parts, key=lambda part: part.area)
+        here = shapely.Point(place)
+        water = min(parts, key=lambda part: part.distance(here))
         shapes = footprints_of([target.set for target in self.targets])
-        stays = shapely.covers(water.buffer(1e-6), shapes)
-        kept = itertools.compress(self.targets, stays.tolist())
-        return replace(self, water=water, targets=tuple(kept))
+        allowed = water.buffer(ROUNDING_M, join_style="mitre")
+        shapely.prepare(allowed)
+        stays = shapely.covers(allowed, shapes)
+        kept = tuple(itertools.compress(self.targets, stays.tolist()))
+        if not kept:
+            raise PlanError("No cell is left that the boat can come to when the area is closed.")
+        return replace(self, water=water, targets=kept)
 
 
 def open_water(survey: Survey, water: shapely.Polygon) -> OpenWater:
@@ -126,11 +154,13 @@ def replanned(
     harbour, and the other sorties stay as they are.
     """
     part = survey_of(survey, old, halfway.sortie)
+    within_reach = open_.within_reach(halfway.place)
     rest = [
         open_.place_of[t.seq]
         for t in part.targets[halfway.reached :]
         if t.kind == "cell" and t.seq in open_.place_of and t.seq not in without
     ]
+    rest = [cell for cell in rest if within_reach[cell]]
     if not rest:
         raise PlanError("No cell of the order is left to go to.")
     return put_in_order(

@@ -21,7 +21,7 @@ from grebe.mission.departure import Departure, prepare
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
-from grebe.mission.replanning import Extension, Replanner
+from grebe.mission.replanning import Extension, KeptPlan, Replanner
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
@@ -151,7 +151,7 @@ def _replanner(
     first = {one.number: survey_file.revision.targets[one.first - 1].seq for one in sorties}
     return Replanner(
         survey=survey_file.survey,
-        revision=survey_file.revision,
+        plan=KeptPlan(revision=survey_file.revision),
         vessel=departure.vessel,
         helm_of=pilot,
         sortie=next((one for one in sorties if first[one.number] in numbers), None),
