@@ -1,7 +1,7 @@
 """What is left is planned anew while the boat sails, and the file says why."""
 
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import pytest
 import shapely
@@ -10,7 +10,7 @@ from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import PlanError
 from grebe.core.events import EndReason
 from grebe.core.frames import LocalFrame
-from grebe.core.plan_settings import PlanSettings
+from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.revision import first_revision
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import PRESETS
@@ -18,6 +18,8 @@ from grebe.io.store import SurveyFile
 from grebe.mission.replanning import KeptPlan, Replanner
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
+from grebe.planning.sorties import plan_sorties
+from grebe.workflow.files import write_survey
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -105,3 +107,32 @@ def test_an_order_that_cannot_be_made_ends_the_wait_for_it(survey, monkeypatch):
     with pytest.raises(PlanError, match="IndexError"):
         plans.ready(3, (0.0, 0.0), CALM)
     assert not plans.is_busy
+
+
+@pytest.mark.slow
+def test_a_sortie_that_is_too_slow_puts_off_its_last_targets(tmp_path, survey, monkeypatch):
+    """A bound that is drawn in after planning: as if the boat had turned out slower."""
+    monkeypatch.setattr("grebe.mission.pace.LEAST_S", 20.0)
+    monkeypatch.setattr("grebe.mission.pace.SLOW", 0.5)
+    frame = LocalFrame(origin_lon_deg=3.0, origin_lat_deg=50.0)
+    region = Region(name="pond", frame=frame, water=shapely.box(0, 0, 60, 80))
+    lon, lat = frame.to_wgs84((2.0, 2.0)).tolist()
+    wide = SortieSettings(minutes=6.0, reserve=0.1, harbours=((lon, lat),))
+    settings = PlanSettings(cell_m=10.0, speed_min_mps=0.5, speed_max_mps=1.5, sorties=wide)
+    planned = plan_sorties(region, BOAT, settings)
+    sortie = planned.revision.sorties[0]
+    tight = replace(wide, minutes=0.8 * sortie.time_s / 60 / 0.9)
+    narrowed = replace(planned.survey, settings=replace(settings, sorties=tight))
+    path = tmp_path / "s.gpkg"
+    write_survey(path, narrowed, revision=planned.revision)
+    with SurveyFile.open(path) as file:
+        report = run_survey(file, SimulatedWorld(), steered_by(), NOW, replans=True)
+        assert report.ended is EndReason.COMPLETE
+        assert file.revision.reason == "progress"
+        assert report.duration_s < 0.9 * 60 * tight.minutes
+        later = file.revision.sorties[-1]
+        assert later.number == len(planned.revision.sorties) + 1
+        assert file.progress().reached_in(later) == 0
+        for one in file.revision.sorties[1:]:
+            run_survey(file, SimulatedWorld(), steered_by(), NOW + timedelta(hours=one.number))
+        assert all(file.progress().reached_at)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
@@ -17,10 +17,12 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
 from grebe.links.instruments.instrument import Bench
 from grebe.mission.departure import Departure
+from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, Progress, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.closures import Closures
 from grebe.workflow.fleets import FleetReport, FleetRun
 from grebe.workflow.instruments import of_fleet
 from grebe.workflow.quality import check_samples
@@ -71,9 +73,11 @@ def run_fleet(
     resume: bool,
     force: bool,
     benches: Mapping[int | None, Bench],
+    replans: bool,
+    closures: Callable[[], Closures | None],
 ) -> FleetReport:
     """Sail a fleet's survey; `urls` are one link for all boats, or one for each, `benches` the
-    instruments of some.
+    instruments of some; `closures` makes what closes areas to one of its missions.
     """
     rule, solver, world = how
     fleet = survey_file.survey.fleet
@@ -89,6 +93,14 @@ def run_fleet(
         harbour = Harbour(world=replace(world, boat=boat), confirm=output.confirmation(yes=yes))
         return boat_named(links[boat - 1], harbour)(departure)
 
+    closing = {boat: made for boat in range(1, fleet.boats + 1) if (made := closures())}
+    meter = FleetMeter(bar, len(survey_file.survey.targets))
+
+    def ready(boat: int, mission: Mission) -> None:
+        heed_mission(mission)
+        if boat in closing:
+            closing[boat].begin(mission)
+
     boats = f"{fleet.boats} boats"
     by_links = f"{boats}: {', '.join(dict.fromkeys(links))}"
     survey_file.set_meta("water", f"{SIMULATED_WATER}, {boats}" if simulated else by_links)
@@ -98,9 +110,14 @@ def run_fleet(
         steered_by(rule, solver),
         settings,
         shares_time=simulated,
-        watches=FleetMeter(bar, len(survey_file.survey.targets)).listeners,
-        on_ready=lambda _, mission: heed_mission(mission),
+        watches=lambda boat: [
+            *meter.listeners(boat),
+            *([closing[boat]] if boat in closing else []),
+        ],
+        on_ready=ready,
         instruments=of_fleet(benches, fleet.boats),
+        replans=replans,
+        closes=bool(closing),
     ).run(now, resume=resume, force=force)
     check_samples(survey_file)
     return report

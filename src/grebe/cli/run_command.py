@@ -34,6 +34,7 @@ from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.closures import Closures
 from grebe.workflow.instruments import (
     boat_and_instrument,
     declare_quantities,
@@ -93,6 +94,14 @@ from grebe.workflow.sorties import kept_by_plan, sortie_states
     help="Plan the rest anew, while the boat sails, where a target is not reached in time (it is "
     "left out) or the current is another than was planned with.",
 )
+@click.option(
+    "--closed",
+    type=click.Path(dir_okay=False, resolve_path=True),
+    metavar="FILE",
+    help="Keep out of the areas in this file, as of --no-go, which is read again whenever it "
+    "changes while the boat sails: what they take of the plan is left out, and the rest planned "
+    "anew.",
+)
 @adaptive_options
 @click.option("--live", is_flag=True, help="Open the app on this mission, and print its address.")
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
@@ -139,6 +148,8 @@ def command(
         before = survey_file.progress().reached if goes_on else 0
         kept = {name: value for name, value in run.items() if name not in ONCE}
         survey_file.set_meta("run", json.dumps(kept, default=str))
+        if run["closed"] is not None and not Path(run["closed"]).exists():
+            output.note(f"{run['closed']} is not there yet; it is looked for while the boat sails")
         if survey_file.survey.fleet is not None and sortie is None:
             _refuse_for_fleets(run, live=live)
             _sail_fleet(
@@ -187,7 +198,8 @@ def _judge(
     for url in urls:
         boat_named(url)
     safety_of(run, now)
-    wish_of(run)
+    if wish_of(run) is not None and run["closed"] is not None:
+        raise UsageError("--adaptive goes where it pays, closed or not; leave --closed out.")
     _settings(run)
     for one in instruments:
         instrument_named(boat_and_instrument(one)[1])
@@ -215,12 +227,15 @@ def _run(
     """Sail as `run` has it, and check what was measured."""
     rule, solver, world = _settings(run)
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
+    closures = _closures_of(run, survey_file)
     with live_view(survey_file, wanted=live) as ears:
 
         def ready(mission: Mission) -> None:
             heed_mission(mission)
             if ears is not None:
                 ears.obeys(mission)
+            if closures is not None:
+                closures.begin(mission)
 
         report = run_survey(
             survey_file,
@@ -229,11 +244,13 @@ def _run(
             now,
             _mission_settings(run, now, survey_file),
             replans=run["replans"],
+            closes=closures is not None,
             extends=onward_of(run, survey_file),
             listeners=[
                 ProgressMeter(bar.update),
                 Alarm(output.note),
                 *([] if ears is None else [ears.telling.hear]),
+                *([] if closures is None else [closures]),
             ],
             on_ready=ready,
             **how,
@@ -265,7 +282,8 @@ def _sail_fleet(
     settings = _mission_settings(run, now, survey_file)
     report = run_fleet(
         survey_file, urls, _settings(run), settings, now, bar,
-        yes=run["yes"], resume=resume, force=force, benches=benches,
+        yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
+        closures=lambda: _closures_of(run, survey_file),
     )  # fmt: skip
     ahead = f"grebe map {survey_file.path} --out maps"
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
@@ -283,14 +301,17 @@ def _mission_settings(
 
 def _refuse_for_fleets(run: dict[str, Any], *, live: bool) -> None:
     """What one boat can, and a fleet cannot yet."""
-    asked = {
-        "--live": live,
-        "--replan": run["replans"],
-        "--adaptive": run["adaptive_key"] is not None,
-    }
+    asked = {"--live": live, "--adaptive": run["adaptive_key"] is not None}
     for flag, given in asked.items():
         if given:
             raise UsageError(f"{flag} works for one boat only; run its part with --sortie.")
+
+
+def _closures_of(run: dict[str, Any], survey_file: SurveyFile) -> Closures | None:
+    """What closes areas to a mission; None where nothing does."""
+    if run["closed"] is None:
+        return None
+    return Closures(path=Path(run["closed"]), survey=survey_file.survey, say=output.note)
 
 
 def _show_preview(

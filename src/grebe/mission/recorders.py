@@ -83,7 +83,9 @@ class SurveyRecorder:
             case SampleTaken():
                 self._file.append_samples([event.sample], self._boat or 1)
             case Revised():
-                self._file.append_revision(event.revision)
+                # Of a fleet it was kept when it was made, for all boats share the plan.
+                if event.revision.number > self._file.revision.number:
+                    self._file.append_revision(event.revision)
             case Reached():
                 self._file.mark_reached(event.target_seq, event.time)
             case _:

@@ -21,7 +21,9 @@ from grebe.core.revision import PlanRevision, Reason, Sortie, left_out, survey_o
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.mission.helm import Helm
+from grebe.mission.pace import Pace
 from grebe.mission.safety.states import Place
+from grebe.planning.put_off import Late, put_off
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, OpenWater, open_water, replanned
 
@@ -51,10 +53,12 @@ Extension = Callable[[PlanRevision, Halfway, float], PlanRevision]
 @dataclass(kw_only=True)
 class KeptPlan:
     """The plan of a survey, which the boats of a fleet share: each puts its own part in another
-    order.
+    order. `keep` writes down a revision that is taken, where the mission's recorder alone would
+    not keep them in their order.
     """
 
     revision: PlanRevision
+    keep: Callable[[PlanRevision], None] | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def take(self, new: PlanRevision) -> bool:
@@ -62,23 +66,26 @@ class KeptPlan:
         with self._lock:
             if new.number != self.revision.number + 1:
                 return False
+            if self.keep is not None:
+                self.keep(new)
             self.revision = new
             return True
 
 
 @dataclass(kw_only=True)
 class Replanner:
-    """Makes revisions of a mission's plan; `survey` is the whole of it, `helm_of` makes who steers
-    a part. `waits` where the loop waits for a new order. `heeds`: targets out of
-    reach and another weather are causes of a new order; `extends` says where the mission goes on
-    once its order is sailed, and `over` why it does not. `asked`: what an order was last asked for.
+    """Makes revisions of a mission's plan; `survey` is the whole of it, `sortie` the number of the
+    part that is sailed, `helm_of` makes who steers a part. `waits` where the loop waits for a new
+    order. `heeds`: targets out of reach and another weather are causes of a new order; `extends`
+    says where the mission goes on once its order is sailed, and `over` why it does not. `asked`:
+    what an order was last asked for.
     """
 
     survey: Survey
     plan: KeptPlan
     vessel: Vessel
     helm_of: Callable[[Survey], Helm]
-    sortie: Sortie | None = None
+    sortie: int | None = None
     waits: bool = False
     heeds: bool = True
     extends: Extension | None = None
@@ -86,6 +93,8 @@ class Replanner:
     asked: Reason | None = None
     _open: OpenWater | None = None
     _closed: tuple[shapely.Polygon, ...] = ()
+    _pace: Pace | None = None
+    _late: Late | None = None
     _left_out: set[int] = field(default_factory=set[int])
     _thread: threading.Thread | None = None
     _new: NewOrder | Exception | None = None
@@ -109,6 +118,7 @@ class Replanner:
         """Ask for an order for the weather where it has long been another than was planned with."""
         if not self.heeds:
             return
+        self._watch_pace(time_s, reached, place, weather)
         planned = self._weather or (self.survey.settings.weather if self.survey.settings else CALM)
         north = weather.current_north_mps - planned.current_north_mps
         east = weather.current_east_mps - planned.current_east_mps
@@ -125,6 +135,18 @@ class Replanner:
             f"{planned.current_north_mps:+.2f}, {planned.current_east_mps:+.2f}"
         )
         self._ask("weather", note, reached, place, weather)
+
+    def _watch_pace(self, time_s: float, reached: int, place: Place, weather: Weather) -> None:
+        """Ask for a shorter sortie where it goes too slowly to be back in time."""
+        settings, plan = self.survey.settings, self.plan.revision
+        sortie = self._sortie_in(plan)
+        if self.is_busy or settings is None or settings.sorties is None or sortie is None:
+            return
+        self._pace = self._pace or Pace(vessel=self.vessel, bounds=settings.sorties)
+        part = survey_of(self.survey, plan, sortie)
+        self._late = self._pace.late(time_s, reached, place, part, sortie)
+        if self._late is not None:
+            self._ask("progress", "", reached, place, weather)
 
     def close(
         self, zones: Sequence[shapely.Polygon], reached: int, place: Place, weather: Weather
@@ -156,6 +178,9 @@ class Replanner:
             return None
         new, self._new = self._new, None
         if isinstance(new, PlanError):
+            # A sortie that cannot be shortened goes on; the guard calls it home in time.
+            if self.asked == "progress":
+                return None
             raise new
         if isinstance(new, Exception):
             raise PlanError(f"Planning anew failed ({type(new).__name__}: {new}).") from new
@@ -165,12 +190,11 @@ class Replanner:
         if reached != new.reached or not self.plan.take(new.revision):
             self._ask(new.revision.reason, new.note, reached, place, weather)
             return None
-        if self.sortie is not None:
-            self.sortie = new.revision.sortie(self.sortie.number)
         return new
 
     def _goes_through(self, zones: Sequence[shapely.Polygon], reached: int, place: Place) -> bool:
-        part = survey_of(self.survey, self.plan.revision, self.sortie)
+        plan = self.plan.revision
+        part = survey_of(self.survey, plan, self._sortie_in(plan))
         ahead = [one.set.polygon for one in part.targets[reached:]]
         here = shapely.Point(place)
         ways = shapely.union_all([*ahead, *part.corridors[reached:], here])
@@ -178,8 +202,12 @@ class Replanner:
 
     def _ask(self, reason: Reason, note: str, reached: int, place: Place, weather: Weather) -> None:
         self.asked = reason
-        halfway = Halfway(reached=reached, place=place, sortie=self.sortie)
-        self._start(self._planned, reason, note, halfway, weather)
+        old = self.plan.revision
+        halfway = Halfway(reached=reached, place=place, sortie=self._sortie_in(old))
+        self._start(self._planned, old, reason, note, halfway, weather)
+
+    def _sortie_in(self, plan: PlanRevision) -> Sortie | None:
+        return None if self.sortie is None else plan.sortie(self.sortie)
 
     def _start(self, work: Callable[..., NewOrder | None], *told: Any) -> None:
         def watched() -> None:
@@ -202,12 +230,19 @@ class Replanner:
             return None
         return self._ordered(new, halfway, len(self._closed))
 
-    def _planned(self, reason: Reason, note: str, halfway: Halfway, weather: Weather) -> NewOrder:
-        closed, old = len(self._closed), self.plan.revision
+    def _planned(
+        self, old: PlanRevision, reason: Reason, note: str, halfway: Halfway, weather: Weather
+    ) -> NewOrder:
+        closed, water = len(self._closed), self._water(halfway.place)
+        if reason == "progress" and self._late is not None:
+            new = put_off(
+                old, self.survey, water, halfway, self._late, vessel=self.vessel, weather=weather
+            )
+            return self._ordered(new, halfway, closed, note)
         new = replanned(
             old,
             self.survey,
-            self._water(halfway.place),
+            water,
             halfway,
             vessel=self.vessel,
             weather=weather,
@@ -222,8 +257,7 @@ class Replanner:
     def _ordered(
         self, new: PlanRevision, halfway: Halfway, closed: int = 0, note: str = ""
     ) -> NewOrder:
-        part = None if self.sortie is None else new.sortie(self.sortie.number)
-        survey = survey_of(self.survey, new, part)
+        survey = survey_of(self.survey, new, self._sortie_in(new))
         helm = self.helm_of(survey)
         return NewOrder(
             revision=new, survey=survey, helm=helm, reached=halfway.reached, closed=closed,

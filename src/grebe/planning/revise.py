@@ -185,14 +185,27 @@ def put_in_order(
     """
     part = survey_of(survey, old, halfway.sortie)
     done = part.targets[: halfway.reached]
-    order = _ordered(survey, open_, halfway, vessel, weather, np.array(rest, dtype=np.int64))
     ends_at = part.targets[-1] if part.targets[-1].kind == "transit" else None
+    targets, corridors = way_through_cells(
+        old, survey, open_, halfway, rest, ends_at, vessel=vessel, weather=weather
+    )
+    ahead = [*done, *targets], [*part.corridors[: halfway.reached], *corridors]
+    return _joined(old, halfway.sortie, *ahead, reason=reason, note=note)
+
+
+def way_through_cells(
+    old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway, rest: Sequence[int],
+    ends_at: Target | None, *, vessel: Vessel, weather: Weather,
+) -> tuple[list[Target], list[shapely.Polygon]]:  # fmt: skip
+    """Return the targets and corridors of the fastest order of some cells of the open water from
+    where the boat is, with the transits between them, and to where it has to end.
+    """
+    order = _ordered(survey, open_, halfway, vessel, weather, np.array(rest, dtype=np.int64))
     stops = _stops(open_, halfway.place, order, ends_at)
     begin = shapely.Point(halfway.place).buffer(PLACE_RADIUS_M, quad_segs=1)
     corridors = _corridors(old, open_, begin, stops)
-    targets = _targets(old, open_, widened(stops, corridors), part, ends_at)
-    ahead = [*done, *targets], [*part.corridors[: halfway.reached], *corridors]
-    return _joined(old, halfway.sortie, *ahead, reason=reason, note=note)
+    fastest = max(target.set.speed_max_mps for target in survey.targets)
+    return _targets(old, open_, widened(stops, corridors), fastest, ends_at), corridors
 
 
 def remaining_s(
@@ -291,16 +304,15 @@ def _targets(
     old: PlanRevision,
     open_: OpenWater,
     stops: Sequence[Stop],
-    part: Survey,
+    fastest_mps: float,
     ends_at: Target | None,
 ) -> list[Target]:
     """The targets of stops: the cells' own, new transits, and the old end."""
-    fastest = max(target.set.speed_max_mps for target in part.targets)
     new: list[Target] = []
     for stop in stops if ends_at is None else stops[:-1]:
         if stop.cell is None:
             ring = ring_vertices(stop.footprint)
-            one = TargetSet(vertices=ring, speed_min_mps=0.0, speed_max_mps=fastest)
+            one = TargetSet(vertices=ring, speed_min_mps=0.0, speed_max_mps=fastest_mps)
             new.append(Target(seq=1, kind="transit", set=one))
     numbered = iter(numbered_on(old, new))
     body = stops if ends_at is None else stops[:-1]

@@ -21,6 +21,7 @@ from grebe.mission.departure import Departure, prepare
 from grebe.mission.lookout import Lookout
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
+from grebe.mission.replanning import KeptPlan, Replanner
 from grebe.mission.rota import InTurn, Rota
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.settings import MissionSettings
@@ -71,9 +72,15 @@ class FleetReport:
 class _Together:
     """What the missions of one round share: the boats that still have something to do among it."""
 
-    def __init__(self, traffic: Traffic, boats: list[int]) -> None:
+    def __init__(self, traffic: Traffic, boats: list[int], file: SurveyFile) -> None:
         self.traffic, self.rota, self.lock = traffic, Rota(boats), threading.Lock()
+        self.plan = KeptPlan(revision=file.revision, keep=self._keep)
+        self._file = file
         self._busy = set(boats)
+
+    def _keep(self, revision: PlanRevision) -> None:
+        with self.lock:
+            self._file.append_revision(revision)
 
     def others_sail(self, boat: int) -> bool:
         """Whether others still sail when this boat has done its part."""
@@ -122,7 +129,9 @@ class FleetRun:
 
     `boat_at` opens the link of a boat by its number; `shares_time` where the boats' time is not
     the clock's: they then act in turn. `watches` hear of the events of each boat; `instruments`
-    are sondes apart from a boat, by its number.
+    are sondes apart from a boat, by its number. With `replans` a boat's rest is planned anew where
+    a target is out of reach or the current another; with either that or `closes` where an area is
+    closed.
     """
 
     survey_file: SurveyFile
@@ -133,6 +142,8 @@ class FleetRun:
     watches: Callable[[int], Sequence[Listener]] = lambda _: ()
     on_ready: Callable[[int, Mission], None] | None = None
     instruments: Mapping[int, Instruments] = field(default_factory=dict[int, Instruments])
+    replans: bool = False
+    closes: bool = False
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
         """Sail until every boat has done its part; what one that drops out has left is taken over
@@ -188,23 +199,24 @@ class FleetRun:
         }
         for departure in departures.values():
             check_home(departure.survey, self.settings.safety)
-        together = _Together(Traffic(apart_m=fleet.apart_m), list(departures))
+        together = _Together(Traffic(apart_m=fleet.apart_m), list(departures), self.survey_file)
         # Where the boats lie is known before the first of them moves.
         for boat, departure in departures.items():
             together.traffic.claim(boat, np.array([departure.state[:2]]))
         say_first(next(iter(departures.values())), self.survey_file, self.watches(min(departures)))
         with ExitStack() as watch, no_long_pauses():
             missions = {
-                boat: self._mission(boat, departure, together, watch)
+                boat: self._mission(sorties[boat], departure, together, watch)
                 for boat, departure in departures.items()
             }
             reports = together.run(missions, shares_time=self.shares_time)
         return [(boat, sorties[boat].number, report) for boat, report in sorted(reports.items())]
 
     def _mission(
-        self, boat: int, departure: Departure, together: _Together, watch: ExitStack
+        self, sortie: Sortie, departure: Departure, together: _Together, watch: ExitStack
     ) -> Mission:
         """The mission of a boat; its link is left, and its watchdog dismissed, with `watch`."""
+        boat = sortie.boat
         link = self.boat_at(boat, departure)
         watch.callback(link.close)
         known = as_known_to(link, departure)
@@ -224,10 +236,24 @@ class FleetRun:
             lookout=Lookout(traffic=together.traffic, boat=boat),
             stands_by=lambda: together.others_sail(boat),
             instruments=self.instruments.get(boat),
+            replanner=self._replanner(sortie, known, together.plan),
         )
         if self.on_ready is not None:
             self.on_ready(boat, mission)
         return mission
+
+    def _replanner(self, sortie: Sortie, departure: Departure, plan: KeptPlan) -> Replanner | None:
+        if not (self.replans or self.closes):
+            return None
+        return Replanner(
+            survey=self.survey_file.survey,
+            plan=plan,
+            vessel=departure.vessel,
+            helm_of=pilot_of(departure, self.helm_of),
+            sortie=sortie.number,
+            waits=self.shares_time,
+            heeds=self.replans,
+        )
 
     def _departure(self, sortie: Sortie, now: datetime) -> Departure:
         resume = self.survey_file.track_ends(sortie.boat) is not None

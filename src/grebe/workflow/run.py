@@ -54,6 +54,7 @@ def run_survey(
     force: bool = False,
     sortie: int | None = None,
     replans: bool = False,
+    closes: bool = False,
     extends: Extension | None = None,
     listeners: Sequence[Listener] = (),
     on_ready: Callable[[Mission], None] | None = None,
@@ -61,7 +62,8 @@ def run_survey(
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures; of a plan
     in sorties through those of one, the first that is not done where `sortie` names none. With
-    `replans` the rest is planned anew where a target is out of reach or the current another;
+    `replans` the rest is planned anew where a target is out of reach or the current another, and
+    with either that or `closes` where an area is closed;
     `extends` says where the mission goes on once its order is sailed.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
@@ -92,7 +94,7 @@ def run_survey(
                 started=departure.started,
                 reached=departure.reached,
                 pilot=pilot,
-                replanner=_replanner(survey_file, known, pilot, link, replans, extends),
+                replanner=_replanner(survey_file, known, pilot, link, replans, extends, closes),
                 instruments=instruments,
             )
             if on_ready is not None:
@@ -136,15 +138,16 @@ def pilot_of(departure: Departure, helm_of: HelmOf) -> Pilot:
 def _replanner(
     survey_file: SurveyFile,
     departure: Departure,
-    pilot: Callable[[Survey], Helm],
+    pilot: Pilot,
     link: BoatLink,
     heeds: bool,
     extends: Extension | None,
+    closes: bool,
 ) -> Replanner | None:
     """What plans the rest anew, where anything is to; a boat whose time is not the clock's waits
     for it.
     """
-    if not heeds and extends is None:
+    if not (heeds or closes or extends is not None):
         return None
     numbers = {target.seq for target in departure.survey.targets}
     sorties = survey_file.revision.sorties
@@ -154,7 +157,7 @@ def _replanner(
         plan=KeptPlan(revision=survey_file.revision),
         vessel=departure.vessel,
         helm_of=pilot,
-        sortie=next((one for one in sorties if first[one.number] in numbers), None),
+        sortie=next((one.number for one in sorties if first[one.number] in numbers), None),
         waits=isinstance(link, SimulatedLink),
         heeds=heeds,
         extends=extends,
