@@ -351,3 +351,18 @@ def test_large_sets_are_entered_where_the_way_goes_on():
     taut = travel.path_s(taut_way(start[:2], footprints_of(cells)))
     assert trial.duration_s < 1.1 * taut
     assert (trial.track[:, 4] > 2.02).mean() < 0.05
+
+
+def test_a_boat_that_lies_in_a_large_set_takes_up_speed_and_goes_on():
+    """It was asked to come to one place of the set, at speed, though it was in the set already: a
+    boat with weak reverse thrust went astern for a minute, and on to the next sets.
+    """
+    boat, speed = PRESETS["blueboat"], (0.5, 1.5)
+    places = [(0, 0), (-1, 0), (-1, -1), (0, -1), (0, -2), (-1, -2)]
+    cells = [rectangle((25 * n, 25 * n + 25), (25 * e, 25 * e + 25), speed) for n, e in places]
+    trial = fly(boat, cells, Controller(boat, cells), (12.5, 12.5, 0.0, 0.0, 0.0, 0.0))
+    assert trial.complete
+    travel = travel_of(boat, speed, CALM)
+    taut = travel.path_s(taut_way((12.5, 12.5), footprints_of(cells)))
+    assert trial.duration_s < 1.2 * taut
+    assert (trial.track[:, 4] < -0.1).mean() < 0.1

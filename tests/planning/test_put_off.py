@@ -1,6 +1,5 @@
 """What a slow sortie has no time for becomes a sortie of its own; the others stay."""
 
-
 import pytest
 import shapely
 

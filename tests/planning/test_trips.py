@@ -17,7 +17,8 @@ from grebe.planning.endurance import endurance_of
 from grebe.planning.lake import lake_of, ports_of
 from grebe.planning.planner import planner_of
 from grebe.planning.region import Region
-from grebe.planning.trips import improved_trips, shortest_stretch, trip_s
+from grebe.planning.repaired_trips import predicted_trip_s, repaired
+from grebe.planning.trips import HOT, improved_trips, shortest_stretch, trip_s
 from grebe.planning.ways_home import around_the_harbour
 from grebe.planning.wedges import wedges
 
@@ -103,3 +104,20 @@ def test_exchanged_trips_hold_each_cell_once_and_keep_the_limit(lake, limit_s):
     assert all(comes_home(lake.costs, ports, order) for order in found)
     room_s = 3 * limit_s - sum(trip_s(lake.costs, ports, 0, o, len(o)) for o in found)
     assert len(absent) == 0 or room_s < 0.25 * 3 * limit_s
+
+
+def test_a_trip_that_is_a_little_too_long_gives_cells_to_one_that_has_room(lake):
+    """All cells stay, each trip keeps the limit, and where no other has room it is said."""
+    orders, harbours = wedges(lake.lake, lake.ports, 3)
+    found = improved_trips(lake.costs, lake.ports, orders, harbours, 50_000, HOT)[0]
+    seconds = [
+        predicted_trip_s(lake.lake, int(h), order) for h, order in zip(harbours, found, strict=True)
+    ]
+    limit_s = max(seconds) - 5.0
+    assert min(seconds) < limit_s - 60.0
+    again = repaired(lake.lake, lake.ports, found, harbours, limit_s)
+    assert again is not None
+    for h, order in zip(harbours, again, strict=True):
+        assert predicted_trip_s(lake.lake, int(h), order) <= limit_s
+    assert sorted(np.concatenate(again).tolist()) == sorted(np.concatenate(found).tolist())
+    assert repaired(lake.lake, lake.ports, found, harbours, 0.9 * min(seconds)) is None

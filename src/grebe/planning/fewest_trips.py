@@ -17,6 +17,7 @@ from grebe.core.errors import PlanError
 from grebe.core.taut import taut_way
 from grebe.planning.endurance import HOME_SLACK_S, Endurance
 from grebe.planning.lake import Lake, ports_of
+from grebe.planning.repaired_trips import predicted_trip_s, repaired
 from grebe.planning.travel import WANDER
 from grebe.planning.trips import HOT, WARM, Ports, improved_trips, shortest_stretch, trip_s
 from grebe.planning.wedges import wedges
@@ -39,7 +40,7 @@ EXPECTED = 2.5
 # differs by some per cent. Of a small lake, with no more rounds than this, it is searched for anew.
 FULLEST, SMALL_ROUNDS = 1.1, 400_000
 MOST_SORTIES = 200
-FITTINGS = 5
+FITTINGS = 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +74,7 @@ def trips_within(
     for _ in range(FITTINGS):
         search = _Search(lake, ports_of(lake, endurance, factor), rounds, effort)
         trips = search.fewer(search.first() if trips is None else search.fitted(trips))
+        trips = search.repaired(trips, endurance.limit_s - HOME_SLACK_S)
         seconds = _predicted_s(lake, trips)
         longest = float(seconds.max()) / (endurance.limit_s - HOME_SLACK_S)
         if longest <= 1:
@@ -83,7 +85,11 @@ def trips_within(
                 return best
         factor *= 1.005 * longest
     if best is None:
-        raise PlanError("No sorties were found whose predicted times keep the limit: a fault.")
+        raise PlanError(
+            "No sorties were found whose predicted times keep the limit, although each cell can be "
+            "come to within it; allow a little more time or battery, or choose other cells.",
+            settings=("sortie_battery_wh", "sortie_minutes", "cell_m"),
+        )
     return best
 
 
@@ -193,6 +199,11 @@ class _Search:
             trips = self._trips(found, harbours)
         return trips
 
+    def repaired(self, trips: Trips, limit_s: float) -> Trips:
+        """The trips as they are, or with cells moved so that each is predicted to keep a limit."""
+        orders = repaired(self.lake, self.ports, trips.orders, trips.harbours, limit_s)
+        return trips if orders is None else self._trips(orders, trips.harbours)
+
     def _with_all(
         self, orders: list[Order], harbours: NDArray[np.int64], share: float, hot: float
     ) -> Trips:
@@ -253,11 +264,5 @@ def _all_trimmed(
 
 def _predicted_s(lake: Lake, trips: Trips) -> NDArray[np.float64]:
     """What each trip is predicted to take [s]."""
-    found: list[float] = []
-    for harbour, order in zip(trips.harbours.tolist(), trips.orders, strict=True):
-        footprints = [stop.footprint for stop in lake.ways.stops(order)]
-        way = taut_way(lake.homes[harbour].place, footprints)
-        home_m = float(lake.homes[harbour].ways_m[order[-1]])
-        back_s = WANDER * home_m * float(np.mean(lake.travel.slowness))
-        found.append(lake.travel.path_s(way) + back_s)
-    return np.array(found)
+    pairs = zip(trips.harbours.tolist(), trips.orders, strict=True)
+    return np.array([predicted_trip_s(lake, harbour, order) for harbour, order in pairs])

@@ -151,7 +151,8 @@ def _entries(situation: Situation, legs: int, spans_m: float) -> tuple[list[Arra
     north, east = situation.state[0], situation.state[1]
     away_m = aims[0].footprint_distance(north, east)
     as_they_are = [aim.halfspaces for aim in aims[:legs]], away_m
-    if legs > 1 or len(aims) == 1:
+    # A boat that is in the set already lacks the speed alone, and may find it anywhere.
+    if legs > 1 or len(aims) == 1 or away_m == 0.0:
         return as_they_are
     shapes = footprints_of(aims[:SEEN_BEYOND])
     side_m = math.sqrt(shapes[0].area)
