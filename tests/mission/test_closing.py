@@ -109,9 +109,9 @@ def test_when_nothing_is_left_to_visit_the_boat_comes_home(tmp_path, survey):
     assert np.hypot(*(np.array(closer.places[-1]) - start)) < 10.0
 
 
-def test_without_replanning_the_fence_alone_keeps_the_boat_out(tmp_path, survey):
+def test_an_area_is_closed_without_leave_to_plan_anew_for_other_causes(tmp_path, survey):
     zone = survey.targets[8].set.polygon
     closer, report, revisions, *_ = sail(tmp_path / "s.gpkg", survey, [zone], 4)
     assert closer.outside(zone)
-    assert report.ended is not EndReason.COMPLETE
-    assert len(revisions) == 1
+    assert report.ended is EndReason.COMPLETE
+    assert [one.reason for one in revisions] == ["planned", "closed"]

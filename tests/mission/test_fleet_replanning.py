@@ -89,7 +89,7 @@ def test_an_area_is_closed_to_all_boats(tmp_path):
     corners = FRAME.to_wgs84(np.array(zone.exterior.coords)).tolist()
     where = tmp_path / "closed.geojson"
     where.write_text(shapely.to_geojson(shapely.Polygon(corners)))
-    report, revisions, track, last = sailed(path, where, SimulatedWorld(), closes=True)
+    report, revisions, track, last = sailed(path, where, SimulatedWorld())
     assert report.complete
     assert [one.reason for one in revisions[1:]] == ["closed"] * (len(revisions) - 1)
     kept = [t.set.polygon for t in last.targets if t.kind == "cell"]

@@ -117,7 +117,6 @@ def run_fleet(
         on_ready=ready,
         instruments=of_fleet(benches, fleet.boats),
         replans=replans,
-        closes=bool(closing),
     ).run(now, resume=resume, force=force)
     check_samples(survey_file)
     return report

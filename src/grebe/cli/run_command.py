@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NoReturn
@@ -28,10 +29,11 @@ from grebe.core.quantities import BUILTIN, Quantities
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
-from grebe.mission.departure import prepare
+from grebe.mission.departure import Departure, prepare
 from grebe.mission.loop import Mission
 from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
+from grebe.mission.spent import NOTHING, Spent
 from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
@@ -145,8 +147,9 @@ def command(
         _declare(survey_file, own, benches)
         if goes_on:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
+        run["fresh"] = _typed(ctx, "battery_wh")
         before = survey_file.progress().reached if goes_on else 0
-        kept = {name: value for name, value in run.items() if name not in ONCE}
+        kept = {name: value for name, value in run.items() if name not in (*ONCE, "fresh")}
         survey_file.set_meta("run", json.dumps(kept, default=str))
         if run["closed"] is not None and not Path(run["closed"]).exists():
             output.note(f"{run['closed']} is not there yet; it is looked for while the boat sails")
@@ -226,6 +229,10 @@ def _run(
 ) -> MissionReport:
     """Sail as `run` has it, and check what was measured."""
     rule, solver, world = _settings(run)
+    departure = prepare(
+        survey_file, now, resume=how["resume"], force=how["force"], sortie=how["sortie"]
+    )
+    _say_which(departure, survey_file)
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
     closures = _closures_of(run, survey_file)
     with live_view(survey_file, wanted=live) as ears:
@@ -242,9 +249,8 @@ def _run(
             boat_at if ears is None else ears.beside(boat_at),
             steered_by(rule, solver),
             now,
-            _mission_settings(run, now, survey_file),
+            _mission_settings(run, now, survey_file, departure.spent),
             replans=run["replans"],
-            closes=closures is not None,
             extends=onward_of(run, survey_file),
             listeners=[
                 ProgressMeter(bar.update),
@@ -291,12 +297,30 @@ def _sail_fleet(
 
 
 def _mission_settings(
-    run: dict[str, Any], now: datetime, survey_file: SurveyFile
+    run: dict[str, Any], now: datetime, survey_file: SurveyFile, spent: Spent = NOTHING
 ) -> MissionSettings:
+    safety = kept_by_plan(safety_of(run, now), survey_file.survey, spent)
+    # A battery that is named now is the one that is in the boat now, and full.
+    used = 0.0 if run["fresh"] else None
     return MissionSettings(
         sampling=InSets() if run["in_sets_only"] else InWindow(),
-        safety=kept_by_plan(safety_of(run, now), survey_file.survey),
+        safety=replace(safety, used_wh=used),
     )
+
+
+def _say_which(departure: Departure, survey_file: SurveyFile) -> None:
+    """Which sortie sets out, and what its boat's battery has given already."""
+    one, battery = departure.sortie, survey_file.survey.settings
+    if one is not None:
+        lon, lat = survey_file.survey.frame.to_wgs84(departure.state[:2]).tolist()
+        count = len(survey_file.revision.sorties)
+        output.note(f"sortie {one.number} of {count}, from latitude {lat:.5f}, longitude {lon:.5f}")
+    if departure.spent.energy_wh >= 1 and battery is not None and battery.sorties is not None:
+        output.note(
+            f"its boat has spent {departure.spent.energy_wh:.0f} Wh and "
+            f"{departure.spent.seconds / 60:.0f} min since its harbour, which count; where the "
+            "battery was changed, say what it holds by --battery-wh"
+        )
 
 
 def _refuse_for_fleets(run: dict[str, Any], *, live: bool) -> None:
@@ -333,6 +357,7 @@ def _show_preview(
     which = "" if sortie is None else f" --sortie {sortie}"
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
     go = f"grebe run {file}{which}{again}"
+    _say_which(departure, survey_file)
     output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
 
 
@@ -358,9 +383,9 @@ def _settings(run: dict[str, Any]) -> tuple[Rule, SolverBuilder, SimulatedWorld]
 
 def _as_before(ctx: click.Context, run: dict[str, Any], recorded: str) -> dict[str, Any]:
     """The recorded options of a run, but for those that were typed now."""
-    typed = {
-        name: value
-        for name, value in run.items()
-        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
-    }
+    typed = {name: value for name, value in run.items() if _typed(ctx, name)}
     return run | json.loads(recorded) | typed
+
+
+def _typed(ctx: click.Context, name: str) -> bool:
+    return ctx.get_parameter_source(name) is not ParameterSource.DEFAULT

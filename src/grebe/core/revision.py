@@ -20,10 +20,12 @@ from grebe.core.errors import InputError, UsageError
 from grebe.core.survey import Pose, Survey, Target
 
 # Why an order was made: planned; cells shared out among boats; other weather; slower or faster
-# than predicted; an area closed; a target out of reach; a boat lost; where the map is unsure.
+# than predicted; an area closed; a target out of reach; a boat lost; where the map is unsure; a
+# boat that goes on from elsewhere.
 Reason = Literal[
-    "planned", "shared", "weather", "progress", "closed", "unreachable", "boat_lost", "adaptive"
-]
+    "planned", "shared", "weather", "progress", "closed", "unreachable", "boat_lost", "adaptive",
+    "resumed",
+]  # fmt: skip
 REASONS: tuple[Reason, ...] = get_args(Reason)
 
 

@@ -7,21 +7,25 @@ of one file never run back.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from grebe.core.errors import PlanError, SurveyFileError, UsageError
 from grebe.core.events import State
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
-from grebe.core.revision import as_planned, survey_of
+from grebe.core.revision import Sortie, as_planned, survey_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.io.store.tables import TrackEnd
 from grebe.io.store.timestamps import parse_time
+from grebe.mission.spent import NOTHING, Spent, spent_since_harbour
 
 # A mission that goes on begins this long after all that is recorded, at the earliest.
 AFTER_S = 0.1
+# A boat so near to where it is to set out lies there already, with its own heading [m].
+SAME_PLACE_M = 1.0
 # A clock that differs by more from what the file says may be wrong. A recorded mission may end
 # some hours ahead of the clock: simulated time passes as fast as it is computed.
 DOUBTFUL = timedelta(days=30)
@@ -42,7 +46,9 @@ class Departure:
 
     `state` (6,) where the boat is expected, `reached` the number of targets reached before,
     `started` the UTC time of its first estimate, `clears` whether a recorded mission is to be
-    forgotten; `quantities` those that the survey file declares; `doubts` what is to be said.
+    forgotten; `quantities` those that the survey file declares; `doubts` what is to be said;
+    `sortie` which one sets out, of a plan in sorties; `spent` what the boat's battery had given
+    when it was last heard of.
     """
 
     survey: Survey
@@ -53,6 +59,8 @@ class Departure:
     clears: bool
     quantities: Quantities = LIMNOLOGICAL
     doubts: tuple[Doubt, ...] = ()
+    sortie: Sortie | None = None
+    spent: Spent = NOTHING
 
 
 def prepare(
@@ -65,8 +73,9 @@ def prepare(
 ) -> Departure:
     """Return from where the mission of a survey file sets out; nothing is changed yet.
 
-    Of a plan in sorties it is one that sets out, by its number, or the first that is not done; one
-    that has not been begun sets out from its harbour, whatever was recorded before.
+    Of a plan in sorties it is one that sets out, by its number; without one that which was sailed
+    last, to `resume` it, or else the first that is not done. One that has not been begun, or after
+    which another was sailed, sets out from its harbour.
 
     With `resume` it goes on where and when the recorded track ends, and what was reached stays
     reached; with `force` it begins anew. Raises `PlanError` for a survey without targets and
@@ -80,12 +89,15 @@ def prepare(
         raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
     reached = survey_file.progress().reached
     ends = survey_file.track_ends()
+    own: Sortie | None = None
     if sortie is not None or survey_file.revision.sorties:
-        part = part_of(survey_file, sortie)
-        ends = survey_file.track_ends(part.boat)
-        if part.reached == 0 and not force:
-            return _fresh_sortie(survey_file, now, part, ends)
-        _refuse_to_repeat(part, resume=resume, force=force)
+        part = part_of(survey_file, sortie, resume=resume)
+        own, goes_on = part.sortie, resume and part.is_under_way
+        ends = survey_file.track_ends(own.boat)
+        if part.reached > 0 or force:
+            _refuse_to_repeat(part, resume=resume, force=force)
+        if not goes_on and (resume or part.reached == 0):
+            return _from_harbour(survey_file, now, part, ends)
         survey, reached = part.survey, part.reached
     vessel, start = survey.vessel, survey.start
     assert vessel is not None
@@ -112,7 +124,19 @@ def prepare(
         clears=ends is not None and not resume,
         quantities=survey_file.quantities,
         doubts=_doubts(survey_file, now, ends if resume else None),
+        sortie=own,
+        spent=_spent(survey_file, survey, own) if ends and resume else NOTHING,
     )
+
+
+def _spent(survey_file: SurveyFile, survey: Survey, sortie: Sortie | None) -> Spent:
+    assert survey.vessel is not None
+    assert survey.start is not None
+    tracks = survey_file.track().each_boat()
+    boat = 1 if sortie is None else sortie.boat
+    track = next((one for one in tracks if int(one.boat[0]) == boat), None)
+    harbour = (survey.start.north_m, survey.start.east_m)
+    return NOTHING if track is None else spent_since_harbour(track, survey.vessel, harbour)
 
 
 def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:
@@ -132,29 +156,45 @@ def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One sortie of a survey: its targets alone, how many of them are reached, and whose it is."""
+    """One sortie of a survey: its targets alone, how many of them are reached, and whether no other
+    of its boat was sailed since it was begun.
+    """
 
     survey: Survey
     reached: int
-    boat: int
+    sortie: Sortie
+    is_under_way: bool
 
 
-def part_of(survey_file: SurveyFile, sortie: int | None) -> Part:
-    """Return a sortie of a survey file by its number; without one the first that is not done."""
+def part_of(survey_file: SurveyFile, number: int | None, *, resume: bool = False) -> Part:
+    """Return a sortie of a survey file by its number; without one that which was sailed last, to
+    `resume` it, or else the first that is not done.
+    """
     progress, revision = survey_file.progress(), survey_file.revision
-    if sortie is not None:
-        chosen = revision.sortie(sortie)
+    last = _sailed_last(survey_file)
+    open_ = [one for one in revision.sorties if progress.reached_in(one) < len(one)]
+    if number is not None:
+        chosen = revision.sortie(number)
+    elif resume and last is not None and last in open_:
+        chosen = last
     else:
-        open_ = [one for one in revision.sorties if progress.reached_in(one) < len(one)]
         chosen = (open_ or list(revision.sorties[-1:]))[0]
     return Part(
         survey=survey_of(survey_file.survey, revision, chosen),
         reached=progress.reached_in(chosen),
-        boat=chosen.boat,
+        sortie=chosen,
+        is_under_way=_sailed_last(survey_file, chosen.boat) == chosen,
     )
 
 
-def _fresh_sortie(
+def _sailed_last(survey_file: SurveyFile, boat: int | None = None) -> Sortie | None:
+    """The sortie with the target that was steered to last, by a boat or by any."""
+    seq, revision = survey_file.last_target(boat), survey_file.revision
+    place = next((i for i, t in enumerate(revision.targets, 1) if t.seq == seq), 0)
+    return next((one for one in revision.sorties if one.first <= place <= one.last), None)
+
+
+def _from_harbour(
     survey_file: SurveyFile, now: datetime, part: Part, ends: tuple[TrackEnd, TrackEnd] | None
 ) -> Departure:
     """Set out from the harbour; times go on after all that is recorded."""
@@ -162,16 +202,20 @@ def _fresh_sortie(
     vessel, start = survey.vessel, survey.start
     if vessel is None or start is None:
         raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
-    over = survey_file.last_time()
+    over, state = survey_file.last_time(), start.at_rest()
+    # Who takes over what another has left sets out from where it lies.
+    if ends and math.dist(ends[1].state[:2], state[:2]) < SAME_PLACE_M:
+        state = ends[1].state
     return Departure(
         survey=survey,
         vessel=vessel,
-        state=start.at_rest(),
-        reached=0,
+        state=state,
+        reached=part.reached,
         started=now if over is None else max(now, over + timedelta(seconds=AFTER_S)),
         clears=False,
         quantities=survey_file.quantities,
         doubts=_doubts(survey_file, now, ends),
+        sortie=part.sortie,
     )
 
 

@@ -115,7 +115,7 @@ class Guard:
         self._reckoned: tuple[float, State] | None = None
         self._began_s: float | None = None
         self._before_s = 0.0
-        self._used_wh = 0.0
+        self._used_wh = settings.used_wh or 0.0
         self.depth_m: float | None = None
         # An instrument that is silent, and for how long.
         self.mute: tuple[str, float] = ("", 0.0)

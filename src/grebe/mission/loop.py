@@ -144,6 +144,8 @@ class Mission:
             by_motion=driven.holds_motion,
         )
         self._closings: deque[tuple[tuple[shapely.Polygon, ...], str]] = deque()
+        # Whether it is to be seen if the boat can sail straight on to its next target.
+        self._looks_on = True
         self._next_step_s = 0.0
         self._deadline_s = math.inf
         self._raw: Observation | None = None
@@ -237,7 +239,7 @@ class Mission:
         given = self._tracker.given(observation.time_s, self._told)
         self._guard.look(observation, self._weather, given, self._reached, status, ahead)
         if self._guard.state is not before:
-            self._next_step_s = observation.time_s
+            self._next_step_s, self._looks_on = observation.time_s, True
             self._give_patience(observation)
 
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
@@ -290,6 +292,9 @@ class Mission:
         plans, place = self._replanner, observation.state[:2]
         if plans is None or self._guard.state is not SafetyState.SURVEYING:
             return
+        if self._looks_on and not self._done:
+            self._looks_on = False
+            plans.lead_on(self._reached, place, self._weather)
         if not self._done:
             plans.watch(observation.time_s, self._reached, place, self._weather)
         try:
@@ -327,12 +332,17 @@ class Mission:
             if own != self._thrusts:
                 self._send(observation, own)
                 self._tell_step(observation, None)
-        elif self._done and self._helm is self._controller:
+        elif self._helm is self._controller and (self._done or self._is_led):
             self._send(observation, (0.0, 0.0))
         elif observation.time_s >= self._next_step_s - 1e-9:
             self._steer(observation)
         else:
             self._follow_plan(observation)
+
+    @property
+    def _is_led(self) -> bool:
+        """Whether the boat waits for a way to its next target."""
+        return self._replanner is not None and self._replanner.leads
 
     def _ahead(self, observation: Observation) -> Schedule | None:
         """The thrusts that the boat is going to have, as far as they are planned."""

@@ -23,6 +23,7 @@ from grebe.core.vessel import Vessel
 from grebe.mission.helm import Helm
 from grebe.mission.pace import Pace
 from grebe.mission.safety.states import Place
+from grebe.planning.lead_on import is_led, led_on
 from grebe.planning.put_off import Late, put_off
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, OpenWater, open_water, replanned
@@ -136,6 +137,18 @@ class Replanner:
         )
         self._ask("weather", note, reached, place, weather)
 
+    def lead_on(self, reached: int, place: Place, weather: Weather) -> None:
+        """Ask for a way to the next target where the boat cannot sail straight on to it."""
+        plan = self.plan.revision
+        part = survey_of(self.survey, plan, self._sortie_in(plan))
+        if not self.is_busy and not is_led(part, water_of(self.survey), reached, place):
+            self._ask("resumed", "", reached, place, weather)
+
+    @property
+    def leads(self) -> bool:
+        """Whether the boat has to wait for a way to its next target."""
+        return self.is_busy and self.asked == "resumed"
+
     def _watch_pace(self, time_s: float, reached: int, place: Place, weather: Weather) -> None:
         """Ask for a shorter sortie where it goes too slowly to be back in time."""
         settings, plan = self.survey.settings, self.plan.revision
@@ -178,8 +191,9 @@ class Replanner:
             return None
         new, self._new = self._new, None
         if isinstance(new, PlanError):
-            # A sortie that cannot be shortened goes on; the guard calls it home in time.
-            if self.asked == "progress":
+            # A sortie that cannot be shortened goes on; the guard calls it home in time. And a boat
+            # that no way leads on from sails as far as the fence lets it.
+            if self.asked in ("progress", "resumed"):
                 return None
             raise new
         if isinstance(new, Exception):
@@ -234,6 +248,8 @@ class Replanner:
         self, old: PlanRevision, reason: Reason, note: str, halfway: Halfway, weather: Weather
     ) -> NewOrder:
         closed, water = len(self._closed), self._water(halfway.place)
+        if reason == "resumed":
+            return self._ordered(led_on(old, self.survey, water, halfway), halfway, closed, note)
         if reason == "progress" and self._late is not None:
             new = put_off(
                 old, self.survey, water, halfway, self._late, vessel=self.vessel, weather=weather

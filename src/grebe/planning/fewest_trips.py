@@ -148,8 +148,9 @@ def _refuse_unreachable(lake: Lake, ports: Ports) -> None:
         away = np.min([home.ways_m for home in lake.homes], axis=0)[lake.wanted].max()
         raise PlanError(
             f"The cell farthest from a harbour is {away:.0f} m away along the water, and no sortie "
-            "comes home from there within its battery or its minutes; give more of them, or "
-            "another harbour nearby.",
+            "comes home from there within its battery or its minutes; give about "
+            f"{math.ceil(10.5 * best.max() / ports.limit_s) / 10:.1f} times as much, or another "
+            "harbour nearby.",
             settings=("sortie_battery_wh", "sortie_minutes", "harbours"),
         )
 

@@ -190,7 +190,7 @@ def put_in_order(
         old, survey, open_, halfway, rest, ends_at, vessel=vessel, weather=weather
     )
     ahead = [*done, *targets], [*part.corridors[: halfway.reached], *corridors]
-    return _joined(old, halfway.sortie, *ahead, reason=reason, note=note)
+    return joined(old, halfway.sortie, *ahead, reason=reason, note=note)
 
 
 def way_through_cells(
@@ -320,7 +320,7 @@ def _targets(
     return found if ends_at is None else [*found, ends_at]
 
 
-def _joined(
+def joined(
     old: PlanRevision, sortie: Sortie | None, targets: Sequence[Target],
     corridors: Sequence[shapely.Polygon], *, reason: Reason, note: str,
 ) -> PlanRevision:  # fmt: skip

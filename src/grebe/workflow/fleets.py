@@ -30,7 +30,7 @@ from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
-from grebe.workflow.run import HelmOf, as_known_to, no_long_pauses, pilot_of, say_first
+from grebe.workflow.run import HelmOf, as_known_to, counting, no_long_pauses, pilot_of, say_first
 
 # The link of a boat, by its number and whence it departs.
 FleetAt = Callable[[int, Departure], BoatLink]
@@ -130,8 +130,8 @@ class FleetRun:
     `boat_at` opens the link of a boat by its number; `shares_time` where the boats' time is not
     the clock's: they then act in turn. `watches` hear of the events of each boat; `instruments`
     are sondes apart from a boat, by its number. With `replans` a boat's rest is planned anew where
-    a target is out of reach or the current another; with either that or `closes` where an area is
-    closed.
+    a target is out of reach, the current another or its sortie late; without it as well where an
+    area is closed.
     """
 
     survey_file: SurveyFile
@@ -143,7 +143,6 @@ class FleetRun:
     on_ready: Callable[[int, Mission], None] | None = None
     instruments: Mapping[int, Instruments] = field(default_factory=dict[int, Instruments])
     replans: bool = False
-    closes: bool = False
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
         """Sail until every boat has done its part; what one that drops out has left is taken over
@@ -227,7 +226,7 @@ class FleetRun:
             helm,
             InTurn(link, together.rota, boat) if self.shares_time else link,
             SharedRecorder(SurveyRecorder(self.survey_file, boat), together.lock),
-            self.settings,
+            counting(self.settings, departure),
             quantities=departure.quantities,
             listeners=[*guards, *self.watches(boat)],
             started=departure.started,
@@ -242,9 +241,7 @@ class FleetRun:
             self.on_ready(boat, mission)
         return mission
 
-    def _replanner(self, sortie: Sortie, departure: Departure, plan: KeptPlan) -> Replanner | None:
-        if not (self.replans or self.closes):
-            return None
+    def _replanner(self, sortie: Sortie, departure: Departure, plan: KeptPlan) -> Replanner:
         return Replanner(
             survey=self.survey_file.survey,
             plan=plan,

@@ -14,12 +14,15 @@ from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.way_home import home_of, speed_home_mps, ways_home
 from grebe.planning.homeward import way_length_m
+from grebe.planning.lead_on import is_led
+from grebe.planning.region import water_of
 from grebe.planning.travel import travel_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class Preview:
-    """`reached` of `targets` are done and `next_target` is ahead (None: nothing is left).
+    """`reached` of `targets`, of one `sortie` where the plan is in sorties, are done and
+    `next_target` is ahead (None: nothing is left).
 
     The boat is expected at `lat_deg`, `lon_deg`, `distance_m` in a straight line from that target;
     the rest takes `remaining_s` by the taut way in the weather that was planned for. `forgets`
@@ -36,6 +39,7 @@ class Preview:
     remaining_s: float
     forgets: bool
     doubts: tuple[str, ...]
+    sortie: int | None = None
 
     def numbers(self) -> dict[str, Any]:
         """Return the preview as plain values, by name."""
@@ -57,8 +61,16 @@ def preview_of(departure: Departure) -> Preview:
         distance_m=round(ahead[0].set.footprint_distance(north, east), 1) if ahead else 0.0,
         remaining_s=round(_remaining_s(departure), 1),
         forgets=departure.clears,
-        doubts=tuple(doubt.message for doubt in departure.doubts),
+        doubts=(*(doubt.message for doubt in departure.doubts), *_detour(departure)),
+        sortie=None if departure.sortie is None else departure.sortie.number,
     )
+
+
+def _detour(departure: Departure) -> tuple[str, ...]:
+    survey, place = departure.survey, departure.state[:2]
+    if is_led(survey, water_of(survey), departure.reached, (place[0], place[1])):
+        return ()
+    return ("the way to the next target leads around land, which the time does not count",)
 
 
 def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:

@@ -54,7 +54,6 @@ def run_survey(
     force: bool = False,
     sortie: int | None = None,
     replans: bool = False,
-    closes: bool = False,
     extends: Extension | None = None,
     listeners: Sequence[Listener] = (),
     on_ready: Callable[[Mission], None] | None = None,
@@ -62,8 +61,8 @@ def run_survey(
 ) -> MissionReport:
     """Steer a boat through the targets of a survey file and record what it measures; of a plan
     in sorties through those of one, the first that is not done where `sortie` names none. With
-    `replans` the rest is planned anew where a target is out of reach or the current another, and
-    with either that or `closes` where an area is closed;
+    `replans` the rest is planned anew where a target is out of reach, the current another or the
+    sortie late; without it as well where an area is closed;
     `extends` says where the mission goes on once its order is sailed.
 
     `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
@@ -88,13 +87,13 @@ def run_survey(
                 helm,
                 link,
                 SurveyRecorder(survey_file),
-                settings,
+                counting(settings, departure),
                 quantities=departure.quantities,
                 listeners=[*guards, *listeners],
                 started=departure.started,
                 reached=departure.reached,
                 pilot=pilot,
-                replanner=_replanner(survey_file, known, pilot, link, replans, extends, closes),
+                replanner=_replanner(survey_file, known, pilot, link, replans, extends),
                 instruments=instruments,
             )
             if on_ready is not None:
@@ -142,26 +141,26 @@ def _replanner(
     link: BoatLink,
     heeds: bool,
     extends: Extension | None,
-    closes: bool,
-) -> Replanner | None:
-    """What plans the rest anew, where anything is to; a boat whose time is not the clock's waits
-    for it.
-    """
-    if not (heeds or closes or extends is not None):
-        return None
-    numbers = {target.seq for target in departure.survey.targets}
-    sorties = survey_file.revision.sorties
-    first = {one.number: survey_file.revision.targets[one.first - 1].seq for one in sorties}
+) -> Replanner:
+    """What plans the rest anew; a boat whose time is not the clock's waits for it."""
     return Replanner(
         survey=survey_file.survey,
         plan=KeptPlan(revision=survey_file.revision),
         vessel=departure.vessel,
         helm_of=pilot,
-        sortie=next((one.number for one in sorties if first[one.number] in numbers), None),
+        sortie=None if departure.sortie is None else departure.sortie.number,
         waits=isinstance(link, SimulatedLink),
         heeds=heeds,
         extends=extends,
     )
+
+
+def counting(settings: MissionSettings | None, departure: Departure) -> MissionSettings:
+    """Settings that count what the boat's battery had given before, where they do not say."""
+    settings = settings or MissionSettings()
+    if settings.safety.used_wh is not None:
+        return settings
+    return replace(settings, safety=replace(settings.safety, used_wh=departure.spent.energy_wh))
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from grebe.core.revision import Sortie
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.spent import NOTHING, Spent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +41,9 @@ def sortie_states(survey_file: SurveyFile) -> list[SortieState]:
     ]
 
 
-def kept_by_plan(safety: SafetySettings, survey: Survey) -> SafetySettings:
-    """Return the settings with the battery and the time that the plan's sorties are made for, where
-    the run does not say otherwise.
+def kept_by_plan(safety: SafetySettings, survey: Survey, spent: Spent = NOTHING) -> SafetySettings:
+    """Return the settings with the battery and the time that the plan's sorties are made for, less
+    the time `spent` since the harbour, where the run does not say otherwise.
     """
     bounds = None if survey.settings is None else survey.settings.sorties
     if bounds is None:
@@ -50,5 +51,6 @@ def kept_by_plan(safety: SafetySettings, survey: Survey) -> SafetySettings:
     if safety.battery_wh is None and bounds.battery_wh is not None:
         safety = replace(safety, battery_wh=bounds.battery_wh, battery_reserve=bounds.reserve)
     if math.isinf(safety.max_s) and bounds.minutes is not None:
-        safety = replace(safety, max_s=60 * bounds.minutes * (1 - bounds.reserve))
+        left_s = 60 * bounds.minutes * (1 - bounds.reserve) - spent.seconds
+        safety = replace(safety, max_s=max(left_s, 1.0))
     return safety

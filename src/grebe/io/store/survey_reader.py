@@ -92,6 +92,17 @@ class SurveyReader:
         )
         return first, last
 
+    def last_target(self, boat: int | None = None) -> int | None:
+        """Return the number of the target that was steered to last, by a boat or by any; None where
+        there is none.
+        """
+        whose = "" if boat is None else f"AND boat = {int(boat)} "
+        rows = self._query(
+            f"SELECT target_seq FROM track WHERE target_seq IS NOT NULL {whose}"
+            "ORDER BY fid DESC LIMIT 1"
+        )
+        return int(rows[0][0]) if rows else None
+
     def last_time(self) -> datetime | None:
         """Return when the recorded mission was last heard of; None where there is none.
 

@@ -127,7 +127,7 @@ def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
     if memory.state is SafetyState.HOLDING:
         return _held(memory, facts)
     if memory.state is SafetyState.RETURNING and facts.at_home:
-        text = f"the boat is home: {memory.homeward}"
+        text = f"the boat is home; it had turned back because: {memory.homeward}"
         return _stopped(memory, facts, Finding(cause=Cause.HOME, message=text))
     return memory
 

@@ -22,9 +22,10 @@ class SafetySettings:
     `home` is (longitude, latitude), the survey's start without it. `max_s` [s] after the mission's
     first estimate, and at the instant `until`, the boat must be home. `battery_reserve` is the
     share of the battery that must be left there, `battery_wh` its capacity where the boat does not
-    report its share. A way home is reckoned `home_share` longer than predicted, and by
-    `home_slack_s`. `comes_home` says why the mission is nothing but a way home, empty where it is a
-    survey.
+    report its share, and `used_wh` what had been taken from it before (None: what the recorded
+    track shows since the boat left its harbour). A way home is reckoned `home_share` longer than
+    predicted, and by `home_slack_s`. `comes_home` says why the mission is nothing but a way home,
+    empty where it is a survey.
 
     A boat that sees nothing for `blind_s` ends its mission. Less water than `least_depth_m` below
     the sonar is too little. Astern `tries` times for `astern_s` each; `against_s` is how long a
@@ -42,6 +43,7 @@ class SafetySettings:
     until: datetime | None = None
     battery_reserve: float = 0.2
     battery_wh: float | None = None
+    used_wh: float | None = None
     home_share: float = 0.25
     home_slack_s: float = 30.0
     comes_home: str = ""
@@ -60,6 +62,8 @@ class SafetySettings:
                 "to less than 1.",
                 settings=("battery_reserve",),
             )
+        if self.used_wh is not None and not 0 <= self.used_wh < math.inf:
+            raise UsageError(f"A battery cannot have given {self.used_wh:g} Wh; give 0 or more.")
         if self.battery_wh is not None and not 0 < self.battery_wh < math.inf:
             raise UsageError(
                 f"A battery of {self.battery_wh:g} Wh is impossible; give more than 0.",

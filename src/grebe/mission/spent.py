@@ -1,0 +1,52 @@
+"""What a boat has taken from its battery since it left its harbour, by its recorded track."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from grebe.core.dynamics import drive_power_w
+from grebe.core.vessel import Vessel
+from grebe.io.store.tables import TrackTable
+from grebe.mission.safety.states import Place
+
+# A boat so near to its harbour has come home, where a battery is changed [m].
+AT_HARBOUR_M = 15.0
+# A recorded thrust is followed by another, or by nothing once a mission is over [s].
+LONGEST_ROW_S = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spent:
+    """Energy [Wh] and time under way [s] since a boat was last at its harbour."""
+
+    energy_wh: float = 0.0
+    seconds: float = 0.0
+
+
+NOTHING = Spent()
+
+
+def spent_since_harbour(track: TrackTable, vessel: Vessel, harbour: Place) -> Spent:
+    """Return what a boat's track shows; nothing where it ends at the harbour.
+
+    Where a mission began at the harbour, it began with a battery of which nothing had been taken.
+    """
+    away = np.hypot(*(track.states[:, :2] - np.array(harbour)).T)
+    if not len(track) or away[-1] < AT_HARBOUR_M:
+        return NOTHING
+    steps = np.diff(track.seconds)
+    begins = np.concatenate([[0], 1 + np.flatnonzero(steps > LONGEST_ROW_S)])
+    since = max((int(i) for i in begins if away[i] < AT_HARBOUR_M), default=0)
+    seconds = np.clip(steps[since:], 0.0, LONGEST_ROW_S)
+    seconds[steps[since:] > LONGEST_ROW_S] = 0.0
+    energy = math.fsum(
+        drive_power_w(vessel, thrusts, surge) * spent / 3600
+        for thrusts, surge, spent in zip(
+            track.thrusts[since:-1].tolist(), track.states[since:-1, 3].tolist(),
+            seconds.tolist(), strict=True,
+        )
+    )  # fmt: skip
+    return Spent(energy_wh=energy, seconds=float(seconds.sum()))

@@ -1,0 +1,82 @@
+"""Lead a boat that is not where its order left it to the next target: around land, if need be.
+
+A mission goes on from wherever its boat is - at the harbour to which it came home, or in a bay into
+which the wind has blown it - and not from the target before the next one, from which the
+corridor leads. The order stays as it is; what is new is the way to its next target.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from grebe.core.revision import PlanRevision, numbered_on, survey_of
+from grebe.core.sets import TargetSet, ring_vertices
+from grebe.core.survey import Survey, Target
+from grebe.planning.corridors import REACH_CELLS, Stop, corridors_of, widened
+from grebe.planning.revise import PLACE_RADIUS_M, Halfway, OpenWater, joined
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# So far outside its corridor, or inside the shore, a boat may be by the error of its estimate [m].
+ASTRAY_M = 0.5
+
+
+def is_led(part: Survey, water: shapely.Polygon, reached: int, place: tuple[float, float]) -> bool:
+    """Whether a boat can sail straight on to the next target of a survey, or a part of one."""
+    ahead = part.targets[reached:]
+    if not ahead:
+        return True
+    here = shapely.Point(place)
+    if part.corridors and shapely.dwithin(part.corridors[reached], here, ASTRAY_M):
+        return True
+    way = shapely.shortest_line(here, ahead[0].set.polygon)
+    return bool(shapely.covers(water.buffer(ASTRAY_M), way))
+
+
+def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway) -> PlanRevision:
+    """Return the revision with transits from the boat's place to its next target.
+
+    Transits that led there from the target before are left out.
+    """
+    part = survey_of(survey, old, halfway.sortie)
+    ahead = part.targets[halfway.reached :]
+    skipped = next((i for i, t in enumerate(ahead) if t.kind != "transit"), len(ahead) - 1)
+    goal, rest = ahead[skipped], ahead[skipped + 1 :]
+    stops = _stops(open_, halfway.place, goal)
+    begin = shapely.Point(halfway.place).buffer(PLACE_RADIUS_M, quad_segs=1)
+    shapes = np.array([begin, *(stop.footprint for stop in stops)], dtype=object)
+    corridors = corridors_of(shapes[:-1], shapes[1:], open_.water, REACH_CELLS * open_.cell_m)
+    transits = _transits(old, widened(stops, corridors)[:-1], survey.targets)
+    kept = halfway.reached + skipped + 1
+    return joined(
+        old,
+        halfway.sortie,
+        [*part.targets[: halfway.reached], *transits, goal, *rest],
+        [*part.corridors[: halfway.reached], *corridors, *part.corridors[kept:]],
+        reason="resumed",
+        note=f"the boat goes on to target {goal.seq} from elsewhere, {len(transits)} bends away",
+    )
+
+
+def _stops(open_: OpenWater, place: tuple[float, float], goal: Target) -> list[Stop]:
+    """What the way passes from a place to a target, and the target."""
+    shapes = np.array([cell.footprint for cell in open_.cells], dtype=object)
+    here = int(np.argmin(shapely.distance(shapes, shapely.Point(place))))
+    there = int(np.argmin(shapely.distance(shapes, goal.set.polygon.centroid)))
+    first = [Stop(footprint=open_.cells[here].footprint, cell=None)]
+    if here == there:
+        return [Stop(footprint=goal.set.polygon, cell=None)]
+    return [*first, *open_.ways.around(here, there), Stop(footprint=goal.set.polygon, cell=None)]
+
+
+def _transits(
+    old: PlanRevision, stops: Sequence[Stop], targets: Sequence[Target]
+) -> tuple[Target, ...]:
+    fastest = max(target.set.speed_max_mps for target in targets)
+    rings = [ring_vertices(stop.footprint) for stop in stops]
+    sets = [TargetSet(vertices=r, speed_min_mps=0.0, speed_max_mps=fastest) for r in rings]
+    return numbered_on(old, [Target(seq=1, kind="transit", set=one) for one in sets])
