@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import shapely
 from click.testing import CliRunner
-from conftest import square_survey
+from conftest import FRAME, square_survey
 
 from grebe.campaigns.certificate import Claim, Verdict, clopper_pearson_lower
 from grebe.campaigns.engine import Serial
@@ -20,6 +20,10 @@ from grebe.campaigns.spread import spread_of
 from grebe.campaigns.task import Scene, Summary, clearance_m
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError, LinkError, StoppedError, UsageError
+from grebe.core.plan_settings import FleetSettings, PlanSettings
+from grebe.core.vessel import PRESETS
+from grebe.planning.fleets import plan_fleet
+from grebe.planning.region import Region
 from grebe.workflow.files import write_survey
 
 pytest.importorskip("pyarrow")
@@ -290,4 +294,29 @@ def test_a_table_that_is_none_is_said(tmp_path, draw):
     file = tmp_path / "c.toml"
     file.write_text(f"survey = '{path}'\n{draw}\n[success]\nwithin_minutes = 2\n")
     with pytest.raises(InputError, match="draw is a table"):
+        read_campaign(file)
+
+
+def test_of_a_plan_in_sorties_a_mission_sails_one_that_is_named(tmp_path):
+    """A fleet's plan was certified as if its first boat sailed all of it."""
+    wanted = PlanSettings(cell_m=10.0, fleet=FleetSettings(boats=2))
+    region = Region(name="pond", frame=FRAME, water=shapely.box(0, 0, 40, 40))
+    planned = plan_fleet(region, PRESETS["spyboat"], wanted)
+    write_survey(tmp_path / "two.gpkg", planned.survey, revision=planned.revision)
+    file = tmp_path / "c.toml"
+    rest = "[success]\nwithin_minutes = 5\n"
+    file.write_text(f'survey = "two.gpkg"\n{rest}')
+    with pytest.raises(InputError, match=r"2 sorties.*sortie = 1"):
+        read_campaign(file)
+    told = set()
+    for number in (1, 2):
+        file.write_text(f'survey = "two.gpkg"\nsortie = {number}\n{rest}')
+        read = read_campaign(file)
+        own = planned.revision.sortie(number)
+        assert len(read.survey.targets) == len(own)
+        assert read.survey.start.north_m == pytest.approx(own.start.north_m, abs=1e-4)
+        told.add(read.identity)
+    assert len(told) == 2
+    file.write_text(f'survey = "two.gpkg"\nsortie = 9\n{rest}')
+    with pytest.raises(UsageError, match="no sortie 9"):
         read_campaign(file)

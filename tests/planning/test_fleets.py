@@ -76,6 +76,22 @@ def test_sorties_are_dealt_out_evenly():
     assert abs(load[0] - load[1]) <= longest
 
 
+def test_a_boat_keeps_to_one_harbour_where_there_is_one_for_each():
+    region = Region(name="x", frame=FRAME, water=shapely.box(0, 0, 60, 240))
+    harbours = tuple(tuple(FRAME.to_wgs84(at).tolist()) for at in ((5.0, 5.0), (5.0, 235.0)))
+    wishes = PlanSettings(
+        cell_m=12.0, sorties=SortieSettings(minutes=6.0, harbours=harbours),
+        fleet=FleetSettings(boats=2),
+    )  # fmt: skip
+    planned = plan_sorties(region, PRESETS["spyboat"], wishes)
+    at = {
+        boat: {round(s.start.east_m, -1) for s in planned.revision.sorties if s.boat == boat}
+        for boat in (1, 2)
+    }
+    assert len({east for easts in at.values() for east in easts}) == 2
+    assert all(len(easts) == 1 for easts in at.values())
+
+
 def test_what_cannot_be_shared_is_refused():
     with pytest.raises(PlanError, match="too few for 6 boats"):
         shared(shapely.box(0, 0, 20, 20), 6)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from collections import Counter
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -88,7 +89,7 @@ def numbers(outcome: Outcome) -> dict[str, Any]:
         "too_near_the_edge": sum(not one.in_water for one in missions),
         "ended": dict(Counter(one.error or one.ended or "never begun" for one in missions)),
         "duration_s_median": float(np.median(times)) if times else None,
-        "duration_s_p95": float(np.percentile(times, 95)) if times else None,
+        "duration_s_p95": round(float(np.percentile(times, 95)), 1) if times else None,
         "clearance_m_least": min(clear) if clear else None,
         "seed": campaign.seed,
         "survey": outcome.survey.name,
@@ -131,7 +132,10 @@ def _in_words(spread: Spread) -> str:
         case Between(low=low, high=high):
             return f"uniform from {low:g} to {high:g}"
         case Normal(mean=mean, sd=sd, low=low, high=high):
-            return f"normal, {mean:g} ± {sd:g}, cut off at {low:g} and {high:g}"
+            ends = [f"{end:g}" for end in (low, high) if math.isfinite(end)]
+            return f"normal, {mean:g} ± {sd:g}" + (
+                f", cut off at {' and '.join(ends)}" * bool(ends)
+            )
         case OneOf(values=(one,)):
             return f"{one}"
         case OneOf(values=values):

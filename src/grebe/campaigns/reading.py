@@ -14,13 +14,14 @@ from grebe.campaigns.certificate import Claim
 from grebe.campaigns.settings import DEFAULTS, Campaign, Success
 from grebe.campaigns.spread import OneOf, Spread, spread_of
 from grebe.core.errors import InputError
+from grebe.core.revision import survey_of
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.workflow.steering_names import RULES
 from grebe.workflow.vessels import vessel_of
 
-TOP = {"name", "survey", "missions", "seed", "success", "claim", "draw"}
+TOP = {"name", "survey", "sortie", "missions", "seed", "success", "claim", "draw"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +51,25 @@ def read_campaign(path: Path) -> Read:
         raise InputError(f"{path} names no survey; add survey = 'FILE.gpkg', a planned one.")
     where = path.parent / str(written["survey"])
     with SurveyFile.open(where) as survey_file:
-        survey = survey_file.survey
+        survey = _sailed(path, where, survey_file, written.get("sortie"))
     campaign = _campaign(path, written)
     identity = campaign.identity(_told(survey))
     return Read(campaign=campaign, survey=survey, identity=identity)
+
+
+def _sailed(path: Path, where: Path, file: SurveyFile, number: Any) -> Survey:
+    """What one mission sails of a survey: all of it, or one sortie with the boat that has it."""
+    sorties = file.revision.sorties
+    if number is None and len(sorties) < 2:
+        return survey_of(file.survey, file.revision, sorties[0] if sorties else None)
+    if number is None:
+        raise InputError(
+            f"{path}: {where.name} is planned in {len(sorties)} sorties, and a mission sails one "
+            "of them; say which, with sortie = 1."
+        )
+    if type(number) is not int:
+        raise InputError(f"{path}: sortie is a whole number, not {number!r}.")
+    return survey_of(file.survey, file.revision, file.revision.sortie(number))
 
 
 def _told(survey: Survey) -> str:

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 # A harbour's last target: a square of so many metres about it, or half of a smaller cell.
 HARBOUR_M = 6.0
+# What it takes to bring a boat to another harbour by land [s].
+MOVE_S = 1800.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,12 +96,20 @@ def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSortie
 
 
 def dealt(planned: PlannedSorties, boats: int) -> PlannedSorties:
-    """Deal sorties out to boats, the longest first, each to the boat that has least to do."""
-    load = [0.0] * boats
+    """Deal sorties out to boats, the longest first, each to the boat that has least to do; one that
+    would have to be taken to another harbour counts as having `MOVE_S` more.
+    """
+    load, harbours = [0.0] * boats, [set[tuple[int, int]]() for _ in range(boats)]
     of: dict[int, int] = {}
     for one in sorted(planned.revision.sorties, key=lambda one: -one.time_s):
-        boat = load.index(min(load))
+        harbour = round(one.start.north_m), round(one.start.east_m)
+        ahead = [
+            spent + (MOVE_S if own and harbour not in own else 0.0)
+            for spent, own in zip(load, harbours, strict=True)
+        ]
+        boat = ahead.index(min(ahead))
         load[boat] += one.time_s
+        harbours[boat].add(harbour)
         of[one.number] = boat + 1
     sorties = tuple(replace(one, boat=of[one.number]) for one in planned.revision.sorties)
     return replace(planned, revision=replace(planned.revision, sorties=sorties))
