@@ -381,4 +381,7 @@ def test_a_boat_that_takes_minutes_to_stop_never_leaves_the_water(share):
     )  # fmt: skip
     one = Sailed(survey=replace_vessel(SURVEY, heavy))
     assert one.stayed_in
-    assert one.report.ended in {EndReason.COMPLETE, EndReason.FENCE_NOT_KEPT, EndReason.OUT_OF_TIME}
+    # What hardly answers its thrusters may be taken for a boat that weeds hold.
+    assert one.report.ended in {
+        EndReason.COMPLETE, EndReason.FENCE_NOT_KEPT, EndReason.OUT_OF_TIME, EndReason.STUCK,
+    }  # fmt: skip

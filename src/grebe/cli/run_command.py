@@ -149,10 +149,7 @@ def command(
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
         run["fresh"] = _typed(ctx, "battery_wh")
         before = survey_file.progress().reached if goes_on else 0
-        kept = {name: value for name, value in run.items() if name not in (*ONCE, "fresh")}
-        survey_file.set_meta("run", json.dumps(kept, default=str))
-        if run["closed"] is not None and not Path(run["closed"]).exists():
-            output.note(f"{run['closed']} is not there yet; it is looked for while the boat sails")
+        _keep(run, survey_file)
         if survey_file.survey.fleet is not None and sortie is None:
             _refuse_for_fleets(run, live=live)
             _sail_fleet(
@@ -174,6 +171,14 @@ def command(
     output.result(report.numbers(), as_json=as_json, next_command=ahead if over else "")
     if not report.complete and not came_home:
         _explain(report, file, moved=moved)
+
+
+def _keep(run: dict[str, Any], survey_file: SurveyFile) -> None:
+    """Keep the options of a run for the one that resumes it."""
+    kept = {name: value for name, value in run.items() if name not in (*ONCE, "fresh")}
+    survey_file.set_meta("run", json.dumps(kept, default=str))
+    if run["closed"] is not None and not Path(run["closed"]).exists():
+        output.note(f"{run['closed']} is not there yet; it is looked for while the boat sails")
 
 
 @contextmanager

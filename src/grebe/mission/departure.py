@@ -110,11 +110,7 @@ def prepare(
         )
     state, started = start.at_rest(), now
     if ends and resume:
-        state = ends[1].state
-        # Simulated time runs ahead of the clock: the new part must not begin before the old ends.
-        # Its last sample may be younger than the last row of its track.
-        over = survey_file.last_time() or ends[1].time
-        started = max(now, over + timedelta(seconds=AFTER_S))
+        state, started = ends[1].state, _after_all(survey_file, now, ends)
     return Departure(
         survey=survey,
         vessel=vessel,
@@ -127,6 +123,14 @@ def prepare(
         sortie=own,
         spent=_spent(survey_file, survey, own) if ends and resume else NOTHING,
     )
+
+
+def _after_all(survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, TrackEnd]) -> datetime:
+    """The time from which a mission goes on: simulated time runs ahead of the clock, and the last
+    sample may be younger than the last row of its track.
+    """
+    over = survey_file.last_time() or ends[1].time
+    return max(now, over + timedelta(seconds=AFTER_S))
 
 
 def _spent(survey_file: SurveyFile, survey: Survey, sortie: Sortie | None) -> Spent:

@@ -58,6 +58,8 @@ Thrusts = tuple[float, float]
 LEAST_WAY_MPS = 0.05
 # What is known of a boat that has not said anything.
 NOTHING_SAID = BoatStatus(mode="", armed=False)
+# A way out that was found so long ago is of another place [s].
+PROVED_S = 1.0
 # Share of reverse thrust with which a boat is freed.
 ASTERN_SHARE = 0.8
 
@@ -207,7 +209,7 @@ class Guard:
             waits = self._lookout.place_to_wait(fence, facts.place)
             self._become(in_traffic(self._memory, facts, waits), observation)
             return False
-        refuge = fence.refuge(facts.place)
+        refuge = self._proved_refuge(observation.time_s) or fence.refuge(facts.place)
         self._become(at_the_fence(self._memory, facts, self._settings, refuge), observation)
         return False
 
@@ -292,6 +294,13 @@ class Guard:
             each = ASTERN_SHARE * self._vessel.thrust_min_n
             return each, each
         return None
+
+    def _proved_refuge(self, time_s: float) -> Place | None:
+        """The refuge of the way out that was found last: with another, which differs by what the
+        boat has gone meanwhile, a heavy boat's way leads elsewhere.
+        """
+        since, way_out = self._escape or (-math.inf, None)
+        return way_out.refuge if way_out and time_s - since < PROVED_S else None
 
     def _left_of_escape(self, time_s: float) -> Thrusts | None:
         """The thrusts now of the way out that was found last, while it is one of a plan."""

@@ -16,10 +16,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
-import numpy as np
 import shapely
 
-from grebe.control.controller import Command
 from grebe.control.rules.base import reached_count
 from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
@@ -27,54 +25,42 @@ from grebe.core.errors import LinkError, PlanError, StoppedError
 from grebe.core.events import (
     EndReason,
     Estimate,
-    Prediction,
     Reached,
     Revised,
     SampleTaken,
     Started,
     State,
-    Step,
     Warned,
 )
-from grebe.core.inner_loop import held_motion
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.survey import Survey
 from grebe.links.base import (
+    AsDriven,
     BoatLink,
     Instruments,
     Observation,
-    Order,
     as_driven,
 )
 from grebe.mission.announcer import Announcer
-from grebe.mission.boat_clock import BoatClock
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard
-from grebe.mission.headings import unwrapped
-from grebe.mission.helm import (
-    AdaptableHelm,
-    ForeseeingHelm,
-    Helm,
-    possible_thrusts,
-    step_of,
-)
+from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.lookout import Lookout
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.replanning import Replanner
-from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.machine import Request
 from grebe.mission.safety.states import SafetyState
 from grebe.mission.sampler import Sampler
 from grebe.mission.settings import MissionSettings
+from grebe.mission.sight import Sight
 from grebe.mission.statistics import MissionReport, Statistics
+from grebe.mission.steering import Steering
 from grebe.mission.sturdy_link import SturdyLink
 from grebe.mission.way_home import Pilot
 
 # The state that is told of a mission that never received an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-# Time without a usable estimate after which the thrusters are stopped.
-BLIND_S = 1.5
 # The quantity that says how much water is below the boat.
 DEPTH = "water_depth_m"
 # Where a mission begins that is given no date: simulated time needs no calendar.
@@ -113,25 +99,17 @@ class Mission:
         self._lookout, self._stands_by = lookout, stands_by
         self._targets = survey.targets
         self._sets = survey.sets
-        self._controller = controller
         driven = as_driven(link)
         self._link = link = SturdyLink(link)
         self._settings = settings or MissionSettings()
-        self._stopwatch = stopwatch
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
         self._announcer = Announcer(recorder, [self._statistics, *listeners], started)
         self._sampler = Sampler(
             self._targets, link, self._settings.sampling, quantities, instruments
         )
-        observes = self._settings.observes
-        self._tracker = Tracker(
-            controller.vessel,
-            observes=observes,
-            corrects=observes and not driven.holds_motion and isinstance(controller, AdaptableHelm),
-            holds_motion=driven.holds_motion,
-        )
+        self._tracker = self._tracker_of(controller, driven)
         self._reached = controller.reached = reached
-        self._gate, self._clock = Gate(link), BoatClock()
+        self._gate = Gate(link)
         safety = self._settings.safety
         self._guard = Guard(
             survey,
@@ -146,12 +124,24 @@ class Mission:
         self._closings: deque[tuple[tuple[shapely.Polygon, ...], str]] = deque()
         # Whether it is to be seen if the boat can sail straight on to its next target.
         self._looks_on = True
-        self._next_step_s = 0.0
         self._deadline_s = math.inf
-        self._raw: Observation | None = None
-        self._before: Observation | None = None
-        self._command: tuple[float, Command] | None = None
-        self._thrusts = self._told = (0.0, 0.0)
+        self._steering = Steering(
+            controller, self._targets, self._gate, self._tracker, self._guard, self._announcer,
+            stopwatch,
+        )  # fmt: skip
+        self._sight = Sight(
+            link, self._tracker, self._guard, self._steering, self._announcer, self._requested_stop
+        )
+
+    def _tracker_of(self, controller: Helm, driven: AsDriven) -> Tracker:
+        observes = self._settings.observes
+        adapts = not driven.holds_motion and isinstance(controller, AdaptableHelm)
+        return Tracker(
+            controller.vessel,
+            observes=observes,
+            corrects=observes and adapts,
+            holds_motion=driven.holds_motion,
+        )
 
     def stop(self, why: str) -> None:
         """Take the boat's thrust away at once and end the mission. Safe from any thread."""
@@ -218,7 +208,7 @@ class Mission:
             end = self._end_reached(observation)
             if end is not None:
                 return end
-            self._act(observation)
+            self._steering.act(observation, self._reached, idle=self._done or self._is_led)
             self._announcer.release()
             observation = self._advance()
 
@@ -235,11 +225,12 @@ class Mission:
     def _watch(self, observation: Observation) -> None:
         """Let the guard judge the estimate; what goes on after a change begins with a new step."""
         before = self._guard.state
-        status, ahead = self._link.status(), self._ahead(observation)
-        given = self._tracker.given(observation.time_s, self._told)
+        status, ahead = self._link.status(), self._steering.ahead(observation)
+        given = self._tracker.given(observation.time_s, self._steering.told)
         self._guard.look(observation, self._weather, given, self._reached, status, ahead)
         if self._guard.state is not before:
-            self._next_step_s, self._looks_on = observation.time_s, True
+            self._looks_on = True
+            self._steering.begin_anew(observation.time_s)
             self._give_patience(observation)
 
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
@@ -309,12 +300,9 @@ class Mission:
         more = len(new.survey.targets) - len(self._targets)
         self._targets, self._sets = new.survey.targets, new.survey.sets
         self._sampler.look_for(self._targets)
-        self._controller = new.helm
         self._guard.take_order(new.survey)
-        self._controller.reached = self._reached
-        if isinstance(new.helm, AdaptableHelm) and new.helm.vessel != self._tracker.vessel:
-            new.helm.take_for(self._tracker.vessel)
-        self._command, self._next_step_s = None, observation.time_s
+        new.helm.reached = self._reached
+        self._steering.take_order(new.helm, self._targets, observation.time_s)
         self._announcer.tell(Revised, observation.time_s, revision=new.revision, more=more)
         self._announcer.tell(
             Warned, observation.time_s, code="plan_revised", message=new.revision.note
@@ -325,96 +313,27 @@ class Mission:
         """Who wants the mission to end, and why; empty where nobody does."""
         return self._gate.why or self._link.status().stop_request
 
-    def _act(self, observation: Observation) -> None:
-        """Give the boat its thrusts: the guard's own, a new step's, or those of the last plan."""
-        own = self._guard.own_thrusts(observation, self._weather)
-        if own is not None:
-            if own != self._thrusts:
-                self._send(observation, own)
-                self._tell_step(observation, None)
-        elif self._helm is self._controller and (self._done or self._is_led):
-            self._send(observation, (0.0, 0.0))
-        elif observation.time_s >= self._next_step_s - 1e-9:
-            self._steer(observation)
-        else:
-            self._follow_plan(observation)
-
     @property
     def _is_led(self) -> bool:
         """Whether the boat waits for a way to its next target."""
         return self._replanner is not None and self._replanner.leads
 
-    def _ahead(self, observation: Observation) -> Schedule | None:
-        """The thrusts that the boat is going to have, as far as they are planned."""
-        if self._command is None:
-            return None
-        since, command = self._command
-        return lambda seconds: command.thrusts_at(observation.time_s - since + seconds)
-
-    @property
-    def _helm(self) -> Helm:
-        """Who steers now: the survey's helm, or the one of the way home."""
-        return self._guard.helm or self._controller
-
     @property
     def _weather(self) -> Weather:
         return self._tracker.weather
 
-    def _observe(self) -> Observation:
-        """The next estimate that can be used, its heading unwrapped.
-
-        What is not a number is reported and passed over; a boat that is blind for longer than
-        `BLIND_S` is braked, as far as that can be reckoned, and left without thrust until it sees
-        again.
-        """
-        while True:
-            observation = self._link.observe()
-            self._check_clock(observation)
-            if all(map(math.isfinite, observation.state)):
-                self._raw = unwrapped(observation, self._raw)
-                return replace(self._raw, state=self._tracker.righted(self._raw.state))
-            text = f"an estimate is not a number and is passed over: {observation.state}"
-            self._announcer.tell(Warned, observation.time_s, code="estimate_invalid", message=text)
-            if request := self._requested_stop():
-                raise OverError(EndReason.STOPPED, request)
-            if self._before and observation.time_s - self._before.time_s > BLIND_S:
-                self._grope(self._before, observation)
-            self._announcer.release()
-
-    def _check_clock(self, observation: Observation) -> None:
-        """End a mission whose boat's clock is none; an autopilot that has started afresh, and whose
-        clock therefore begins anew, says so itself.
-        """
-        try:
-            self._clock.see(observation, seen_before=self._before is not None)
-        except LinkError:
-            if request := self._requested_stop():
-                raise OverError(EndReason.STOPPED, request) from None
-            raise
-
-    def _grope(self, seen: Observation, now: Observation) -> None:
-        """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""
-        thrusts = self._guard.blind(seen, now, self._thrusts, self._weather)
-        if self._guard.end is not None:
-            raise OverError(*self._guard.end)
-        state = self._guard.reckoned or seen.state
-        self._send(replace(now, state=state), thrusts)
-
     def _advance(self) -> Observation:
         """The next estimate, and what is learned from it of the weather and of the boat."""
-        observation = self._before = self._observe()
-        assert self._raw is not None
+        observation = self._sight.next()
+        assert self._sight.raw is not None
         then_s = observation.time_s - observation.age_s
-        if self._tracker.see(then_s, self._raw.state):
+        if self._tracker.see(then_s, self._sight.raw.state):
             self._take_for_another_boat(observation)
         return observation
 
     def _take_for_another_boat(self, observation: Observation) -> None:
         """Plan for the boat that it has turned out to be."""
-        vessel = self._tracker.vessel
-        for one in (self._controller, self._guard.helm, self._guard):
-            if isinstance(one, AdaptableHelm):
-                one.take_for(vessel)
+        self._steering.take_for_another_boat()
         message = self._tracker.finding
         self._announcer.tell(Warned, observation.time_s, code="model_corrected", message=message)
 
@@ -424,7 +343,7 @@ class Mission:
         ahead = self._sets[min(before, len(self._sets) - 1)]
         self._reached = reached_count(self._sets, before, observation.state)
         entered = self._targets[before : self._reached]
-        self._controller.reached = self._reached
+        self._steering.controller.reached = self._reached
         sample = self._sampler.take(
             observation, self._announcer.time_at(observation.time_s), entered, ahead
         )
@@ -445,78 +364,6 @@ class Mission:
         for code, message in self._sampler.notes():
             self._announcer.tell(Warned, observation.time_s, code=code, message=message)
 
-    def _steer(self, observation: Observation) -> None:
-        began = self._stopwatch()
-        helm = self._helm
-        elapsed = None if self._command is None else observation.time_s - self._command[0]
-        then_s = observation.time_s - observation.age_s
-        state = self._tracker.ahead(then_s, observation.time_s, observation.state)
-        if isinstance(helm, ForeseeingHelm):
-            helm.expect(self._tracker.thrusters(observation.time_s))
-        command = helm.step(state, self._weather, elapsed)
-        solve_ms = 1e3 * (self._stopwatch() - began)
-        self._command = (observation.time_s, command)
-        self._apply(observation, self._possible(command.thrusts_at(0.0)), solve_ms)
-        if command.plan is not None:
-            self._announcer.tell(
-                Prediction,
-                observation.time_s,
-                after_s=np.concatenate([[0.0], np.cumsum(command.plan.durations)]),
-                states=command.plan.states,
-                thrusts=command.plan.thrusts,
-            )
-        self._next_step_s = observation.time_s + step_of(helm)
-
-    def _follow_plan(self, observation: Observation) -> None:
-        """Between two control steps: change the thrusts where the plan does."""
-        if self._command is None:
-            return
-        since, command = self._command
-        thrusts = self._possible(command.thrusts_at(observation.time_s - since))
-        if thrusts != self._thrusts or self._tracker.hurries:
-            self._apply(observation, thrusts, None)
-
-    def _possible(self, thrusts: Sequence[float]) -> tuple[float, float]:
-        return possible_thrusts(self._controller.vessel, thrusts)
-
-    def _apply(
-        self, observation: Observation, thrusts: tuple[float, float], solve_ms: float | None
-    ) -> None:
-        """Send thrusts that the boat may have, and say from which state they are sent."""
-        ahead = self._ahead(observation) or (lambda _: thrusts)
-        if not self._guard.permitted(observation, ahead, self._weather, self._reached):
-            self._next_step_s = observation.time_s
-            thrusts = self._guard.own_thrusts(observation, self._weather) or (0.0, 0.0)
-        self._send(observation, thrusts)
-        self._tell_step(observation, solve_ms)
-
-    def _send(self, observation: Observation, thrusts: tuple[float, float]) -> None:
-        vessel = self._controller.vessel
-        surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
-        told = self._tracker.told(observation.time_s, thrusts)
-        self._gate.command(Order(thrusts=told, surge_mps=surge, yaw_rate_radps=yaw_rate))
-        self._tracker.sent(observation.time_s, told)
-        self._thrusts, self._told = thrusts, told
-
-    def _tell_step(self, observation: Observation, solve_ms: float | None) -> None:
-        """Say what the boat has been told: by a helm's command, or by the guard."""
-        surveys = self._guard.state is SafetyState.SURVEYING
-        command = None if self._command is None else self._command[1]
-        steered = command is not None and (surveys or self._guard.helm is not None)
-        self._announcer.tell(
-            Step,
-            observation.time_s,
-            state=observation.state,
-            thrusts=self._thrusts,
-            target_seq=self._targets[command.target].seq if command and surveys else None,
-            split_stage=command.split if command and steered else None,
-            solve_ms=solve_ms,
-            status=command.status.value if command and steered else self._guard.state.value,
-            solved=not (command and steered) or command.status.is_solved or solve_ms is None,
-            current_north_mps=self._weather.current_north_mps,
-            current_east_mps=self._weather.current_east_mps,
-        )
-
     def _give_patience(self, observation: Observation) -> None:
         if self._done:
             return
@@ -529,7 +376,7 @@ class Mission:
         The boat is given back first: a disk that is full or slow must not keep it going. That is
         the link's `close` and not its `stop`, for a pilot who took over has the boat already.
         """
-        last = self._before or Observation(time_s=0.0, state=NOWHERE)
+        last = self._sight.last or Observation(time_s=0.0, state=NOWHERE)
         try:
             self._link.close()
         finally:

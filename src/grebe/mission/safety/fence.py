@@ -34,8 +34,9 @@ LONGEST_S, MOST_S = 16.0, 120.0
 STOPPED_MPS = 0.1
 # Less drift than this needs no turn against it [m/s].
 NO_DRIFT_MPS = 0.05
-# On its way to the refuge: the cosine of the angle off it.
-STRAIGHT = 0.5
+# On its way to the refuge: the cosine of the angle off it, and how far beyond it the boat may stop
+# [m].
+STRAIGHT, BEYOND_M = 0.5, 1.0
 # What the outline, and a position in it, are rounded to [m].
 ROUNDING_M = 0.02
 # How far inside the fence the boat goes back to, the first that it can see [m].
@@ -220,12 +221,13 @@ def foreseen(
     drift = drift_mps(vessel, weather)
     room_m = drift * keeper.turn_s
     states = [np.asarray(state, dtype=float)]
-    longest_s = min(max(LONGEST_S, 2 * stopping_s(keeper, state)), MOST_S)
+    fastest = max(math.hypot(state[3], state[4]), vessel.speed_max_mps)
+    longest_s = min(max(LONGEST_S, 2 * stopping_s(keeper, fastest)), MOST_S)
     for k in range(len(thrusts) + round(longest_s / STEP_S)):
         here = states[-1]
         if k < len(thrusts):
             inputs = thrusts[k]
-        elif _has_stopped(here, room_m, drift, fence) or _arrives(here, refuge):
+        elif _has_stopped(here, room_m, drift, fence) or _arrives(here, refuge, keeper):
             break
         else:
             inputs = keeper.keep(here.tolist(), weather, refuge)
@@ -235,10 +237,9 @@ def foreseen(
     return np.array([*states, states[-1]] if len(states) == 1 else states)
 
 
-def stopping_s(keeper: StationKeeper, state: State) -> float:
+def stopping_s(keeper: StationKeeper, speed: float) -> float:
     """How long a boat takes to stop by its weaker thruster's reverse thrust alone [s]."""
     boat = keeper.vessel
-    speed = max(math.hypot(state[3], state[4]), boat.speed_max_mps)
     force = -2 * keeper.weaker_share * boat.thrust_min_n
     slowing = max(force, boat.surge_drag_n(0.5 * speed))
     return boat.m11_kg * speed / slowing
@@ -306,8 +307,10 @@ def _has_stopped(state: np.ndarray, room_m: float, drift_mps: float, fence: Fenc
     return drift_mps < NO_DRIFT_MPS or fence.is_far((north, east), room_m)
 
 
-def _arrives(state: np.ndarray, refuge: Place) -> bool:
-    """Whether the boat is on its way to the refuge, or there."""
+def _arrives(state: np.ndarray, refuge: Place, keeper: StationKeeper) -> bool:
+    """Whether the boat is on its way to the refuge, or there, and stops no farther beyond it than
+    the refuge lies inside.
+    """
     north, east, heading, surge, sway, _ = state.tolist()
     speed = math.hypot(surge, sway)
     to_north, to_east = refuge[0] - north, refuge[1] - east
@@ -315,7 +318,9 @@ def _arrives(state: np.ndarray, refuge: Place) -> bool:
     over_east = surge * math.sin(heading) + sway * math.cos(heading)
     away = math.hypot(to_north, to_east)
     nearing = over_north * to_north + over_east * to_east
-    return nearing > STRAIGHT * speed * away and STOPPED_MPS < 2 * speed < 2 * APPROACH_MPS
+    stops_m = 0.5 * speed * stopping_s(keeper, speed)
+    goes = nearing > STRAIGHT * speed * away and STOPPED_MPS < 2 * speed < 2 * APPROACH_MPS
+    return goes and stops_m < away + BEYOND_M
 
 
 def _surely_enough_m(

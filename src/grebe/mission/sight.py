@@ -1,0 +1,87 @@
+"""What the boat's estimates are worth: passed over, righted, or missing for too long."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from grebe.control.tracker import Tracker
+from grebe.core.errors import LinkError
+from grebe.core.events import EndReason, Warned
+from grebe.links.base import BoatLink, Observation
+from grebe.mission.announcer import Announcer
+from grebe.mission.boat_clock import BoatClock
+from grebe.mission.gate import OverError
+from grebe.mission.guard import Guard
+from grebe.mission.headings import unwrapped
+from grebe.mission.steering import Steering
+
+# Time without a usable estimate after which the thrusters are stopped.
+BLIND_S = 1.5
+
+
+class Sight:
+    """Sees through one link; `asked_to_stop` says who wants the mission to end, if anybody does.
+
+    `last` is the last estimate that could be used, and `raw` the same as the link had it, but for
+    its heading, which is unwrapped.
+    """
+
+    def __init__(
+        self,
+        link: BoatLink,
+        tracker: Tracker,
+        guard: Guard,
+        steering: Steering,
+        announcer: Announcer,
+        asked_to_stop: Callable[[], str],
+    ) -> None:
+        self._link, self._tracker, self._guard = link, tracker, guard
+        self._steering, self._announcer = steering, announcer
+        self._asked_to_stop = asked_to_stop
+        self._clock = BoatClock()
+        self.raw: Observation | None = None
+        self.last: Observation | None = None
+
+    def next(self) -> Observation:
+        """The next estimate that can be used.
+
+        What is not a number is reported and passed over; a boat that is blind for longer than
+        `BLIND_S` is braked, as far as that can be reckoned, and left without thrust until it sees
+        again.
+        """
+        while True:
+            observation = self._link.observe()
+            self._check_clock(observation)
+            if all(map(math.isfinite, observation.state)):
+                self.raw = unwrapped(observation, self.raw)
+                self.last = replace(self.raw, state=self._tracker.righted(self.raw.state))
+                return self.last
+            text = f"an estimate is not a number and is passed over: {observation.state}"
+            self._announcer.tell(Warned, observation.time_s, code="estimate_invalid", message=text)
+            if request := self._asked_to_stop():
+                raise OverError(EndReason.STOPPED, request)
+            if self.last and observation.time_s - self.last.time_s > BLIND_S:
+                self._grope(self.last, observation)
+            self._announcer.release()
+
+    def _check_clock(self, observation: Observation) -> None:
+        """End a mission whose boat's clock is none; an autopilot that has started afresh, and whose
+        clock therefore begins anew, says so itself.
+        """
+        try:
+            self._clock.see(observation, seen_before=self.last is not None)
+        except LinkError:
+            if request := self._asked_to_stop():
+                raise OverError(EndReason.STOPPED, request) from None
+            raise
+
+    def _grope(self, seen: Observation, now: Observation) -> None:
+        """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""
+        given, weather = self._steering.thrusts, self._tracker.weather
+        thrusts = self._guard.blind(seen, now, given, weather)
+        if self._guard.end is not None:
+            raise OverError(*self._guard.end)
+        state = self._guard.reckoned or seen.state
+        self._steering.send(replace(now, state=state), thrusts)

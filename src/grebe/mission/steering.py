@@ -1,0 +1,181 @@
+"""From an estimate to thrusts: a new step's, those of the last plan, or the guard's own.
+
+Whoever steers - the survey's helm, or that of the way home - is asked at each control step, and its
+plan is followed between two of them; nothing reaches the boat that the guard does not permit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from grebe.control.controller import Command
+from grebe.control.tracker import Tracker
+from grebe.core.dynamics import Weather
+from grebe.core.events import Prediction, Step
+from grebe.core.inner_loop import held_motion
+from grebe.core.survey import Target
+from grebe.links.base import Observation, Order
+from grebe.mission.announcer import Announcer
+from grebe.mission.gate import Gate
+from grebe.mission.guard import Guard
+from grebe.mission.helm import (
+    AdaptableHelm,
+    ForeseeingHelm,
+    Helm,
+    possible_thrusts,
+    step_of,
+)
+from grebe.mission.safety.fence import Schedule
+from grebe.mission.safety.states import SafetyState
+
+Thrusts = tuple[float, float]
+
+
+class Steering:
+    """Steers one boat by `controller` through `targets`; `stopwatch` times the steps [s].
+
+    `thrusts` is what the boat was given last, and `told` what it was told so that it has it.
+    """
+
+    def __init__(
+        self,
+        controller: Helm,
+        targets: Sequence[Target],
+        gate: Gate,
+        tracker: Tracker,
+        guard: Guard,
+        announcer: Announcer,
+        stopwatch: Callable[[], float],
+    ) -> None:
+        self.controller, self._targets = controller, targets
+        self._gate, self._tracker, self._guard = gate, tracker, guard
+        self._announcer, self._stopwatch = announcer, stopwatch
+        self._next_step_s = 0.0
+        self._command: tuple[float, Command] | None = None
+        self.thrusts: Thrusts = (0.0, 0.0)
+        self.told: Thrusts = (0.0, 0.0)
+
+    def take_order(self, controller: Helm, targets: Sequence[Target], time_s: float) -> None:
+        """Steer through other targets from now on, for the boat as it is known to be."""
+        self.controller, self._targets = controller, targets
+        if isinstance(controller, AdaptableHelm) and controller.vessel != self._tracker.vessel:
+            controller.take_for(self._tracker.vessel)
+        self._command = None
+        self.begin_anew(time_s)
+
+    def begin_anew(self, time_s: float) -> None:
+        """Begin with a new step at the next estimate."""
+        self._next_step_s = time_s
+
+    def take_for_another_boat(self) -> None:
+        """Plan for the boat that it has turned out to be."""
+        for one in (self.controller, self._guard.helm, self._guard):
+            if isinstance(one, AdaptableHelm):
+                one.take_for(self._tracker.vessel)
+
+    def act(self, observation: Observation, reached: int, *, idle: bool) -> None:
+        """Give the boat its thrusts: the guard's own, a new step's, or those of the last plan;
+        where the survey's helm steers and the boat is `idle`, none.
+        """
+        own = self._guard.own_thrusts(observation, self._weather)
+        if own is not None:
+            if own != self.thrusts:
+                self.send(observation, own)
+                self._tell_step(observation, None)
+        elif idle and self._helm is self.controller:
+            self.send(observation, (0.0, 0.0))
+        elif observation.time_s >= self._next_step_s - 1e-9:
+            self._steer(observation, reached)
+        else:
+            self._follow_plan(observation, reached)
+
+    def ahead(self, observation: Observation) -> Schedule | None:
+        """The thrusts that the boat is going to have, as far as they are planned."""
+        if self._command is None:
+            return None
+        since, command = self._command
+        return lambda seconds: command.thrusts_at(observation.time_s - since + seconds)
+
+    def send(self, observation: Observation, thrusts: Thrusts) -> None:
+        """Give the boat thrusts, in whichever way it is driven."""
+        vessel = self.controller.vessel
+        surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
+        told = self._tracker.told(observation.time_s, thrusts)
+        self._gate.command(Order(thrusts=told, surge_mps=surge, yaw_rate_radps=yaw_rate))
+        self._tracker.sent(observation.time_s, told)
+        self.thrusts, self.told = thrusts, told
+
+    @property
+    def _helm(self) -> Helm:
+        """Who steers now: the survey's helm, or the one of the way home."""
+        return self._guard.helm or self.controller
+
+    @property
+    def _weather(self) -> Weather:
+        return self._tracker.weather
+
+    def _steer(self, observation: Observation, reached: int) -> None:
+        began = self._stopwatch()
+        helm = self._helm
+        elapsed = None if self._command is None else observation.time_s - self._command[0]
+        then_s = observation.time_s - observation.age_s
+        state = self._tracker.ahead(then_s, observation.time_s, observation.state)
+        if isinstance(helm, ForeseeingHelm):
+            helm.expect(self._tracker.thrusters(observation.time_s))
+        command = helm.step(state, self._weather, elapsed)
+        solve_ms = 1e3 * (self._stopwatch() - began)
+        self._command = (observation.time_s, command)
+        self._apply(observation, reached, self._possible(command.thrusts_at(0.0)), solve_ms)
+        if command.plan is not None:
+            self._announcer.tell(
+                Prediction,
+                observation.time_s,
+                after_s=np.concatenate([[0.0], np.cumsum(command.plan.durations)]),
+                states=command.plan.states,
+                thrusts=command.plan.thrusts,
+            )
+        self._next_step_s = observation.time_s + step_of(helm)
+
+    def _follow_plan(self, observation: Observation, reached: int) -> None:
+        """Between two control steps: change the thrusts where the plan does."""
+        if self._command is None:
+            return
+        since, command = self._command
+        thrusts = self._possible(command.thrusts_at(observation.time_s - since))
+        if thrusts != self.thrusts or self._tracker.hurries:
+            self._apply(observation, reached, thrusts, None)
+
+    def _possible(self, thrusts: Sequence[float]) -> Thrusts:
+        return possible_thrusts(self.controller.vessel, thrusts)
+
+    def _apply(
+        self, observation: Observation, reached: int, thrusts: Thrusts, solve_ms: float | None
+    ) -> None:
+        """Send thrusts that the boat may have, and say from which state they are sent."""
+        ahead = self.ahead(observation) or (lambda _: thrusts)
+        if not self._guard.permitted(observation, ahead, self._weather, reached):
+            self.begin_anew(observation.time_s)
+            thrusts = self._guard.own_thrusts(observation, self._weather) or (0.0, 0.0)
+        self.send(observation, thrusts)
+        self._tell_step(observation, solve_ms)
+
+    def _tell_step(self, observation: Observation, solve_ms: float | None) -> None:
+        """Say what the boat has been told: by a helm's command, or by the guard."""
+        surveys = self._guard.state is SafetyState.SURVEYING
+        command = None if self._command is None else self._command[1]
+        steered = command is not None and (surveys or self._guard.helm is not None)
+        self._announcer.tell(
+            Step,
+            observation.time_s,
+            state=observation.state,
+            thrusts=self.thrusts,
+            target_seq=self._targets[command.target].seq if command and surveys else None,
+            split_stage=command.split if command and steered else None,
+            solve_ms=solve_ms,
+            status=command.status.value if command and steered else self._guard.state.value,
+            solved=not (command and steered) or command.status.is_solved or solve_ms is None,
+            current_north_mps=self._weather.current_north_mps,
+            current_east_mps=self._weather.current_east_mps,
+        )
