@@ -1,19 +1,28 @@
 """An area is closed while the boat sails: it stays out, and visits what it still can."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 import shapely
 
+from grebe.core.dynamics import CALM
 from grebe.core.events import EndReason, Estimate, Reached
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
+from grebe.core.revision import first_revision
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
+from grebe.links.base import Observation
+from grebe.mission.replanning import KeptPlan, Replanner
+from grebe.mission.safety.enclosure import Enclosure
+from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.settings import MissionSettings
+from grebe.mission.way_home import WayHome
 from grebe.planning.planner import plan
-from grebe.planning.region import Region
+from grebe.planning.region import Region, water_of
+from grebe.planning.revise import Halfway, open_water, replanned
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -115,3 +124,99 @@ def test_an_area_is_closed_without_leave_to_plan_anew_for_other_causes(tmp_path,
     assert closer.outside(zone)
     assert report.ended is EndReason.COMPLETE
     assert [one.reason for one in revisions] == ["planned", "closed"]
+
+
+WAVY = shapely.Point(40, 40).buffer(40).union(shapely.Point(95, 40).buffer(25))
+
+
+@pytest.fixture(scope="module")
+def wavy(survey):
+    """A lake with a round coast: what is cut of its cells has short sides, and many."""
+    region = Region(name="wavy", frame=survey.frame, water=shapely.Polygon(WAVY.exterior))
+    settings = PlanSettings(cell_m=12.0, speed_min_mps=0.5, speed_max_mps=1.5)
+    return plan(region, BOAT, settings).survey
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_rest_of_a_lake_with_a_round_coast_can_be_planned_anew(wavy, seed):
+    rng = np.random.default_rng(seed)
+    reached = int(rng.integers(3, len(wavy.targets) - 5))
+    place = wavy.targets[reached - 1].set.centre
+    zone = shapely.Point(*rng.uniform(15, 70, 2)).buffer(rng.uniform(3, 9))
+    open_ = open_water(wavy, water_of(wavy)).closing([zone], place)
+    new = replanned(
+        first_revision(wavy), wavy, open_, Halfway(reached=reached, place=place), vessel=BOAT,
+        weather=CALM, reason="closed", note="",
+    )  # fmt: skip
+    assert len(new.targets) > reached
+    assert not any(t.set.polygon.intersection(zone).area > 1e-6 for t in new.targets[reached:])
+
+
+def test_a_second_area_is_fenced_off_from_a_boat_that_is_still_in_the_first(survey):
+    enclosure = Enclosure()
+    enclosure.draw(survey, (30.0, 30.0))
+    assert enclosure.holds((30.0, 30.0))
+    first, second = shapely.box(25, 25, 35, 35), shapely.box(40, 25, 50, 35)
+    enclosure.close([first], (30.0, 30.0))
+    enclosure.close([second], (30.0, 30.0))
+    assert enclosure.holds((30.0, 30.0))
+    assert not enclosure.fence.holds((45.0, 30.0))
+    assert enclosure.holds((37.0, 30.0))
+    assert not enclosure.fence.holds((30.0, 30.0))
+    # Whichever side it leaves on is the side that it is on.
+    across = Enclosure()
+    across.draw(survey, (29.0, 30.0))
+    assert across.holds((29.0, 30.0))
+    across.close([shapely.box(25, -1, 35, 61)], (29.0, 30.0))
+    assert across.holds((40.0, 30.0))
+    assert across.fence.holds((50.0, 30.0))
+    assert not across.fence.holds((10.0, 30.0))
+
+
+def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(tmp_path, survey):
+    """It had been led across, or left at the edge without thrust."""
+    start, place = survey.start, survey.targets[5].set.centre
+    away = np.array(place) - (start.north_m, start.east_m)
+    axis = int(np.argmax(np.abs(away)))
+    middle = 0.5 * (place[axis] + (start.north_m, start.east_m)[axis])
+    bar = (
+        shapely.box(middle - 2, -1, middle + 2, 61)
+        if axis == 0
+        else shapely.box(-1, middle - 2, 61, middle + 2)
+    )
+    home = WayHome(replace(survey, no_go=(bar,)), SafetySettings())
+    state = (place[0], place[1], 0.0, 0.0, 0.0, 0.0)
+    assert home.cost(Observation(time_s=0.0, state=state), CALM, BOAT) == (np.inf, np.inf)
+    assert home.is_closed
+    assert "across the way home" in home.no_way
+    assert not home.set_out(Observation(time_s=0.0, state=state), BOAT, lambda _: None)
+
+
+def test_an_area_that_is_closed_while_another_order_is_made_is_heeded_after_it(survey, monkeypatch):
+    """The other order failed, and the area was forgotten."""
+    plans = Replanner(
+        survey=survey, plan=KeptPlan(revision=first_revision(survey)), vessel=BOAT,
+        helm_of=lambda _: None, waits=True,
+    )  # fmt: skip
+    place = survey.targets[3].set.centre
+    monkeypatch.setattr("grebe.mission.replanning.led_on", lambda *_: [].pop())
+    plans._ask("resumed", "", 4, place, CALM)
+    plans.close([survey.targets[8].set.polygon], 4, place, CALM)
+    assert plans.ready(4, place, CALM) is None
+    assert plans.is_busy
+    new = plans.ready(4, place, CALM)
+    assert new.revision.reason == "closed"
+    assert survey.targets[8].seq not in {t.seq for t in new.survey.targets}
+    assert not plans.is_busy
+
+
+def test_an_order_for_another_weather_that_cannot_be_made_leaves_the_old_one(survey, monkeypatch):
+    plans = Replanner(
+        survey=survey, plan=KeptPlan(revision=first_revision(survey)), vessel=BOAT,
+        helm_of=lambda _: None, waits=True,
+    )  # fmt: skip
+    monkeypatch.setattr("grebe.mission.replanning.replanned", lambda *_, **__: [].pop())
+    plans._ask("weather", "", 4, (10.0, 10.0), CALM)
+    assert plans.ready(4, (10.0, 10.0), CALM) is None
+    assert "IndexError" in plans.kept
+    assert not plans.is_busy

@@ -61,8 +61,8 @@ def across(survey):
 def test_the_way_to_the_next_target_leads_around_land(survey):
     old, reached = first_revision(survey), across(survey)
     water = water_of(survey)
-    assert not is_led(survey, water, reached, HARBOUR)
-    assert is_led(survey, water, 0, HARBOUR)
+    assert not is_led(survey, lambda: ARMS, reached, HARBOUR)
+    assert is_led(survey, lambda: ARMS, 0, HARBOUR)
     new = led_on(old, survey, open_water(survey, water), Halfway(reached=reached, place=HARBOUR))
     assert new.targets[:reached] == old.targets[:reached]
     cells = [[t.seq for t in one.targets if t.kind == "cell"] for one in (old, new)]

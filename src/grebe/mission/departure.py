@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from grebe.core.errors import PlanError, SurveyFileError, UsageError
-from grebe.core.events import State
+from grebe.core.events import EndReason, State
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.revision import Sortie, as_planned, survey_of
 from grebe.core.survey import Survey
@@ -140,7 +140,11 @@ def _spent(survey_file: SurveyFile, survey: Survey, sortie: Sortie | None) -> Sp
     boat = 1 if sortie is None else sortie.boat
     track = next((one for one in tracks if int(one.boat[0]) == boat), None)
     harbour = (survey.start.north_m, survey.start.east_m)
-    return NOTHING if track is None else spent_since_harbour(track, survey.vessel, harbour)
+    if track is None:
+        return NOTHING
+    last = survey_file.events()[-1:]
+    home = bool(last) and last[0].code in (EndReason.CAME_HOME.value, EndReason.COMPLETE.value)
+    return spent_since_harbour(track, survey.vessel, harbour, came_home=home)
 
 
 def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:

@@ -34,6 +34,7 @@ from grebe.mission.safety.fence import (
     Fence,
     Schedule,
     escape,
+    fence_of,
     reckoned,
 )
 from grebe.mission.safety.machine import (
@@ -47,6 +48,7 @@ from grebe.mission.safety.machine import (
     crowded_out,
     gone_on,
     in_traffic,
+    shut_in,
     without_way_home,
 )
 from grebe.mission.safety.settings import SafetySettings
@@ -132,12 +134,21 @@ class Guard:
 
     def close(self, zones: Sequence[shapely.Polygon], observation: Observation) -> None:
         """Keep the boat, and its ways home, out of zones from now on."""
+        place = (observation.state[0], observation.state[1])
         self._survey = replace(self._survey, no_go=(*self._survey.no_go, *zones))
         self._home = WayHome(self._survey, self._settings)
         if self._settings.fence and self._began_s is not None:
-            self._enclosure.draw(self._survey, (observation.state[0], observation.state[1]))
+            self._enclosure.close(zones, place)
         if self.state is SafetyState.RETURNING:
             self._set_out_for_home(observation)
+        if self.state is SafetyState.HOLDING:
+            held = fence_of(self._survey.water, self._survey.no_go, place)
+            if not held.holds(self._memory.place):
+                self._memory = replace(self._memory, place=held.refuge(self._memory.place))
+
+    def waits_at(self, observation: Observation, weather: Weather, place: Place) -> Thrusts:
+        """Return the thrusts that keep the boat at a place, while it waits for where to go."""
+        return self._keeper.keep(observation.state, weather, place)
 
     def ask(self, request: Request, why: str) -> None:
         """Ask something; it is answered at the next estimate. Safe from any thread."""
@@ -422,6 +433,10 @@ class Guard:
             )
 
     def _set_out_for_home(self, observation: Observation) -> None:
-        if not self._home.set_out(observation, self._vessel, self._pilot):
-            no_way = self._home.no_way
+        if self._home.set_out(observation, self._vessel, self._pilot):
+            return
+        no_way = self._home.no_way
+        if self._home.is_closed:
+            self._say(shut_in(self._memory, observation, no_way))
+        else:
             self._say(without_way_home(self._memory, observation.time_s, no_way))

@@ -123,7 +123,7 @@ class Mission:
         )
         self._closings: deque[tuple[tuple[shapely.Polygon, ...], str]] = deque()
         # Whether it is to be seen if the boat can sail straight on to its next target.
-        self._looks_on = True
+        self._looks_on, self._waits_at = True, (0.0, 0.0)
         self._deadline_s = math.inf
         self._steering = Steering(
             controller, self._targets, self._gate, self._tracker, self._guard, self._announcer,
@@ -208,7 +208,8 @@ class Mission:
             end = self._end_reached(observation)
             if end is not None:
                 return end
-            self._steering.act(observation, self._reached, idle=self._done or self._is_led)
+            waits_at = self._waits_at if self._is_led else None
+            self._steering.act(observation, self._reached, idle=self._done, waits_at=waits_at)
             self._announcer.release()
             observation = self._advance()
 
@@ -284,7 +285,7 @@ class Mission:
         if plans is None or self._guard.state is not SafetyState.SURVEYING:
             return
         if self._looks_on and not self._done:
-            self._looks_on = False
+            self._looks_on, self._waits_at = False, (place[0], place[1])
             plans.lead_on(self._reached, place, self._weather)
         if not self._done:
             plans.watch(observation.time_s, self._reached, place, self._weather)
@@ -295,6 +296,9 @@ class Mission:
                 raise OverError(EndReason.TARGET_GIVEN_UP, str(error)) from None
             self._guard.ask(Request.HOME, str(error))
             return
+        if plans.kept:
+            message, plans.kept = plans.kept, ""
+            self._announcer.tell(Warned, observation.time_s, code="plan_kept", message=message)
         if new is None:
             return
         more = len(new.survey.targets) - len(self._targets)

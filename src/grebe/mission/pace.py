@@ -30,10 +30,13 @@ def limit_s(bounds: SortieSettings, sortie: Sortie) -> float:
 
 @dataclass(kw_only=True)
 class Pace:
-    """Compares one mission with what was predicted of it, from the first estimate on."""
+    """Compares one mission with what was predicted of it, from the first estimate on; `spent_s` is
+    what its boat had been under way before, since its harbour.
+    """
 
     vessel: Vessel
     bounds: SortieSettings
+    spent_s: float = 0.0
     _began: tuple[float, Place, int] | None = None
     _next_s: float = -math.inf
 
@@ -55,7 +58,7 @@ class Pace:
         expected_s = remaining_s(part, start, part.targets[before:reached], weather, self.vessel)
         rest_s = remaining_s(part, place, part.targets[reached:], weather, self.vessel)
         pace = flown_s / max(expected_s, 1e-9)
-        left_s = limit_s(self.bounds, sortie) - flown_s
+        left_s = limit_s(self.bounds, sortie) - self.spent_s - flown_s
         if pace < SLOW or MARGIN * pace * rest_s <= left_s:
             return None
         return Late(pace=pace, flown_s=flown_s, left_s=left_s)

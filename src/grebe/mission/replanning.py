@@ -13,7 +13,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import GrebeError, PlanError
@@ -23,7 +25,7 @@ from grebe.core.vessel import Vessel
 from grebe.mission.helm import Helm
 from grebe.mission.pace import Pace
 from grebe.mission.safety.states import Place
-from grebe.planning.lead_on import is_led, led_on
+from grebe.planning.lead_on import ASTRAY_M, is_led, led_on
 from grebe.planning.put_off import Late, put_off
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, OpenWater, open_water, replanned
@@ -35,14 +37,13 @@ OTHER_WEATHER_MPS, FOR_S = 0.15, 60.0
 @dataclass(frozen=True, kw_only=True)
 class NewOrder:
     """A revision, what of it the mission has to do, who steers it, and what it was made from: so
-    many targets reached and areas `closed`, and the `note` that it was asked for with.
+    many targets reached, and the `note` that it was asked for with.
     """
 
     revision: PlanRevision
     survey: Survey
     helm: Helm
     reached: int
-    closed: int
     note: str
 
 
@@ -54,13 +55,20 @@ Extension = Callable[[PlanRevision, Halfway, float], PlanRevision]
 @dataclass(kw_only=True)
 class KeptPlan:
     """The plan of a survey, which the boats of a fleet share: each puts its own part in another
-    order. `keep` writes down a revision that is taken, where the mission's recorder alone would
-    not keep them in their order.
+    order. `closed` are the areas that have been closed to all. `keep` writes down a revision that
+    is taken, where the mission's recorder alone would not keep them in their order.
     """
 
     revision: PlanRevision
     keep: Callable[[PlanRevision], None] | None = None
+    closed: tuple[shapely.Polygon, ...] = ()
     _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def close(self, zones: Sequence[shapely.Polygon]) -> None:
+        """Keep in mind what is closed; of a fleet each boat hears of the same areas."""
+        with self._lock:
+            new = [zone for zone in zones if not any(zone.equals(one) for one in self.closed)]
+            self.closed = (*self.closed, *new)
 
     def take(self, new: PlanRevision) -> bool:
         """Take a revision for the plan; False where another boat's has come in between."""
@@ -79,7 +87,8 @@ class Replanner:
     part that is sailed, `helm_of` makes who steers a part. `waits` where the loop waits for a new
     order. `heeds`: targets out of reach and another weather are causes of a new order; `extends`
     says where the mission goes on once its order is sailed, and `over` why it does not. `asked`:
-    what an order was last asked for.
+    what an order was last asked for; `kept`: why the old one stays that was to be replaced.
+    `spent_s`: time that the boat had been under way since its harbour, before this mission [s].
     """
 
     survey: Survey
@@ -91,9 +100,12 @@ class Replanner:
     heeds: bool = True
     extends: Extension | None = None
     over: str = ""
+    kept: str = ""
+    spent_s: float = 0.0
     asked: Reason | None = None
     _open: OpenWater | None = None
-    _closed: tuple[shapely.Polygon, ...] = ()
+    _heeded: int = 0
+    _free: tuple[int, BaseGeometry] | None = None
     _pace: Pace | None = None
     _late: Late | None = None
     _left_out: set[int] = field(default_factory=set[int])
@@ -130,6 +142,8 @@ class Replanner:
         if time_s - self._since_s < FOR_S or self.is_busy:
             return
         self._weather, self._since_s = weather, None
+        if not self._has_cells_ahead(reached):
+            return
         note = (
             f"the current is {weather.current_north_mps:+.2f} m/s north, "
             f"{weather.current_east_mps:+.2f} m/s east, and was planned as "
@@ -141,7 +155,7 @@ class Replanner:
         """Ask for a way to the next target where the boat cannot sail straight on to it."""
         plan = self.plan.revision
         part = survey_of(self.survey, plan, self._sortie_in(plan))
-        if not self.is_busy and not is_led(part, water_of(self.survey), reached, place):
+        if not self.is_busy and not is_led(part, self._sailable, reached, place):
             self._ask("resumed", "", reached, place, weather)
 
     @property
@@ -155,7 +169,9 @@ class Replanner:
         sortie = self._sortie_in(plan)
         if self.is_busy or settings is None or settings.sorties is None or sortie is None:
             return
-        self._pace = self._pace or Pace(vessel=self.vessel, bounds=settings.sorties)
+        self._pace = self._pace or Pace(
+            vessel=self.vessel, bounds=settings.sorties, spent_s=self.spent_s
+        )
         part = survey_of(self.survey, plan, sortie)
         self._late = self._pace.late(time_s, reached, place, part, sortie)
         if self._late is not None:
@@ -167,52 +183,61 @@ class Replanner:
         """Ask for an order that keeps out of zones, where what is ahead of the boat does not; one
         that is being made meanwhile is not taken.
         """
-        self._closed = (*self._closed, *zones)
-        if not self.is_busy and self._goes_through(zones, reached, place):
-            self._ask("closed", _closing(self._closed), reached, place, weather)
+        self.plan.close(zones)
+        if not self.is_busy:
+            self._heed_closed(reached, place, weather)
+
+    def _heed_closed(self, reached: int, place: Place, weather: Weather) -> bool:
+        """Ask for an order that keeps out of what is closed, if the one that is sailed does not."""
+        plan, closed = self.plan.revision, self.plan.closed
+        self._heeded = len(closed)
+        part = survey_of(self.survey, plan, self._sortie_in(plan))
+        if not _goes_through(closed, part, reached, place):
+            return False
+        taken = shapely.intersection(self.survey.water, shapely.union_all(list(closed)))
+        self._ask("closed", f"{taken.area:,.0f} m2 are closed", reached, place, weather)
+        return True
 
     def goes_on(self, time_s: float, reached: int, place: Place) -> bool:
         """Whether the mission goes on after its last target; where it does is asked for, once."""
         if self.extends is None or self.over:
             return False
         if not self.is_busy:
+            self.asked = None
             self._start(self._extend, Halfway(reached=reached, place=place), time_s)
         return True
 
     def ready(self, reached: int, place: Place, weather: Weather) -> NewOrder | None:
         """Return the new order once it is there; one that has become stale is asked for anew.
 
-        Where there is none, `PlanError` says why, once.
+        Where what is closed, or a target out of reach, leaves no order, `PlanError` says why, once;
+        of other causes the order stays as it is, and `kept` says why.
         """
         if self._thread is not None and (self.waits or not self._thread.is_alive()):
             self._thread.join()
             self._thread = None
-        if self._thread is not None or self._new is None:
+        if self._thread is not None:
             return None
         new, self._new = self._new, None
-        if isinstance(new, PlanError):
-            # A sortie that cannot be shortened goes on; the guard calls it home in time. And a boat
-            # that no way leads on from sails as far as the fence lets it.
-            if self.asked in ("progress", "resumed"):
-                return None
-            raise new
-        if isinstance(new, Exception):
-            raise PlanError(f"Planning anew failed ({type(new).__name__}: {new}).") from new
-        if new.closed != len(self._closed):
-            self._ask("closed", _closing(self._closed), reached, place, weather)
+        unheeded = self._heeded != len(self.plan.closed)
+        if unheeded and self._heed_closed(reached, place, weather):
             return None
-        if reached != new.reached or not self.plan.take(new.revision):
+        if isinstance(new, Exception):
+            self._failed(new)
+            return None
+        if new is not None and (reached != new.reached or not self.plan.take(new.revision)):
             self._ask(new.revision.reason, new.note, reached, place, weather)
             return None
         return new
 
-    def _goes_through(self, zones: Sequence[shapely.Polygon], reached: int, place: Place) -> bool:
-        plan = self.plan.revision
-        part = survey_of(self.survey, plan, self._sortie_in(plan))
-        ahead = [one.set.polygon for one in part.targets[reached:]]
-        here = shapely.Point(place)
-        ways = shapely.union_all([*ahead, *part.corridors[reached:], here])
-        return bool(shapely.intersects(ways, shapely.union_all(list(zones))))
+    def _failed(self, error: Exception) -> None:
+        named = isinstance(error, PlanError)
+        why = str(error) if named else f"{type(error).__name__}: {error}"
+        if self.asked in ("closed", "unreachable"):
+            raise PlanError(why if named else f"Planning anew failed ({why}).") from error
+        # A sortie that fits after all, or cannot be shortened, is no news: the guard calls it home.
+        if self.asked != "progress" or not named:
+            self.kept = f"the order stays as it is, for no other was found ({why})"
 
     def _ask(self, reason: Reason, note: str, reached: int, place: Place, weather: Weather) -> None:
         self.asked = reason
@@ -242,19 +267,24 @@ class Replanner:
         except GrebeError as error:
             self.over = str(error)
             return None
-        return self._ordered(new, halfway, len(self._closed))
+        if _goes_through(self.plan.closed, survey_of(self.survey, new), halfway.reached, None):
+            self.over = "the way to where it would pay leads through a closed area"
+            return None
+        return self._ordered(new, halfway)
 
     def _planned(
         self, old: PlanRevision, reason: Reason, note: str, halfway: Halfway, weather: Weather
     ) -> NewOrder:
-        closed, water = len(self._closed), self._water(halfway.place)
+        water = self._water(halfway.place)
         if reason == "resumed":
-            return self._ordered(led_on(old, self.survey, water, halfway), halfway, closed, note)
+            return self._ordered(led_on(old, self.survey, water, halfway), halfway, note)
         if reason == "progress" and self._late is not None:
+            # The pace is one over what was planned, in the weather that was planned for.
+            planned = self.survey.settings.weather if self.survey.settings else weather
             new = put_off(
-                old, self.survey, water, halfway, self._late, vessel=self.vessel, weather=weather
+                old, self.survey, water, halfway, self._late, vessel=self.vessel, weather=planned
             )
-            return self._ordered(new, halfway, closed, note)
+            return self._ordered(new, halfway, note)
         new = replanned(
             old,
             self.survey,
@@ -268,26 +298,46 @@ class Replanner:
         )
         if reason == "closed":
             new = replace(new, note=f"{note}; {len(left_out(old, new))} targets are left out")
-        return self._ordered(new, halfway, closed, note)
+        return self._ordered(new, halfway, note)
 
-    def _ordered(
-        self, new: PlanRevision, halfway: Halfway, closed: int = 0, note: str = ""
-    ) -> NewOrder:
+    def _has_cells_ahead(self, reached: int) -> bool:
+        plan = self.plan.revision
+        part = survey_of(self.survey, plan, self._sortie_in(plan))
+        return any(one.kind == "cell" for one in part.targets[reached:])
+
+    def _ordered(self, new: PlanRevision, halfway: Halfway, note: str = "") -> NewOrder:
         survey = survey_of(self.survey, new, self._sortie_in(new))
         helm = self.helm_of(survey)
-        return NewOrder(
-            revision=new, survey=survey, helm=helm, reached=halfway.reached, closed=closed,
-            note=note,
-        )  # fmt: skip
+        return NewOrder(revision=new, survey=survey, helm=helm, reached=halfway.reached, note=note)
 
     def _water(self, place: Place) -> OpenWater:
         """The cells and the ways between them, measured when they are first needed."""
         if self._open is None:
             self._open = open_water(self.survey, water_of(self.survey))
-        if self._closed:
-            return self._open.closing(self._closed, place)
-        return self._open
+        if not self.plan.closed:
+            return self._open
+        margin_m = self.survey.settings.shore_margin_m if self.survey.settings else 0.0
+        zones = [zone.buffer(margin_m, quad_segs=4) for zone in self.plan.closed]
+        return self._open.closing(zones, place)
+
+    def _sailable(self) -> BaseGeometry:
+        """The water in which the boat may be, without the margin that the plan keeps."""
+        taken = (*self.survey.no_go, *self.plan.closed)
+        if self._free is None or self._free[0] != len(taken):
+            left = shapely.difference(self.survey.water, shapely.union_all(list(taken)))
+            self._free = (len(taken), left.buffer(ASTRAY_M))
+            shapely.prepare(self._free[1])
+        return self._free[1]
 
 
-def _closing(zones: Sequence[shapely.Polygon]) -> str:
-    return f"an area of {shapely.union_all(list(zones)).area:,.0f} m2 is closed"
+def _goes_through(
+    zones: Sequence[shapely.Polygon], part: Survey, reached: int, place: Place | None
+) -> bool:
+    """Whether what is ahead of a boat, or its place, lies in zones."""
+    if not zones:
+        return False
+    closed = shapely.union_all(list(zones))
+    shapely.prepare(closed)
+    ways = [*(one.set.polygon for one in part.targets[reached:]), *part.corridors[reached:]]
+    here = [] if place is None else [shapely.Point(place)]
+    return bool(shapely.intersects(np.array([*ways, *here], dtype=object), closed).any())

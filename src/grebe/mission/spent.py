@@ -29,13 +29,16 @@ class Spent:
 NOTHING = Spent()
 
 
-def spent_since_harbour(track: TrackTable, vessel: Vessel, harbour: Place) -> Spent:
-    """Return what a boat's track shows; nothing where it ends at the harbour.
+def spent_since_harbour(
+    track: TrackTable, vessel: Vessel, harbour: Place, *, came_home: bool
+) -> Spent:
+    """Return what a boat's track shows; nothing where it has come home and lies at the harbour, and
+    not only happens to be near it.
 
     Where a mission began at the harbour, it began with a battery of which nothing had been taken.
     """
     away = np.hypot(*(track.states[:, :2] - np.array(harbour)).T)
-    if not len(track) or away[-1] < AT_HARBOUR_M:
+    if not len(track) or (came_home and away[-1] < AT_HARBOUR_M):
         return NOTHING
     steps = np.diff(track.seconds)
     begins = np.concatenate([[0], 1 + np.flatnonzero(steps > LONGEST_ROW_S)])

@@ -28,7 +28,7 @@ from grebe.mission.helm import (
     step_of,
 )
 from grebe.mission.safety.fence import Schedule
-from grebe.mission.safety.states import SafetyState
+from grebe.mission.safety.states import Place, SafetyState
 
 Thrusts = tuple[float, float]
 
@@ -75,9 +75,12 @@ class Steering:
             if isinstance(one, AdaptableHelm):
                 one.take_for(self._tracker.vessel)
 
-    def act(self, observation: Observation, reached: int, *, idle: bool) -> None:
+    def act(
+        self, observation: Observation, reached: int, *, idle: bool, waits_at: Place | None = None
+    ) -> None:
         """Give the boat its thrusts: the guard's own, a new step's, or those of the last plan;
-        where the survey's helm steers and the boat is `idle`, none.
+        where the survey's helm steers and the boat is `idle`, none, or what keeps it where it
+        `waits_at`.
         """
         own = self._guard.own_thrusts(observation, self._weather)
         if own is not None:
@@ -86,6 +89,9 @@ class Steering:
                 self._tell_step(observation, None)
         elif idle and self._helm is self.controller:
             self.send(observation, (0.0, 0.0))
+        elif waits_at is not None and self._helm is self.controller:
+            self.send(observation, self._guard.waits_at(observation, self._weather, waits_at))
+            self._tell_step(observation, None)
         elif observation.time_s >= self._next_step_s - 1e-9:
             self._steer(observation, reached)
         else:

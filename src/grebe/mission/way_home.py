@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import shapely
 
@@ -23,9 +23,15 @@ from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Place
 from grebe.planning.homeward import Homeward, homeward, transit_survey
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 Pilot = Callable[[Survey], Helm]
 # The way home is measured again so often; its length changes no faster than the boat moves [s].
 HOME_PERIOD_S = 5.0
+# A way home that is nearer than this to an area's edge touches it by its rounding [m].
+ACROSS_M = 0.5
 
 
 def home_of(survey: Survey, settings: SafetySettings) -> Place:
@@ -88,6 +94,7 @@ class WayHome:
         self._cost: tuple[float, float] | None = None
         self._asked_s = -math.inf
         self.no_way = ""
+        self.is_closed = False
         self.under_way: UnderWay | None = None
 
     def cost(
@@ -103,6 +110,8 @@ class WayHome:
         """Make a way home from here and somebody who steers it; whether there is one."""
         ways = self._found()
         try:
+            if ways is not None:
+                self._way(ways, (observation.state[0], observation.state[1]))
             survey = ways and transit_survey(
                 self._survey, ways, observation.state, speed_home_mps(self._survey, vessel)
             )
@@ -136,11 +145,27 @@ class WayHome:
         if ways is None:
             return math.inf, math.inf
         try:
-            way = ways.way_from((observation.state[0], observation.state[1]))
+            way = self._way(ways, (observation.state[0], observation.state[1]))
         except PlanError as error:
             self.no_way = str(error)
             return math.inf, math.inf
         return way_home_s(vessel, way, weather, speed_home_mps(self._survey, vessel))
+
+    def _way(self, ways: Homeward, place: Place) -> NDArray[np.float64]:
+        """The way home from a place; `PlanError` where it would lead across an area in which the
+        boat is not.
+        """
+        way = ways.way_from(place)
+        line, here = shapely.LineString(way), shapely.Point(place)
+        across = [
+            zone
+            for zone in self._survey.no_go
+            if not zone.intersects(here) and line.intersection(zone).length > ACROSS_M
+        ]
+        self.is_closed = bool(across)
+        if across:
+            raise PlanError("a closed area lies across the way home")
+        return way
 
     def _found(self) -> Homeward | None:
         """The ways home, worked out when they are first asked for; None where there is none."""

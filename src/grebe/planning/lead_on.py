@@ -7,15 +7,18 @@ corridor leads. The order stays as it is; what is new is the way to its next tar
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from grebe.core.revision import PlanRevision, numbered_on, survey_of
 from grebe.core.sets import TargetSet, ring_vertices
 from grebe.core.survey import Survey, Target
 from grebe.planning.corridors import REACH_CELLS, Stop, corridors_of, widened
+from grebe.planning.mesh import target_footprint
 from grebe.planning.revise import PLACE_RADIUS_M, Halfway, OpenWater, joined
 
 if TYPE_CHECKING:
@@ -25,8 +28,15 @@ if TYPE_CHECKING:
 ASTRAY_M = 0.5
 
 
-def is_led(part: Survey, water: shapely.Polygon, reached: int, place: tuple[float, float]) -> bool:
-    """Whether a boat can sail straight on to the next target of a survey, or a part of one."""
+def is_led(
+    part: Survey,
+    sailable: Callable[[], BaseGeometry],
+    reached: int,
+    place: tuple[float, float],
+) -> bool:
+    """Whether a boat can sail straight on to the next target of a survey, or a part of one, in the
+    water that is `sailable` and is asked for only where its corridor does not say so.
+    """
     ahead = part.targets[reached:]
     if not ahead:
         return True
@@ -34,7 +44,7 @@ def is_led(part: Survey, water: shapely.Polygon, reached: int, place: tuple[floa
     if part.corridors and shapely.dwithin(part.corridors[reached], here, ASTRAY_M):
         return True
     way = shapely.shortest_line(here, ahead[0].set.polygon)
-    return bool(shapely.covers(water.buffer(ASTRAY_M), way))
+    return bool(shapely.covers(sailable(), way))
 
 
 def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway) -> PlanRevision:
@@ -77,6 +87,6 @@ def _transits(
     old: PlanRevision, stops: Sequence[Stop], targets: Sequence[Target]
 ) -> tuple[Target, ...]:
     fastest = max(target.set.speed_max_mps for target in targets)
-    rings = [ring_vertices(stop.footprint) for stop in stops]
+    rings = [target_footprint(ring_vertices(stop.footprint)) for stop in stops]
     sets = [TargetSet(vertices=r, speed_min_mps=0.0, speed_max_mps=fastest) for r in rings]
     return numbered_on(old, [Target(seq=1, kind="transit", set=one) for one in sets])

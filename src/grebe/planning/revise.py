@@ -26,7 +26,7 @@ from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.corridors import REACH_CELLS, Stop, Waterways, corridors_of, widened
 from grebe.planning.costs import costs_of
-from grebe.planning.mesh import Cell, wide_pieces
+from grebe.planning.mesh import Cell, target_footprint, wide_pieces
 from grebe.planning.network import ROUNDING_M, Network, connect
 from grebe.planning.polish import polished
 from grebe.planning.travel import travel_of
@@ -255,6 +255,8 @@ def _stops(
         stops = [*([gate] if here != first else []), *way, *stops]
     if ends_at is not None:
         berth = ends_at.set.polygon
+        if not shapely.dwithin(open_.water, berth, open_.cell_m):
+            raise PlanError("The harbour lies beyond an area that is closed.")
         home = int(np.argmin(shapely.distance(shapes, berth.centroid)))
         last = int(order[-1])
         way = ways.around(last, home) if last != home else []
@@ -311,7 +313,7 @@ def _targets(
     new: list[Target] = []
     for stop in stops if ends_at is None else stops[:-1]:
         if stop.cell is None:
-            ring = ring_vertices(stop.footprint)
+            ring = target_footprint(ring_vertices(stop.footprint))
             one = TargetSet(vertices=ring, speed_min_mps=0.0, speed_max_mps=fastest_mps)
             new.append(Target(seq=1, kind="transit", set=one))
     numbered = iter(numbered_on(old, new))

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import shapely
 
-from grebe.core.errors import GrebeError
 from grebe.core.events import Estimate, MissionEvent
 from grebe.core.survey import Survey
 from grebe.mission.loop import Mission
@@ -62,8 +61,9 @@ class Closures:
             if mark is not None and mark != self._seen:
                 self._close(self._read())
                 self._seen = mark
-        # A file that is being written is whole at the next look.
-        except (GrebeError, OSError) as error:
+        # A file that is being written is whole at the next look; and whatever is wrong with it, the
+        # next one must be looked at.
+        except Exception as error:
             if str(error) != self._said:
                 self._said = str(error)
                 self.say(f"what {self.path} closes is not known: {error}")
@@ -76,7 +76,7 @@ class Closures:
 
     def _read(self) -> list[shapely.Polygon]:
         region = Region(name=self.survey.name, frame=self.survey.frame, water=self.survey.water)
-        zones, notes = read_zones([self.path], region)
+        zones, notes = read_zones([self.path], region, mends=True)
         for note in notes:
             self.say(note)
         return [zone for zone in zones if zone.intersects(region.water)]

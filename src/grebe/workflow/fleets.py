@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 
 import numpy as np
+import shapely
 
 from grebe.core.errors import PlanError, UsageError
 from grebe.core.events import EndReason
@@ -143,6 +144,7 @@ class FleetRun:
     on_ready: Callable[[int, Mission], None] | None = None
     instruments: Mapping[int, Instruments] = field(default_factory=dict[int, Instruments])
     replans: bool = False
+    _closed: tuple[shapely.Polygon, ...] = ()
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
         """Sail until every boat has done its part; what one that drops out has left is taken over
@@ -209,6 +211,7 @@ class FleetRun:
                 for boat, departure in departures.items()
             }
             reports = together.run(missions, shares_time=self.shares_time)
+            self._closed = together.plan.closed
         return [(boat, sorties[boat].number, report) for boat, report in sorted(reports.items())]
 
     def _mission(
@@ -248,6 +251,7 @@ class FleetRun:
             vessel=departure.vessel,
             helm_of=pilot_of(departure, self.helm_of),
             sortie=sortie.number,
+            spent_s=departure.spent.seconds,
             waits=self.shares_time,
             heeds=self.replans,
         )
@@ -285,7 +289,11 @@ class FleetRun:
             return (north - first[0]) ** 2 + (east - first[1]) ** 2
 
         heir = min(places, key=away)
-        new = self._replanned(sortie, reached, places[heir], self._vessel_of(heir))
+        try:
+            new = self._replanned(sortie, reached, places[heir], self._vessel_of(heir))
+        # What is left is closed, or the way to the harbour alone: there is nothing to take over.
+        except PlanError:
+            return
         north, east = places[heir]
         taken = {"boat": heir, "start": Pose(north_m=north, east_m=east)}
         sorties = [
@@ -306,10 +314,11 @@ class FleetRun:
         weather = survey.settings.weather if survey.settings else None
         if weather is None:
             raise PlanError("The survey does not say for which weather it was planned.")
+        open_ = open_water(survey, water_of(survey))
         return replanned(
             revision,
             survey,
-            open_water(survey, water_of(survey)),
+            open_.closing(self._closed, place) if self._closed else open_,
             Halfway(reached=reached, place=place, sortie=sortie),
             vessel=vessel,
             weather=weather,

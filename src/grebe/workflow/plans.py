@@ -143,7 +143,7 @@ def plan_warnings(survey: Survey) -> list[str]:
 
 
 def read_zones(
-    paths: Sequence[Path], region: Region
+    paths: Sequence[Path], region: Region, *, mends: bool = False
 ) -> tuple[list[shapely.Polygon], tuple[str, ...]]:
     """The no-go zones of some files, in the region's frame, and notes: what of a file forbids
     nothing.
@@ -154,7 +154,9 @@ def read_zones(
         outline = read_outline(path)
         notes += [f"{path}: {text}" for text in outline.notes]
         local = region.frame.geometry_to_local(outline.geometry)
-        if not local.is_valid:
+        if mends:
+            local = shapely.make_valid(local)
+        elif not local.is_valid:
             raise InputError(f"{path}: holds a polygon that crosses itself; mend it first.")
         if not shapely.intersects(local, region.water):
             away = shapely.distance(local, region.water)

@@ -6,6 +6,8 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import shapely
+
 from grebe.core.dynamics import CALM
 from grebe.core.sets import footprints_of
 from grebe.core.taut import taut_way
@@ -14,8 +16,7 @@ from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.way_home import home_of, speed_home_mps, ways_home
 from grebe.planning.homeward import way_length_m
-from grebe.planning.lead_on import is_led
-from grebe.planning.region import water_of
+from grebe.planning.lead_on import ASTRAY_M, is_led
 from grebe.planning.travel import travel_of
 
 
@@ -68,7 +69,8 @@ def preview_of(departure: Departure) -> Preview:
 
 def _detour(departure: Departure) -> tuple[str, ...]:
     survey, place = departure.survey, departure.state[:2]
-    if is_led(survey, water_of(survey), departure.reached, (place[0], place[1])):
+    left = shapely.difference(survey.water, shapely.union_all(list(survey.no_go)))
+    if is_led(survey, lambda: left.buffer(ASTRAY_M), departure.reached, (place[0], place[1])):
         return ()
     return ("the way to the next target leads around land, which the time does not count",)
 

@@ -86,7 +86,7 @@ def run_survey(
                 departure.survey,
                 helm,
                 link,
-                SurveyRecorder(survey_file),
+                SurveyRecorder(survey_file, _whose(survey_file, departure)),
                 counting(settings, departure),
                 quantities=departure.quantities,
                 listeners=[*guards, *listeners],
@@ -119,6 +119,12 @@ def _begin(
     say_first(departure, survey_file, listeners)
 
 
+def _whose(survey_file: SurveyFile, departure: Departure) -> int | None:
+    """The number of the boat that sails, where it is one of a fleet's."""
+    fleet, sortie = survey_file.survey.fleet, departure.sortie
+    return None if fleet is None or sortie is None else sortie.boat
+
+
 def as_known_to(link: BoatLink, departure: Departure) -> Departure:
     """The departure with the boat as its link knows it."""
     model = as_driven(link).model
@@ -149,6 +155,7 @@ def _replanner(
         vessel=departure.vessel,
         helm_of=pilot,
         sortie=None if departure.sortie is None else departure.sortie.number,
+        spent_s=departure.spent.seconds,
         waits=isinstance(link, SimulatedLink),
         heeds=heeds,
         extends=extends,

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import shapely
 
 from grebe.core.survey import Survey
 from grebe.mission.safety.fence import Fence, fence_of
@@ -14,25 +17,36 @@ class Enclosure:
     """The `fence` in force, None where there is none, and whether the boat has been inside: one
     that is launched from land is `fenced` in once it is on the water.
 
-    A boat that is in an area when that is closed is fenced in as before until it has left it.
+    An area in which the boat is when it is closed is fenced off once the boat has left it.
     """
 
     fence: Fence | None = None
     fenced: bool = False
-    _next: Fence | None = None
+    _survey: Survey | None = None
+    _within: list[shapely.Polygon] = field(default_factory=list[shapely.Polygon])
 
     def draw(self, survey: Survey, place: Place) -> None:
-        """Draw the fence of a survey, or draw it in."""
-        new = fence_of(survey.water, survey.no_go, place)
-        if self.fence is None or not self.fenced or new.holds(place):
-            self.fence, self._next = new, None
-        else:
-            self._next = new
+        """Draw the fence of a survey."""
+        self._survey = survey
+        self.fence = fence_of(survey.water, survey.no_go, place)
+
+    def close(self, zones: Sequence[shapely.Polygon], place: Place) -> None:
+        """Draw the fence in by zones."""
+        self._within += zones
+        self._leave(place)
 
     def holds(self, place: Place) -> bool:
-        """Whether a boat's place is inside; what is next is in force once the boat is in it."""
-        if self._next is not None and self._next.holds(place):
-            self.fence, self._next = self._next, None
+        """Whether a boat's place is inside; what it has left by now is fenced off."""
+        if self._within:
+            self._leave(place)
         inside = self.fence is None or self.fence.holds(place)
         self.fenced = self.fenced or inside
         return inside
+
+    def _leave(self, place: Place) -> None:
+        here = shapely.Point(place)
+        left = [zone for zone in self._within if not zone.intersects(here)]
+        if self._survey is None or not left:
+            return
+        self._within = [zone for zone in self._within if zone.intersects(here)]
+        self.draw(replace(self._survey, no_go=(*self._survey.no_go, *left)), place)

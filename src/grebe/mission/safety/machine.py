@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from grebe.control.station import reach_mps
 from grebe.core.events import EndReason
 from grebe.core.vessel import Vessel
+from grebe.links.base import Observation
 from grebe.mission.safety.reserve import Battery, must_go_home, watched_battery
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import ENDS, Cause, Facts, Finding, Place, SafetyState
@@ -211,6 +212,21 @@ def without_way_home(memory: Memory, time_s: float, why: str) -> Memory:
         cause=Cause.NO_WAY_HOME,
         message=f"{memory.homeward}, but: {why}",
         since_s=time_s,
+    )
+
+
+def shut_in(memory: Memory, observation: Observation, why: str) -> Memory:
+    """Return what a boat does that is sent home where a closed area lies across the way: it holds
+    its place until somebody opens one, or has it fetched.
+    """
+    return replace(
+        memory,
+        state=SafetyState.HOLDING,
+        cause=Cause.HOLD,
+        message=f"{memory.homeward}, but: {why}",
+        since_s=observation.time_s,
+        resumes=SafetyState.SURVEYING,
+        place=(observation.state[0], observation.state[1]),
     )
 
 
