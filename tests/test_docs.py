@@ -4,6 +4,7 @@ import importlib
 import inspect
 import re
 from dataclasses import make_dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import click
@@ -32,6 +33,10 @@ def test_a_docstring_that_python_made_does_not_count():
     assert not is_documented(undocumented)
     assert not is_documented(type("Heir", (grebe.Survey,), {}))
     assert is_documented(grebe.Survey)
+
+
+def test_the_package_says_its_version():
+    assert grebe.__version__ == version("grebe")
 
 
 @pytest.mark.parametrize("name", grebe.__all__)

@@ -176,6 +176,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
+    if name == "__version__":
+        return importlib.import_module("importlib.metadata").version("grebe")
     if name not in _HOME:
         raise AttributeError(f"module 'grebe' has no attribute {name!r}")
     return getattr(importlib.import_module(f"grebe.{_HOME[name]}"), name)
