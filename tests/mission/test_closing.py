@@ -1,5 +1,7 @@
 """An area is closed while the boat sails: it stays out, and visits what it still can."""
 
+import threading
+import time
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -15,6 +17,7 @@ from grebe.core.revision import first_revision
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import Observation
+from grebe.mission.guard import Guard
 from grebe.mission.replanning import KeptPlan, Replanner
 from grebe.mission.safety.enclosure import Enclosure
 from grebe.mission.safety.settings import SafetySettings
@@ -220,3 +223,29 @@ def test_an_order_for_another_weather_that_cannot_be_made_leaves_the_old_one(sur
     assert plans.ready(4, (10.0, 10.0), CALM) is None
     assert "IndexError" in plans.kept
     assert not plans.is_busy
+
+
+def test_ways_home_around_a_closed_area_are_worked_out_beside_a_real_boat(survey, monkeypatch):
+    """On a large lake that takes seconds, in which the boat must be heard."""
+    measured, go = [], threading.Event()
+    whole = WayHome.measure
+
+    def slowly(self):
+        go.wait(10)
+        whole(self)
+        measured.append(self)
+
+    monkeypatch.setattr(WayHome, "measure", slowly)
+    told = lambda *_, **__: None  # noqa: E731
+    guard = Guard(survey, BOAT, SafetySettings(), told, NOW, waits=False)
+    observation = Observation(time_s=0.0, state=(30.0, 30.0, 0.0, 0.0, 0.0, 0.0))
+    guard.look(observation, CALM, (0.0, 0.0), 0)
+    before, zone = guard._home, shapely.box(40, 40, 50, 50)
+    guard.close([zone], observation)
+    assert guard._home is before
+    assert not guard._enclosure.fence.holds((45.0, 45.0))
+    go.set()
+    while not measured:
+        time.sleep(0.01)
+    guard.look(replace(observation, time_s=0.1), CALM, (0.0, 0.0), 0)
+    assert guard._home is measured[0]

@@ -94,7 +94,8 @@ from grebe.workflow.sorties import kept_by_plan, sortie_states
     "replans",
     is_flag=True,
     help="Plan the rest anew, while the boat sails, where a target is not reached in time (it is "
-    "left out) or the current is another than was planned with.",
+    "left out), the current is another than was planned with, or a sortie is late (its last "
+    "targets are put off to one of their own).",
 )
 @click.option(
     "--closed",

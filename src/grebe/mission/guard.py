@@ -7,6 +7,7 @@ out here; what it decides is told as an event, and done.
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
@@ -86,7 +87,8 @@ def default_pilot(vessel: Vessel) -> Pilot:
 class Guard:
     """Watches over one mission; `tell` hears of every change of state; `lookout` of a fleet.
 
-    `by_motion`: an autopilot holds the boat's motion, and is not known to the last.
+    `by_motion`: an autopilot holds the boat's motion, and is not known to the last. `waits`: the
+    boat's time is not the clock's, and nothing is worked out beside it.
     """
 
     def __init__(
@@ -99,8 +101,9 @@ class Guard:
         pilot: Pilot | None = None,
         lookout: Lookout | None = None,
         by_motion: bool = False,
+        waits: bool = True,
     ) -> None:
-        self._lookout, self._by_motion = lookout, by_motion
+        self._lookout, self._by_motion, self._waits = lookout, by_motion, waits
         self._survey, self._vessel, self._settings = survey, vessel, settings
         self._tell = tell
         # Faults show beside the boat as it was said to be, not as its faults have made it.
@@ -115,6 +118,7 @@ class Guard:
             self.ask(Request.HOME, settings.comes_home)
         self._enclosure = Enclosure()
         self._home = WayHome(survey, settings)
+        self._next_home: WayHome | None = None
         self._escape: tuple[float, Escape] | None = None
         self._reckoned: tuple[float, State] | None = None
         self._began_s: float | None = None
@@ -136,15 +140,28 @@ class Guard:
         """Keep the boat, and its ways home, out of zones from now on."""
         place = (observation.state[0], observation.state[1])
         self._survey = replace(self._survey, no_go=(*self._survey.no_go, *zones))
-        self._home = WayHome(self._survey, self._settings)
         if self._settings.fence and self._began_s is not None:
             self._enclosure.close(zones, place)
-        if self.state is SafetyState.RETURNING:
-            self._set_out_for_home(observation)
+        self._next_home = WayHome(self._survey, self._settings)
+        measuring = threading.Thread(target=self._next_home.measure, daemon=True)
+        measuring.start()
+        if self._waits:
+            measuring.join()
+        self._take_next_home(observation)
         if self.state is SafetyState.HOLDING:
             held = fence_of(self._survey.water, self._survey.no_go, place)
             if not held.holds(self._memory.place):
                 self._memory = replace(self._memory, place=held.refuge(self._memory.place))
+
+    def _take_next_home(self, observation: Observation) -> None:
+        """Go home by ways that keep out of what was closed, once these are measured: until then the
+        fence alone keeps the boat out.
+        """
+        if self._next_home is None or not self._next_home.is_measured:
+            return
+        self._home, self._next_home = self._next_home, None
+        if self.state is SafetyState.RETURNING:
+            self._set_out_for_home(observation)
 
     def waits_at(self, observation: Observation, weather: Weather, place: Place) -> Thrusts:
         """Return the thrusts that keep the boat at a place, while it waits for where to go."""
@@ -186,6 +203,7 @@ class Guard:
         if self._began_s is None:
             self._begin(observation)
         self._reckoned = None
+        self._take_next_home(observation)
         self._spend(observation, thrusts)
         if self.state is SafetyState.RETURNING:
             self._home.follow(observation)

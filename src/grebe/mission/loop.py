@@ -120,6 +120,7 @@ class Mission:
             pilot,
             lookout,
             by_motion=driven.holds_motion,
+            waits=replanner is None or replanner.waits,
         )
         self._closings: deque[tuple[tuple[shapely.Polygon, ...], str]] = deque()
         # Whether it is to be seen if the boat can sail straight on to its next target.
@@ -294,7 +295,7 @@ class Mission:
         except PlanError as error:
             if plans.asked != "closed":
                 raise OverError(EndReason.TARGET_GIVEN_UP, str(error)) from None
-            self._guard.ask(Request.HOME, str(error))
+            self._guard.ask(Request.HOME, str(error).rstrip("."))
             return
         if plans.kept:
             message, plans.kept = plans.kept, ""

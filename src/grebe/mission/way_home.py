@@ -94,8 +94,13 @@ class WayHome:
         self._cost: tuple[float, float] | None = None
         self._asked_s = -math.inf
         self.no_way = ""
-        self.is_closed = False
+        self.is_closed = self.is_measured = False
         self.under_way: UnderWay | None = None
+
+    def measure(self) -> None:
+        """Work the ways home out, which takes a second or two on a large lake."""
+        self._found()
+        self.is_measured = True
 
     def cost(
         self, observation: Observation, weather: Weather, vessel: Vessel
