@@ -44,6 +44,7 @@ from grebe.workflow.instruments import (
     instruments_at,
     of_fleet,
     of_one_boat,
+    refuse_unopened,
 )
 from grebe.workflow.preview import preview_of, way_home_of
 from grebe.workflow.quality import check_samples
@@ -145,6 +146,7 @@ def command(
         instruments_at(instruments, BUILTIN.extended(own)) as benches,
         output.MissionBar(quiet=as_json) as bar,
     ):
+        refuse_unopened(benches.values())
         _declare(survey_file, own, benches)
         if goes_on:
             run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TypeVar
 
-from grebe.core.errors import UsageError
+from grebe.core.errors import LinkError, UsageError
 from grebe.core.quantities import BUILTIN, Quantities
 from grebe.io.store import SurveyFile
 from grebe.links.base import Reading
@@ -18,6 +18,8 @@ from grebe.links.instruments.profile import Profile, profile_named
 _T = TypeVar("_T")
 # How long an instrument is listened to before it counts as silent [s].
 LISTEN_S = 12.0
+# ... and how long its line may take to be opened before a boat sets out [s].
+OPEN_S = 3.0
 
 
 def instrument_named(text: str, quantities: Quantities = BUILTIN) -> tuple[str, str, Profile]:
@@ -59,6 +61,22 @@ def instruments_at(
             opened.callback(bench.close)
             benches[boat] = bench
         yield benches
+
+
+def refuse_unopened(benches: Iterable[Bench]) -> None:
+    """Refuse to set out with an instrument whose line cannot be opened: `LinkError` says which.
+
+    One that is open and silent may be warming up; on the way a line is opened again and again.
+    """
+    until_s = time.monotonic() + OPEN_S
+    for one in [each for bench in benches for each in bench.each]:
+        while not (one.is_open or one.is_broken) and time.monotonic() < until_s:
+            time.sleep(0.02)
+        if one.is_broken and not one.is_open:
+            raise LinkError(
+                f"{one.name} at {one.address} is not there ({one.state}); plug it in, or sail "
+                "without it."
+            )
 
 
 def of_one_boat(benches: Mapping[int | None, _T]) -> _T | None:

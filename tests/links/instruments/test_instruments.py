@@ -22,7 +22,7 @@ from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
-from grebe.workflow.instruments import checks_of, instrument_named
+from grebe.workflow.instruments import checks_of, instrument_named, instruments_at, refuse_unopened
 
 # A pseudo-terminal knows no parity: lines are opened as 8N1 here.
 STEADY = ordinary_water(3.0)
@@ -293,3 +293,13 @@ def test_an_instrument_stands_in_the_preflight_list():
 def test_a_line_that_is_not_there_is_said():
     with pytest.raises(LinkError, match="cannot be opened"):
         speaker_at("serial:/dev/none", profile_named("atlas-ph"), BUILTIN)
+
+
+def test_a_boat_does_not_set_out_with_a_sonde_that_is_not_there():
+    """It had set out, and held its place for ever."""
+    with (
+        instruments_at(["serial:/dev/nothing-of-that-name@ysi-exo"]) as benches,
+        pytest.raises(LinkError, match="is not there"),
+    ):
+        refuse_unopened(benches.values())
+    refuse_unopened([])

@@ -89,6 +89,16 @@ class Instrument:
         return text + (f"; not kept: {', '.join(counts.unused)}" if counts.unused else "")
 
     @property
+    def is_broken(self) -> bool:
+        """Whether its line could not be opened, or broke, or fell silent."""
+        return bool(self._broken)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether its line has been opened; it may have broken since."""
+        return self._speaker is not None
+
+    @property
     def speaks(self) -> bool:
         """Whether readings come."""
         return self._speaks
