@@ -36,7 +36,7 @@ current = grebe.Weather(current_north_mps=0.4)
 new = replanned(
     old,
     survey,
-    open_water(survey, water_of(survey)).closing([closed]),
+    open_water(survey, water_of(survey)).closing([closed], here),
     Halfway(reached=reached, place=here),
     vessel=boat,
     weather=current,
