@@ -209,7 +209,7 @@ class Mission:
             end = self._end_reached(observation)
             if end is not None:
                 return end
-            waits_at = self._waits_at if self._is_led else None
+            waits_at = self._waits_at if self._waits_for_way else None
             self._steering.act(observation, self._reached, idle=self._done, waits_at=waits_at)
             self._announcer.release()
             observation = self._advance()
@@ -319,7 +319,7 @@ class Mission:
         return self._gate.why or self._link.status().stop_request
 
     @property
-    def _is_led(self) -> bool:
+    def _waits_for_way(self) -> bool:
         """Whether the boat waits for a way to its next target."""
         return self._replanner is not None and self._replanner.leads
 

@@ -142,7 +142,7 @@ class Replanner:
         if time_s - self._since_s < FOR_S or self.is_busy:
             return
         self._weather, self._since_s = weather, None
-        if not self._has_cells_ahead(reached):
+        if all(one.kind == "transit" for one in self._part.targets[reached:]):
             return
         note = (
             f"the current is {weather.current_north_mps:+.2f} m/s north, "
@@ -153,9 +153,7 @@ class Replanner:
 
     def lead_on(self, reached: int, place: Place, weather: Weather) -> None:
         """Ask for a way to the next target where the boat cannot sail straight on to it."""
-        plan = self.plan.revision
-        part = survey_of(self.survey, plan, self._sortie_in(plan))
-        if not self.is_busy and not is_led(part, self._sailable, reached, place):
+        if not self.is_busy and not is_led(self._part, self._sailable, reached, place):
             self._ask("resumed", "", reached, place, weather)
 
     @property
@@ -165,15 +163,13 @@ class Replanner:
 
     def _watch_pace(self, time_s: float, reached: int, place: Place, weather: Weather) -> None:
         """Ask for a shorter sortie where it goes too slowly to be back in time."""
-        settings, plan = self.survey.settings, self.plan.revision
-        sortie = self._sortie_in(plan)
+        settings, sortie = self.survey.settings, self._sortie_in(self.plan.revision)
         if self.is_busy or settings is None or settings.sorties is None or sortie is None:
             return
         self._pace = self._pace or Pace(
             vessel=self.vessel, bounds=settings.sorties, spent_s=self.spent_s
         )
-        part = survey_of(self.survey, plan, sortie)
-        self._late = self._pace.late(time_s, reached, place, part, sortie)
+        self._late = self._pace.late(time_s, reached, place, self._part, sortie)
         if self._late is not None:
             self._ask("progress", "", reached, place, weather)
 
@@ -189,10 +185,9 @@ class Replanner:
 
     def _heed_closed(self, reached: int, place: Place, weather: Weather) -> bool:
         """Ask for an order that keeps out of what is closed, if the one that is sailed does not."""
-        plan, closed = self.plan.revision, self.plan.closed
+        closed = self.plan.closed
         self._heeded = len(closed)
-        part = survey_of(self.survey, plan, self._sortie_in(plan))
-        if not _goes_through(closed, part, reached, place):
+        if not _goes_through(closed, self._part, reached, place):
             return False
         taken = shapely.intersection(self.survey.water, shapely.union_all(list(closed)))
         self._ask("closed", f"{taken.area:,.0f} m2 are closed", reached, place, weather)
@@ -248,6 +243,12 @@ class Replanner:
     def _sortie_in(self, plan: PlanRevision) -> Sortie | None:
         return None if self.sortie is None else plan.sortie(self.sortie)
 
+    @property
+    def _part(self) -> Survey:
+        """What of the plan the mission sails, as it is now."""
+        plan = self.plan.revision
+        return survey_of(self.survey, plan, self._sortie_in(plan))
+
     def _start(self, work: Callable[..., NewOrder | None], *told: Any) -> None:
         def watched() -> None:
             try:
@@ -299,11 +300,6 @@ class Replanner:
         if reason == "closed":
             new = replace(new, note=f"{note}; {len(left_out(old, new))} targets are left out")
         return self._ordered(new, halfway, note)
-
-    def _has_cells_ahead(self, reached: int) -> bool:
-        plan = self.plan.revision
-        part = survey_of(self.survey, plan, self._sortie_in(plan))
-        return any(one.kind == "cell" for one in part.targets[reached:])
 
     def _ordered(self, new: PlanRevision, halfway: Halfway, note: str = "") -> NewOrder:
         survey = survey_of(self.survey, new, self._sortie_in(new))

@@ -14,15 +14,13 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from grebe.core.revision import PlanRevision, numbered_on, survey_of
-from grebe.core.sets import TargetSet, ring_vertices
+from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.survey import Survey, Target
 from grebe.planning.corridors import REACH_CELLS, Stop, corridors_of, widened
-from grebe.planning.mesh import target_footprint
-from grebe.planning.revise import PLACE_RADIUS_M, Halfway, OpenWater, joined
+from grebe.planning.revise import PLACE_RADIUS_M, Halfway, OpenWater, joined, transits_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    pass
 
 # So far outside its corridor, or inside the shore, a boat may be by the error of its estimate [m].
 ASTRAY_M = 0.5
@@ -60,7 +58,8 @@ def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway
     begin = shapely.Point(halfway.place).buffer(PLACE_RADIUS_M, quad_segs=1)
     shapes = np.array([begin, *(stop.footprint for stop in stops)], dtype=object)
     corridors = corridors_of(shapes[:-1], shapes[1:], open_.water, REACH_CELLS * open_.cell_m)
-    transits = _transits(old, widened(stops, corridors)[:-1], survey.targets)
+    fastest = max(target.set.speed_max_mps for target in survey.targets)
+    transits = transits_of(old, widened(stops, corridors)[:-1], fastest)
     kept = halfway.reached + skipped + 1
     return joined(
         old,
@@ -74,19 +73,9 @@ def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway
 
 def _stops(open_: OpenWater, place: tuple[float, float], goal: Target) -> list[Stop]:
     """What the way passes from a place to a target, and the target."""
-    shapes = np.array([cell.footprint for cell in open_.cells], dtype=object)
-    here = int(np.argmin(shapely.distance(shapes, shapely.Point(place))))
-    there = int(np.argmin(shapely.distance(shapes, goal.set.polygon.centroid)))
-    first = [Stop(footprint=open_.cells[here].footprint, cell=None)]
+    here, there = open_.nearest(shapely.Point(place)), open_.nearest(goal.set.polygon.centroid)
+    last = Stop(footprint=goal.set.polygon, cell=None)
     if here == there:
-        return [Stop(footprint=goal.set.polygon, cell=None)]
-    return [*first, *open_.ways.around(here, there), Stop(footprint=goal.set.polygon, cell=None)]
-
-
-def _transits(
-    old: PlanRevision, stops: Sequence[Stop], targets: Sequence[Target]
-) -> tuple[Target, ...]:
-    fastest = max(target.set.speed_max_mps for target in targets)
-    rings = [target_footprint(ring_vertices(stop.footprint)) for stop in stops]
-    sets = [TargetSet(vertices=r, speed_min_mps=0.0, speed_max_mps=fastest) for r in rings]
-    return numbered_on(old, [Target(seq=1, kind="transit", set=one) for one in sets])
+        return [last]
+    first = Stop(footprint=open_.cells[here].footprint, cell=None)
+    return [first, *open_.ways.around(here, there), last]

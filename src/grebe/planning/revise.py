@@ -84,11 +84,18 @@ class OpenWater:
     def _parts(self) -> NDArray[np.int32]:
         return connected_components(self.network.matrix(), directed=False)[1]
 
+    @cached_property
+    def shapes(self) -> NDArray[np.object_]:
+        """The footprints of the cells."""
+        return np.array([cell.footprint for cell in self.cells], dtype=object)
+
+    def nearest(self, place: shapely.Geometry) -> int:
+        """The cell that is nearest to a place."""
+        return int(np.argmin(shapely.distance(self.shapes, place)))
+
     def within_reach(self, place: tuple[float, float]) -> NDArray[np.bool_]:
         """Which cells a boat can come to from a place."""
-        shapes = np.array([cell.footprint for cell in self.cells], dtype=object)
-        here = int(np.argmin(shapely.distance(shapes, shapely.Point(place))))
-        return self._parts == self._parts[here]
+        return self._parts == self._parts[self.nearest(shapely.Point(place))]
 
     @cached_property
     def place_of(self) -> dict[int, int]:
@@ -231,11 +238,10 @@ def _ordered(
     if len(rest) < 2:
         return rest
     # Legs through the centres are not all: an order is taken that is predicted to be faster.
-    shapes = np.array([cell.footprint for cell in open_.cells], dtype=object)
     return min(
         polished(costs, rest, KICKS)[0],
         rest,
-        key=lambda order: travel.path_s(taut_way(halfway.place, shapes[order])),
+        key=lambda order: travel.path_s(taut_way(halfway.place, open_.shapes[order])),
     )
 
 
@@ -245,10 +251,9 @@ def _stops(
     """Cells and transits from the boat's place on, and back to where the order has to end."""
     ways = open_.ways
     stops = ways.stops(order)
-    shapes = np.array([cell.footprint for cell in open_.cells], dtype=object)
     begin = np.array([shapely.Point(place).buffer(PLACE_RADIUS_M, quad_segs=1)], dtype=object)
     if not ways.straight(begin, np.array([stops[0].footprint], dtype=object))[0]:
-        here = int(np.argmin(shapely.distance(shapes, begin[0])))
+        here = open_.nearest(begin[0])
         gate = Stop(footprint=open_.cells[here].footprint, cell=None)
         first = int(order[0])
         way = ways.around(here, first) if here != first else []
@@ -257,7 +262,7 @@ def _stops(
         berth = ends_at.set.polygon
         if not shapely.dwithin(open_.water, berth, open_.cell_m):
             raise PlanError("The harbour lies beyond an area that is closed.")
-        home = int(np.argmin(shapely.distance(shapes, berth.centroid)))
+        home = open_.nearest(berth.centroid)
         last = int(order[-1])
         way = ways.around(last, home) if last != home else []
         stops = [*stops, *way, Stop(footprint=berth, cell=None)]
@@ -310,16 +315,18 @@ def _targets(
     ends_at: Target | None,
 ) -> list[Target]:
     """The targets of stops: the cells' own, new transits, and the old end."""
-    new: list[Target] = []
-    for stop in stops if ends_at is None else stops[:-1]:
-        if stop.cell is None:
-            ring = target_footprint(ring_vertices(stop.footprint))
-            one = TargetSet(vertices=ring, speed_min_mps=0.0, speed_max_mps=fastest_mps)
-            new.append(Target(seq=1, kind="transit", set=one))
-    numbered = iter(numbered_on(old, new))
     body = stops if ends_at is None else stops[:-1]
+    new = transits_of(old, [stop for stop in body if stop.cell is None], fastest_mps)
+    numbered = iter(new)
     found = [next(numbered) if s.cell is None else open_.targets[s.cell] for s in body]
     return found if ends_at is None else [*found, ends_at]
+
+
+def transits_of(old: PlanRevision, stops: Sequence[Stop], fastest_mps: float) -> tuple[Target, ...]:
+    """Return stops as new targets that are only passed through, numbered on from an old order."""
+    rings = [target_footprint(ring_vertices(stop.footprint)) for stop in stops]
+    sets = [TargetSet(vertices=r, speed_min_mps=0.0, speed_max_mps=fastest_mps) for r in rings]
+    return numbered_on(old, [Target(seq=1, kind="transit", set=one) for one in sets])
 
 
 def joined(
