@@ -177,11 +177,11 @@ class SetCheck:
     def _sensitivity(self, state: Array, thrusts: Array) -> float:
         """Largest stretch of (x, y, u) at the end of the step per newton of thrust."""
         evaluations = 4 * self._substeps
-        after, slopes = np.empty(6), np.empty((6, 7))
+        after, slopes = np.empty(6), np.empty((6, 8))
         linearise(
             self._parameters, state, thrusts, self.step_s, self._substeps, after, slopes,
-            np.empty((evaluations, 4, 7)), np.empty((evaluations, 4)),
-            np.empty((evaluations, 6, 6)),
+            np.empty((evaluations, 4, 8)), np.empty((evaluations, 4)),
+            np.empty((evaluations, 6, 8)),
         )  # fmt: skip
         return float(np.linalg.norm(slopes[[0, 1, 3], 4:6], 2))
 

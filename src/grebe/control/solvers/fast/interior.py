@@ -19,8 +19,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.control.solvers.fast.riccati import NW, NX, NY, factorise, solve
+from grebe.control.solvers.fast.riccati import NW, NX, NY, ROW, factorise, solve
 from grebe.core.copies import put, put_rows
+from grebe.core.eights import WIDTH
 from grebe.core.kernels import machine_code
 
 GROUPS = 3
@@ -84,24 +85,24 @@ def start_box(low, high, t, lam):
 
 @machine_code
 def minimise(
-    hess, grad, a, b, c, rows, count, base, compliance, price, low, high,
+    hess, grad, sens, c, rows, count, base, compliance, price, low, high,
     t, lam, s, nu, box_t, box_lam, dx, dw, costate, gain, tolerance,
 ):  # fmt: skip
     """Solve the quadratic problem; returns the iterations, negative where it failed.
 
-    In: `hess` (N, 9, 9) positive semidefinite, `grad` (N, 9), dynamics `a`, `b`, `c`; `rows`
+    In: `hess` (N, 9, 10) positive semidefinite, `grad` (N, 10), dynamics `sens` and `c`; `rows`
     (3, N + 1, R, 4) with `count` (3, N + 1) of them in use and `base` their value at the
     iterate; `compliance` (N + 1,), `price` (3, N + 1); the box `low`, `high` (N, 3) of dw.
-    In and out: slacks and multipliers. Out: `dx`, `dw`, `costate`, and `gain` (N, 3, 6), by which
+    In and out: slacks and multipliers. Out: `dx`, `dw`, `costate`, and `gain` (N, 3, 8), by which
     the inputs answer a departure of the state from the solution.
     """
     n = hess.shape[0]
     width = rows.shape[2]
-    full = np.empty((n, NY, NY))
-    full_grad = np.empty((n, NY))
+    full = np.empty((n, NY, ROW))
+    full_grad = np.empty((n, ROW))
     end_hess = np.zeros((NX, NX))
     end_grad = np.zeros(NX)
-    p = np.empty((n + 1, NX, NX))
+    p = np.zeros((n + 1, NX, WIDTH))
     chol = np.zeros((n, NW, NW))
     new_dx = np.zeros((n + 1, NX))
     new_dw = np.zeros((n, NW))
@@ -140,9 +141,9 @@ def minimise(
                 d_s, d_nu, dw, low, high, box_t, box_lam, box_d_t, box_d_lam,
                 full, full_grad, end_hess, end_grad,
             )  # fmt: skip
-            if corrector == 0 and not factorise(full, end_hess, a, b, p, gain, chol):
+            if corrector == 0 and not factorise(full, end_hess, sens, p, gain, chol):
                 return -1 - iteration
-            solve(full_grad, end_grad, a, b, c, p, gain, chol, new_dx, new_dw, new_costate)
+            solve(full_grad, end_grad, sens, c, p, gain, chol, new_dx, new_dw, new_costate)
             _row_steps(
                 rows, count, base, compliance, price, dx, new_dx, t, lam, s, nu, aim, corrector,
                 weight, shift, d_t, d_lam, d_s, d_nu,

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.copies import put, put_rows
+from grebe.core.copies import put
+from grebe.core.eights import WIDTH, eight, loaded, stored
 from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.core.vessel import Vessel
 
@@ -81,7 +82,8 @@ def _rates(p, psi, u, v, r, port, starboard):
 
 @machine_code
 def evaluate(p, psi, u, v, r, port, starboard, f, jac):
-    """Right-hand side `f` (6,) and its Jacobian `jac` (6, 6) in (psi, u, v, r, F_1, F_2)."""
+    """Right-hand side `f` (6,) and its Jacobian `jac` (6, 8) in (psi, u, v, r, F_1, F_2),
+    with two columns of zeros."""
     f[0], f[1], f[2], f[3], f[4], f[5] = _rates(p, psi, u, v, r, port, starboard)
     c, s, u_c, v_c, wind_x, wind_y = _in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
@@ -175,121 +177,135 @@ def advance(p, z, thrusts, duration, substeps, out):
     out[0], out[1], out[2], out[3], out[4], out[5] = x, y, psi, u, v, r
 
 
+@inlined_machine_code
+def _sensed(jac, f, row, duration, psi, u, v, r):
+    """How one number of T f depends on p, by how (psi, u, v, r) do: a row of sensitivities."""
+    along = (jac[row, 0] * psi + jac[row, 1] * u) + (jac[row, 2] * v + jac[row, 3] * r)
+    port, starboard = duration * jac[row, 4], duration * jac[row, 5]
+    return duration * along + eight(0.0, 0.0, 0.0, 0.0, port, starboard, f[row], 0.0)
+
+
 @machine_code
 def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs):
     """Integrate one stage and its sensitivities.
 
-    `out` (6,) the next state; `sens` (6, 7) its derivative in p. `points` (evals, 4, 7) are the
-    sensitivities of (psi, u, v, r) where f was evaluated, `slopes` (evals, 4) those four values
-    and `jacs` (evals, 6, 6) the Jacobians there: what `second_order` needs.
+    `out` (6,) the next state; `sens` (6, 8) its derivative in p, and a column of zeros. `points`
+    (evals, 4, 8) are the sensitivities of (psi, u, v, r) where f was evaluated, `slopes` (evals, 4)
+    those four values and `jacs` (evals, 6, 8) the Jacobians there: what `second_order` needs.
     """
     h = 1.0 / substeps
-    f = np.empty(6)
-    point = np.empty(6)
-    total = np.empty(6)
-    k_sens = np.empty((6, 7))
-    p_sens = np.empty((6, 7))
-    total_sens = np.empty((6, 7))
+    f, point, total = np.empty(6), np.empty(6), np.empty(6)
     put(out, z)
-    sens[:] = 0.0
-    for i in range(4):
-        sens[2 + i, i] = 1.0
+    none = eight(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    of_x = of_y = none
+    of_psi = eight(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    of_u = eight(0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    of_v = eight(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    of_r = eight(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
     index = 0
     for _ in range(substeps):
         put(point, out)
-        put_rows(p_sens, sens)
+        psi, u, v, r = of_psi, of_u, of_v, of_r
+        sum_x = sum_y = sum_psi = sum_u = sum_v = sum_r = none
         total[:] = 0.0
-        total_sens[:] = 0.0
         for stage in range(4):
-            jac = jacs[index]
+            jac, place = jacs[index], points[index]
             evaluate(p, point[2], point[3], point[4], point[5], thrusts[0], thrusts[1], f, jac)
             for i in range(4):
                 slopes[index, i] = point[2 + i]
-                for j in range(7):
-                    points[index, i, j] = p_sens[2 + i, j]
+            stored(psi, place, 0, 0)
+            stored(u, place, 1, 0)
+            stored(v, place, 2, 0)
+            stored(r, place, 3, 0)
             index += 1
             weight = 2.0 if stage in (1, 2) else 1.0
             lead = h if stage == 2 else 0.5 * h
-            for i in range(6):
-                for j in range(7):
-                    value = 0.0
-                    for m in range(4):
-                        value += jac[i, m] * p_sens[2 + m, j]
-                    k_sens[i, j] = duration * value
-                k_sens[i, 4] += duration * jac[i, 4]
-                k_sens[i, 5] += duration * jac[i, 5]
-                k_sens[i, 6] += f[i]
+            d_psi = _sensed(jac, f, 2, duration, psi, u, v, r)
+            d_u = _sensed(jac, f, 3, duration, psi, u, v, r)
+            d_v = _sensed(jac, f, 4, duration, psi, u, v, r)
+            d_r = _sensed(jac, f, 5, duration, psi, u, v, r)
+            sum_x = sum_x + weight * _sensed(jac, f, 0, duration, psi, u, v, r)
+            sum_y = sum_y + weight * _sensed(jac, f, 1, duration, psi, u, v, r)
+            sum_psi, sum_u = sum_psi + weight * d_psi, sum_u + weight * d_u
+            sum_v, sum_r = sum_v + weight * d_v, sum_r + weight * d_r
+            psi, u = of_psi + lead * d_psi, of_u + lead * d_u
+            v, r = of_v + lead * d_v, of_r + lead * d_r
             for i in range(6):
                 slope = duration * f[i]
                 total[i] += weight * slope
                 point[i] = out[i] + lead * slope
-                for j in range(7):
-                    total_sens[i, j] += weight * k_sens[i, j]
-                    p_sens[i, j] = sens[i, j] + lead * k_sens[i, j]
+        share = h / 6
+        of_x, of_y, of_psi = of_x + share * sum_x, of_y + share * sum_y, of_psi + share * sum_psi
+        of_u, of_v, of_r = of_u + share * sum_u, of_v + share * sum_v, of_r + share * sum_r
         for i in range(6):
-            out[i] += h / 6 * total[i]
-            for j in range(7):
-                sens[i, j] += h / 6 * total_sens[i, j]
+            out[i] += share * total[i]
+    stored(of_x, sens, 0, 0)
+    stored(of_y, sens, 1, 0)
+    stored(of_psi, sens, 2, 0)
+    stored(of_u, sens, 3, 0)
+    stored(of_v, sens, 4, 0)
+    stored(of_r, sens, 5, 0)
+
+
+@inlined_machine_code
+def _of_four(rows, w0, w1, w2, w3):
+    """The sum of four rows of eight numbers, each at its weight."""
+    return (w0 * loaded(rows, 0, 0) + w1 * loaded(rows, 1, 0)) + (
+        w2 * loaded(rows, 2, 0) + w3 * loaded(rows, 3, 0)
+    )
 
 
 @machine_code
 def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
-    """Hessian `hess` (7, 7) of costate * (next state) in p, by the discrete adjoint of RK4.
+    """Hessian `hess` (7, 8) of costate * (next state) in p, by the discrete adjoint of RK4; its
+    last column is zero.
 
     Each evaluation of f contributes S^T (T mu d2f) S plus the cross terms of T, where S is the
     sensitivity of the point and mu the adjoint of that evaluation.
     """
     h = 1.0 / substeps
     lam = costate.copy()
-    bar = np.empty((4, 6))
-    back = np.empty((4, 4))
+    bar = np.empty(6)
+    # Adjoint of each evaluation's point, before the duration: in (psi, u, v, r), then in thrusts.
+    back = np.empty((4, WIDTH))
     curve = np.empty((4, 4))
-    half = np.empty((4, 7))
+    half = np.empty((4, WIDTH))
+    cross = eight(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     hess[:] = 0.0
     for sub in range(substeps - 1, -1, -1):
         for stage in range(3, -1, -1):
             index = 4 * sub + stage
             weight = 2.0 if stage in (1, 2) else 1.0
             for i in range(6):
-                bar[stage, i] = h / 6 * weight * lam[i]
+                bar[i] = h / 6 * weight * lam[i]
             if stage < 3:
                 lead = h if stage == 2 else 0.5 * h
                 for i in range(4):
-                    bar[stage, 2 + i] += lead * back[stage + 1, i]
+                    bar[2 + i] += lead * duration * back[stage + 1, i]
+            jac, s, point = jacs[index], slopes[index], points[index]
+            pulled = (
+                (bar[0] * loaded(jac, 0, 0) + bar[1] * loaded(jac, 1, 0))
+                + (bar[2] * loaded(jac, 2, 0) + bar[3] * loaded(jac, 3, 0))
+                + (bar[4] * loaded(jac, 4, 0) + bar[5] * loaded(jac, 5, 0))
+            )
+            stored(pulled, back, stage, 0)
+            curvature(p, s[0], s[1], s[2], s[3], bar, curve)
             for i in range(4):
-                value = 0.0
-                for m in range(6):
-                    value += jacs[index, m, i] * bar[stage, m]
-                back[stage, i] = duration * value
-            s = slopes[index]
-            curvature(p, s[0], s[1], s[2], s[3], bar[stage], curve)
-            for i in range(4):
-                for j in range(7):
-                    value = 0.0
-                    for m in range(4):
-                        value += curve[i, m] * points[index, m, j]
-                    half[i, j] = duration * value
+                row = _of_four(point, curve[i, 0], curve[i, 1], curve[i, 2], curve[i, 3])
+                stored(duration * row, half, i, 0)
             for i in range(7):
-                for j in range(i + 1):
-                    value = 0.0
-                    for m in range(4):
-                        value += points[index, m, i] * half[m, j]
-                    hess[i, j] += value
-            for j in range(7):
-                value = 0.0
-                for m in range(4):
-                    value += back[stage, m] * points[index, m, j]
-                hess[6, j] += value / duration
-                if j == 6:
-                    hess[6, 6] += value / duration
-            for j in (4, 5):
-                value = 0.0
-                for m in range(6):
-                    value += jacs[index, m, j] * bar[stage, m]
-                hess[6, j] += value
+                row = _of_four(half, point[0, i], point[1, i], point[2, i], point[3, i])
+                stored(loaded(hess, i, 0) + row, hess, i, 0)
+            own = back[stage]
+            cross = cross + _of_four(point, own[0], own[1], own[2], own[3])
+            cross = cross + eight(0.0, 0.0, 0.0, 0.0, own[4], own[5], 0.0, 0.0)
         for i in range(4):
             for stage in range(4):
-                lam[2 + i] += back[stage, i]
+                lam[2 + i] += duration * back[stage, i]
+    # The duration's row: T f changes with T as f does with the point and with the thrusts.
+    stored(loaded(hess, 6, 0) + cross, hess, 6, 0)
+    stored(cross, half, 0, 0)
+    hess[6, 6] += half[0, 6]
     for i in range(7):
         for j in range(i):
             hess[j, i] = hess[i, j]

@@ -1,10 +1,15 @@
 """The linear-quadratic problem of a horizon, by Riccati recursion (Rawlings et al. 2017, 8.8).
 
     min sum_k 1/2 y' H_k y + g_k' y,  y = (dx_k, dw_k)
-    s.t. dx_0 = 0,  dx_{k+1} = A_k dx_k + B_k dw_k + c_k
+    s.t. dx_0 = 0,  dx_{k+1} = E (x, y)_k + M_k q_k + c_k,  q = (psi, u, v, r, F_1, F_2, share)
 
-with nine variables a stage: six states and three inputs (F_1, F_2, share of duration).
-`factorise` depends on the matrices alone, so that one factorisation serves several vectors.
+with nine variables a stage: six states and three inputs (F_1, F_2, share of duration). Nothing
+depends on the position but itself: E is the first two columns of the unit matrix, and M, the
+stage's sensitivities, the other seven of its derivative. `factorise` depends on the matrices
+alone, so that one factorisation serves several vectors.
+
+Rows are as wide as what works them out at once: of eight numbers for a state or for q, with one or
+two that mean nothing behind them, and of `ROW` for y.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -14,146 +19,173 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.core.copies import put, put_rows
-from grebe.core.kernels import machine_code
+from grebe.core.eights import WIDTH, loaded, stored
+from grebe.core.kernels import inlined_machine_code, machine_code
 
 NX, NW, NY = 6, 3, 9
+# The position, and where q begins in y; and the numbers in a row of y, with one to spare.
+PLACE, ROW = 2, 10
 
 
 @machine_code
-def factorise(hess, terminal, a, b, p, gain, chol):
+def factorise(hess, terminal, sens, p, gain, chol):
     """Backward pass of the matrices; false where a reduced Hessian is not positive definite.
 
-    `hess` (N, 9, 9), `terminal` (6, 6), `a` (N, 6, 6), `b` (N, 6, 3) in; `p` (N + 1, 6, 6),
-    `gain` (N, 3, 6), `chol` (N, 3, 3) out.
+    `hess` (N, 9, 10), `terminal` (6, 6), `sens` (N, 6, 8), whose last column is zero, in; `p`
+    (N + 1, 6, 8), `gain` (N, 3, 8), `chol` (N, 3, 3), its diagonals inverted, out.
     """
     n = hess.shape[0]
-    pa = np.empty((NX, NX))
-    pb = np.empty((NX, NW))
-    r = np.empty((NW, NW))
-    s = np.empty((NW, NX))
-    put_rows(p[n], terminal)
+    ahead = np.empty((NX, WIDTH))
+    whole = np.empty((NY, ROW))
+    for i in range(NX):
+        for j in range(NX):
+            p[n, i, j] = terminal[i, j]
     for k in range(n - 1, -1, -1):
-        ak, bk, pk = a[k], b[k], p[k + 1]
-        for i in range(NX):
-            for j in range(NX):
-                value = 0.0
-                for m in range(NX):
-                    value += pk[i, m] * ak[m, j]
-                pa[i, j] = value
-            for j in range(NW):
-                value = 0.0
-                for m in range(NX):
-                    value += pk[i, m] * bk[m, j]
-                pb[i, j] = value
-        for i in range(NW):
-            for j in range(i + 1):
-                value = hess[k, NX + i, NX + j]
-                for m in range(NX):
-                    value += bk[m, i] * pb[m, j]
-                r[i, j] = value
-            for j in range(NX):
-                value = hess[k, NX + i, j]
-                for m in range(NX):
-                    value += bk[m, i] * pa[m, j]
-                s[i, j] = value
-        c = chol[k]
-        for i in range(NW):
-            for j in range(i + 1):
-                value = r[i, j]
-                for m in range(j):
-                    value -= c[i, m] * c[j, m]
-                if i == j:
-                    if not value > 1e-12:
-                        return False
-                    c[i, i] = np.sqrt(value)
-                else:
-                    c[i, j] = value / c[j, j]
-        # gain = R^-1 S: forward substitution, kept half-way for the update of P.
-        g = gain[k]
-        for j in range(NX):
-            for i in range(NW):
-                value = s[i, j]
-                for m in range(i):
-                    value -= c[i, m] * g[m, j]
-                g[i, j] = value / c[i, i]
-        for i in range(NX):
-            for j in range(i + 1):
-                value = hess[k, i, j]
-                for m in range(NX):
-                    value += ak[m, i] * pa[m, j]
-                for m in range(NW):
-                    value -= g[m, i] * g[m, j]
-                p[k, i, j] = value
-                p[k, j, i] = value
-        for j in range(NX):
-            for i in range(NW - 1, -1, -1):
-                value = g[i, j]
-                for m in range(i + 1, NW):
-                    value -= c[m, i] * g[m, j]
-                g[i, j] = value / c[i, i]
+        _propagate(hess[k], sens[k], p[k + 1], ahead, whole)
+        if not _decompose(whole, chol[k]):
+            return False
+        _eliminate(whole, chol[k], p[k], gain[k])
     return True
 
 
+@inlined_machine_code
+def _combined(rows, w0, w1, w2, w3, w4, w5):
+    """The sum of six rows of eight numbers, each at its weight."""
+    return (
+        (w0 * loaded(rows, 0, 0) + w1 * loaded(rows, 1, 0))
+        + (w2 * loaded(rows, 2, 0) + w3 * loaded(rows, 3, 0))
+        + (w4 * loaded(rows, 4, 0) + w5 * loaded(rows, 5, 0))
+    )
+
+
+@inlined_machine_code
+def _propagate(hess, sens, p, ahead, whole):
+    """Set `whole` to the Hessian of a stage with what comes after it: H + (E, M)' P (E, M)."""
+    for i in range(NX):
+        row = _combined(sens, p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5])
+        stored(row, ahead, i, 0)
+    for i in range(PLACE):
+        stored(loaded(hess, i, PLACE) + loaded(ahead, i, 0), whole, i, PLACE)
+        for j in range(PLACE):
+            whole[i, j] = hess[i, j] + p[i, j]
+    for i in range(NY - PLACE):
+        row = _combined(
+            ahead, sens[0, i], sens[1, i], sens[2, i], sens[3, i], sens[4, i], sens[5, i]
+        )
+        stored(loaded(hess, PLACE + i, PLACE) + row, whole, PLACE + i, PLACE)
+        for j in range(PLACE):
+            whole[PLACE + i, j] = hess[PLACE + i, j] + ahead[j, i]
+
+
+@inlined_machine_code
+def _decompose(whole, lower):
+    """Cholesky factor of the inputs' block, its diagonal inverted: a division takes as long as ten
+    products.
+    """
+    for i in range(NW):
+        for j in range(i + 1):
+            value = whole[NX + i, NX + j]
+            for m in range(j):
+                value -= lower[i, m] * lower[j, m]
+            if i > j:
+                lower[i, j] = value * lower[j, j]
+            elif value > 1e-12:
+                lower[i, i] = 1.0 / np.sqrt(value)
+            else:
+                return False
+    return True
+
+
+@inlined_machine_code
+def _eliminate(whole, lower, p, gain):
+    """Take the inputs out of `whole`: the cost to go `p` of the states alone, and their gains."""
+    first = lower[0, 0] * loaded(whole, NX, 0)
+    second = lower[1, 1] * (loaded(whole, NX + 1, 0) - lower[1, 0] * first)
+    third = loaded(whole, NX + 2, 0) - lower[2, 0] * first - lower[2, 1] * second
+    third = lower[2, 2] * third
+    stored(first, gain, 0, 0)
+    stored(second, gain, 1, 0)
+    stored(third, gain, 2, 0)
+    for i in range(NX):
+        taken = gain[0, i] * first + gain[1, i] * second + gain[2, i] * third
+        stored(loaded(whole, i, 0) - taken, p, i, 0)
+    # Rounding must not make it less symmetric stage by stage.
+    for i in range(NX):
+        for j in range(i):
+            p[j, i] = p[i, j]
+    third = lower[2, 2] * third
+    second = lower[1, 1] * (second - lower[2, 1] * third)
+    first = lower[0, 0] * (first - lower[1, 0] * second - lower[2, 0] * third)
+    stored(first, gain, 0, 0)
+    stored(second, gain, 1, 0)
+    stored(third, gain, 2, 0)
+
+
 @machine_code
-def solve(grad, terminal, a, b, c, p, gain, chol, dx, dw, costate):
+def solve(grad, terminal, sens, c, p, gain, chol, dx, dw, costate):
     """Vector pass: minimiser `dx` (N + 1, 6), `dw` (N, 3), and `costate` (N + 1, 6), the
     multiplier of the dynamics into each node.
 
-    `grad` (N, 9), `terminal` (6,), `c` (N, 6); the rest as `factorise` left it.
+    `grad` (N, 10), `terminal` (6,), `c` (N, 6); the rest as `factorise` left it.
     """
     n = grad.shape[0]
-    q = np.empty(NX)
-    t = np.empty(NX)
     feed = np.empty((n, NW))
-    put(q, terminal)
-    put(costate[n], terminal)
+    # The gradient of the cost to go at each node, and of a stage with what comes after it.
+    slope, whole, after = np.zeros((n + 1, WIDTH)), np.empty((1, ROW)), np.empty((1, WIDTH))
+    for i in range(NX):
+        slope[n, i] = terminal[i]
     for k in range(n - 1, -1, -1):
-        for i in range(NX):
-            value = q[i]
-            for m in range(NX):
-                value += p[k + 1, i, m] * c[k, m]
-            t[i] = value
+        ahead = _combined(p[k + 1], c[k, 0], c[k, 1], c[k, 2], c[k, 3], c[k, 4], c[k, 5])
+        stored(loaded(slope, k + 1, 0) + ahead, after, 0, 0)
+        row = _combined(
+            sens[k], after[0, 0], after[0, 1], after[0, 2], after[0, 3], after[0, 4], after[0, 5]
+        )
+        stored(loaded(grad, k, PLACE) + row, whole, 0, PLACE)
+        for i in range(PLACE):
+            whole[0, i] = grad[k, i] + after[0, i]
+        own = loaded(whole, 0, 0)
         for i in range(NW):
-            value = grad[k, NX + i]
-            for m in range(NX):
-                value += b[k, m, i] * t[m]
-            feed[k, i] = value
+            own = own - whole[0, NX + i] * loaded(gain[k], i, 0)
+        stored(own, slope, k, 0)
+        _back_substituted(whole, chol[k], feed[k])
+    _forward(sens, c, gain, feed, dx, dw)
+    for k in range(n + 1):
+        row = _combined(p[k], dx[k, 0], dx[k, 1], dx[k, 2], dx[k, 3], dx[k, 4], dx[k, 5])
+        stored(loaded(slope, k, 0) + row, after, 0, 0)
         for i in range(NX):
-            value = grad[k, i]
-            for m in range(NX):
-                value += a[k, m, i] * t[m]
-            for m in range(NW):
-                value -= gain[k, m, i] * feed[k, m]
-            q[i] = value
-        for i in range(NX):
-            costate[k, i] = q[i]
-        lower = chol[k]
-        for i in range(NW):
-            value = feed[k, i]
-            for m in range(i):
-                value -= lower[i, m] * feed[k, m]
-            feed[k, i] = value / lower[i, i]
-        for i in range(NW - 1, -1, -1):
-            value = feed[k, i]
-            for m in range(i + 1, NW):
-                value -= lower[m, i] * feed[k, m]
-            feed[k, i] = value / lower[i, i]
-    dx[0] = 0.0
-    for k in range(n):
+            costate[k, i] = after[0, i]
+
+
+@inlined_machine_code
+def _back_substituted(whole, lower, feed):
+    """The inputs' answer where the state does not depart, with the sign turned."""
+    for i in range(NW):
+        value = whole[0, NX + i]
+        for m in range(i):
+            value -= lower[i, m] * feed[m]
+        feed[i] = value * lower[i, i]
+    for i in range(NW - 1, -1, -1):
+        value = feed[i]
+        for m in range(i + 1, NW):
+            value -= lower[m, i] * feed[m]
+        feed[i] = value * lower[i, i]
+
+
+@inlined_machine_code
+def _forward(sens, c, gain, feed, dx, dw):
+    """Follow the gains from the first node on."""
+    for i in range(NX):
+        dx[0, i] = 0.0
+    for k in range(dw.shape[0]):
         for i in range(NW):
             value = -feed[k, i]
             for m in range(NX):
                 value -= gain[k, i, m] * dx[k, m]
             dw[k, i] = value
         for i in range(NX):
-            value = c[k, i]
-            for m in range(NX):
-                value += a[k, i, m] * dx[k, m]
+            value = c[k, i] + dx[k, i] if i < PLACE else c[k, i]
+            for m in range(NX - PLACE):
+                value += sens[k, i, m] * dx[k, PLACE + m]
             for m in range(NW):
-                value += b[k, i, m] * dw[k, m]
+                value += sens[k, i, NX - PLACE + m] * dw[k, m]
             dx[k + 1, i] = value
-    for k in range(n + 1):
-        for i in range(NX):
-            for m in range(NX):
-                costate[k, i] += p[k, i, m] * dx[k, m]

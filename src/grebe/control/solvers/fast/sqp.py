@@ -19,8 +19,9 @@ import numpy as np
 
 from grebe.control.solvers.fast.interior import minimise, start_box, start_rows
 from grebe.control.solvers.fast.model import advance, linearise, second_order
-from grebe.control.solvers.fast.riccati import NW, NX, NY
+from grebe.control.solvers.fast.riccati import NW, NX, NY, PLACE, ROW
 from grebe.core.copies import put, put_rows
+from grebe.core.eights import WIDTH
 from grebe.core.kernels import machine_code
 
 if TYPE_CHECKING:
@@ -68,10 +69,11 @@ class Terms(NamedTuple):
 
 
 class Shooting(NamedTuple):
-    """The dynamics along an iterate: next state = a dx + b dw + gap, and what curvature needs."""
+    """The dynamics along an iterate: their sensitivities (N, 6, 8) and gaps (N, 6), see `riccati`,
+    and what curvature needs.
+    """
 
-    a: NDArray[np.float64]
-    b: NDArray[np.float64]
+    sens: NDArray[np.float64]
     gap: NDArray[np.float64]
     points: NDArray[np.float64]
     slopes: NDArray[np.float64]
@@ -88,14 +90,13 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
     n, width = inputs.shape[0], terms.rows.shape[2]
     evals = 4 * terms.substeps
     shooting = Shooting(
-        np.zeros((n, NX, NX)),
-        np.zeros((n, NX, NW)),
+        np.empty((n, NX, WIDTH)),
         np.empty((n, NX)),
-        np.empty((n, evals, 4, 7)),
+        np.empty((n, evals, 4, WIDTH)),
         np.empty((n, evals, 4)),
-        np.empty((n, evals, NX, NX)),
+        np.empty((n, evals, NX, WIDTH)),
     )
-    hess, grad = np.zeros((n, NY, NY)), np.zeros((n, NY))
+    hess, grad = np.zeros((n, NY, ROW)), np.zeros((n, ROW))
     base = np.zeros((3, n + 1, width))
     compliance = 0.5 / np.maximum(terms.weight, 1e-12)
     t, lam = np.ones((3, n + 1, width)), np.zeros((3, n + 1, width))
@@ -103,7 +104,7 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
     box_t, box_lam = np.ones((2, n, NW)), np.zeros((2, n, NW))
     low, high = np.empty((n, NW)), np.empty((n, NW))
     dx, dw = np.zeros((n + 1, NX)), np.zeros((n, NW))
-    gain = np.zeros((n, NW, NX))
+    gain = np.zeros((n, NW, WIDTH))
     new_costate = np.zeros((n + 1, NX))
     trial_x, trial_w = np.empty((n + 1, NX)), np.empty((n, NW))
     history = np.full(MEMORY, -np.inf)
@@ -122,7 +123,7 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
             start_rows(terms.count, base, compliance, terms.price, t, lam, s, nu)
             start_box(low, high, box_t, box_lam)
             solved = minimise(
-                hess, grad, shooting.a, shooting.b, shooting.gap, terms.rows, terms.count, base,
+                hess, grad, shooting.sens, shooting.gap, terms.rows, terms.count, base,
                 compliance, terms.price, low, high, t, lam, s, nu, box_t, box_lam,
                 dx, dw, new_costate, gain, QP_TOLERANCE,
             )  # fmt: skip
@@ -195,21 +196,14 @@ def _duration(terms, inputs, k):
 def _shoot(terms, states, inputs, shooting):
     """Integrate every stage with its derivatives."""
     following = np.empty(NX)
-    sens = np.empty((NX, 7))
-    a, b, gap = shooting.a, shooting.b, shooting.gap
     for k in range(inputs.shape[0]):
         linearise(
             terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following,
-            sens, shooting.points[k], shooting.slopes[k], shooting.jacs[k],
+            shooting.sens[k], shooting.points[k], shooting.slopes[k], shooting.jacs[k],
         )  # fmt: skip
         for i in range(NX):
-            gap[k, i] = following[i] - states[k + 1, i]
-            a[k, i, 0] = a[k, i, 1] = 0.0
-            for j in range(4):
-                a[k, i, 2 + j] = sens[i, j]
-            b[k, i, 0], b[k, i, 1] = sens[i, 4], sens[i, 5]
-            b[k, i, 2] = sens[i, 6] * terms.timing[1, k]
-        a[k, 0, 0] = a[k, 1, 1] = 1.0
+            shooting.gap[k, i] = following[i] - states[k + 1, i]
+            shooting.sens[k, i, 6] *= terms.timing[1, k]
 
 
 @machine_code
@@ -297,7 +291,7 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
     """
     hess[:] = 0.0
     grad[:] = 0.0
-    curve = np.empty((7, 7))
+    curve = np.empty((7, WIDTH))
     reach = terms.limits[1] - terms.limits[0]
     for k in range(inputs.shape[0]):
         span, stiffness = terms.timing[1, k], terms.timing[4, k]
@@ -314,9 +308,9 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
             if not np.all(np.isfinite(curve)):
                 curve[:] = 0.0
             elif mirrored:
-                values, vectors = np.linalg.eigh(curve)
-                put_rows(curve, (vectors * np.abs(values)) @ vectors.T)
-            put_rows(hess[k, 2:, 2:], curve)
+                values, vectors = np.linalg.eigh(curve[:, :7].copy())
+                put_rows(curve[:, :7], (vectors * np.abs(values)) @ vectors.T)
+            put_rows(hess[k, PLACE:, PLACE:], curve)
         for i in range(2):
             hess[k, 6 + i, 6 + i] += 2 * terms.effort[k] + damping / (reach * reach)
             grad[k, 6 + i] = 2 * terms.effort[k] * inputs[k, i]

@@ -1,0 +1,164 @@
+"""Eight numbers in one register, for kernels whose rows are as wide as that.
+
+A row of a stage's sensitivities has seven numbers, which fit a register of eight or two of four.
+The compiler does not put them there by itself: the pass that would is off in numba, for it has
+compiled wrongly before. So a kernel says it: what `eight` and `loaded` return is a vector to the
+compiler, with `+`, `-` and, by a number, `*`; `stored` writes it back. Run by Python, without a
+compiler, it is an array of eight numbers.
+
+The last numbers of a row that has fewer are a pad, and are worked out too: what lies there must be
+finite, or never be read.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import lower_builtin, models, register_model, type_callable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+WIDTH = 8
+_DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
+_VECTOR = ir.VectorType(_DOUBLE, WIDTH)
+# Rows begin anywhere in an array of doubles.
+_ALIGNMENT = 8
+
+
+def eight(
+    a: float, b: float, c: float, d: float, e: float, f: float, g: float, h: float
+) -> Array:
+    """Return eight numbers as one vector."""
+    return np.array([a, b, c, d, e, f, g, h])
+
+
+def loaded(rows: Array, row: int, column: int) -> Array:
+    """Return eight numbers of a row of `rows` (n, m), from `column` on."""
+    return rows[row, column : column + WIDTH].copy()
+
+
+def stored(numbers: Array, rows: Array, row: int, column: int) -> None:
+    """Write eight numbers into a row of `rows` (n, m), from `column` on."""
+    rows[row, column : column + WIDTH] = numbers
+
+
+class _Eight(types.Type):
+    """What eight numbers are to numba."""
+
+    def __init__(self) -> None:
+        super().__init__(name="eight")
+
+
+_EIGHT = _Eight()
+
+
+@register_model(_Eight)
+class _Model(models.PrimitiveModel):  # pyright: ignore[reportUnusedClass]
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _VECTOR)
+
+
+def _is_rows(kind: Any) -> bool:
+    return isinstance(kind, types.Array) and kind.ndim == 2 and kind.layout == "C"
+
+
+def _are_numbers(*kinds: Any) -> bool:
+    return all(isinstance(kind, types.Float) for kind in kinds)
+
+
+def _are_places(*kinds: Any) -> bool:
+    return all(isinstance(kind, types.Integer) for kind in kinds)
+
+
+# Numba asks the inner functions what a call returns, with nothing for "not of this kind".
+
+
+@type_callable(operator.add)
+@type_callable(operator.sub)
+def _sum_of(context: Any) -> Any:
+    return lambda one, other: _EIGHT if one == other == _EIGHT else None
+
+
+@type_callable(operator.mul)
+def _product_of(context: Any) -> Any:
+    return lambda by, numbers: _EIGHT if numbers == _EIGHT and _are_numbers(by) else None
+
+
+@type_callable(eight)
+def _gathered_of(context: Any) -> Any:
+    return lambda a, b, c, d, e, f, g, h: _EIGHT if _are_numbers(a, b, c, d, e, f, g, h) else None
+
+
+@type_callable(loaded)
+def _loaded_of(context: Any) -> Any:
+    return lambda rows, row, column: (
+        _EIGHT if _is_rows(rows) and _are_places(row, column) else None
+    )
+
+
+@type_callable(stored)
+def _stored_of(context: Any) -> Any:
+    return lambda numbers, rows, row, column: (
+        types.none
+        if numbers == _EIGHT and _is_rows(rows) and _are_places(row, column)
+        else None
+    )
+
+
+@lower_builtin(operator.add, _Eight, _Eight)
+def _add(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+    return builder.fadd(*given)
+
+
+@lower_builtin(operator.sub, _Eight, _Eight)
+def _subtract(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+    return builder.fsub(*given)
+
+
+@lower_builtin(operator.mul, types.Float, _Eight)
+def _scale(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+    number, numbers = given
+    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), number, _INDEX(0))
+    everywhere = ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH)
+    return builder.fmul(builder.shuffle_vector(first, first, everywhere), numbers)
+
+
+@lower_builtin(eight, *[types.Float] * WIDTH)
+def _gather(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+    vector = ir.Constant(_VECTOR, ir.Undefined)
+    for i, number in enumerate(given):
+        vector = builder.insert_element(vector, number, _INDEX(i))
+    return vector
+
+
+@lower_builtin(loaded, types.Array, types.Integer, types.Integer)
+def _load(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+    return builder.load(_place(context, builder, signature.args, given), align=_ALIGNMENT)
+
+
+@lower_builtin(stored, _Eight, types.Array, types.Integer, types.Integer)
+def _store(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+    numbers, *where = given
+    place = _place(context, builder, signature.args[1:], where)
+    builder.store(numbers, place, align=_ALIGNMENT)
+    return context.get_dummy_value()
+
+
+def _place(context: Any, builder: Any, kinds: Any, given: Any) -> Any:
+    """Where a row's eight numbers begin in memory."""
+    rows_kind, *index_kinds = kinds
+    rows = context.make_array(rows_kind)(context, builder, given[0])
+    row, column = (
+        context.cast(builder, index, kind, types.intp)
+        for index, kind in zip(given[1:], index_kinds, strict=True)
+    )
+    (_, width) = (builder.extract_value(rows.shape, axis) for axis in range(2))
+    first = builder.add(builder.mul(row, width), column)
+    return builder.bitcast(builder.gep(rows.data, [first]), _VECTOR.as_pointer())
