@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,12 +77,12 @@ class Horizon:
 
     def __post_init__(self) -> None:
         n, rows = self.shape.stages, self.shape.set_rows
-        self.cost_sets = np.tile(NO_ROW, (n, rows, 1))
+        self.cost_sets = _no_rows(n, rows)
         self.cost_weights = np.zeros(n)
-        self.entry_sets = np.tile(NO_ROW, (n + 1, rows, 1))
+        self.entry_sets = _no_rows(n + 1, rows)
         # A slack that costs nothing would drift; one that is not needed stays at zero.
         self.entry_penalties = np.ones(n + 1)
-        self.corridors = np.tile(NO_ROW, (n + 1, self.shape.corridor_rows, 1))
+        self.corridors = _no_rows(n + 1, self.shape.corridor_rows)
         self.effort_weights = np.zeros(n)
         self.duration_bounds = np.ones((n, 2))
         self.time_weights = np.zeros(n)
@@ -92,8 +93,9 @@ class Horizon:
         """Least and largest thrusts of each stage (2, N, 2): its own, or the vessel's limits."""
         if self.thrust_bounds is not None:
             return self.thrust_bounds
-        limits = np.array([least_n, most_n])
-        return np.tile(limits[:, None, None], (1, self.shape.stages, 2))
+        bounds = np.empty((2, self.shape.stages, 2))
+        bounds[0], bounds[1] = least_n, most_n
+        return bounds
 
     def attract(self, stage: int | slice, rows: NDArray[np.float64], weight: float) -> None:
         """Let the cost of a stage, or of several, measure the distance to a set."""
@@ -108,6 +110,13 @@ class Horizon:
     def confine(self, node: int, rows: NDArray[np.float64]) -> None:
         """Ask that a node lie in a corridor."""
         self.corridors[node] = padded(rows, self.shape.corridor_rows)
+
+
+def _no_rows(nodes: int, rows: int) -> NDArray[np.float64]:
+    """Rows (nodes, rows, 4) that all hold always."""
+    filled = np.zeros((nodes, rows, len(NO_ROW)))
+    filled[..., -1] = NO_ROW[-1]
+    return filled
 
 
 def padded(rows: NDArray[np.float64], count: int) -> NDArray[np.float64]:
@@ -158,9 +167,7 @@ class Plan:
         """Return states (m, 6) at `moments` (m,) [s] and the thrusts (m - 1, 2) half-way
         between them; beyond its end the plan's last ones.
         """
-        ends = np.concatenate([[0.0], np.cumsum(self.durations)])
-        at = np.clip(moments, 0.0, ends[-1])
-        return _between(at, ends, self.states), self.thrusts[
+        return self._between(moments, self.states), self.thrusts[
             self._stage_at(0.5 * (moments[1:] + moments[:-1]))
         ]
 
@@ -170,9 +177,8 @@ class Plan:
         """
         if self.costates is None:
             return None
-        ends = np.concatenate([[0.0], np.cumsum(self.durations)])
-        costates = _between(moments, ends, self.costates)
-        costates[moments > ends[-1] + 1e-9] = 0.0
+        costates = self._between(moments, self.costates)
+        costates[moments > self._ends[-1] + 1e-9] = 0.0
         return costates
 
     def thrusts_at(self, moment_s: float) -> tuple[float, float]:
@@ -180,19 +186,26 @@ class Plan:
         port, starboard = self.thrusts[int(self._stage_at(np.array([moment_s]))[0])].tolist()
         return port, starboard
 
+    @cached_property
+    def _ends(self) -> NDArray[np.float64]:
+        """When each stage ends (N,) [s]."""
+        return np.cumsum(self.durations)
+
     def _stage_at(self, moments: NDArray[np.float64]) -> NDArray[np.int64]:
-        ends = np.cumsum(self.durations)
-        return np.minimum(np.searchsorted(ends, moments, side="right"), len(ends) - 1)
+        return np.minimum(np.searchsorted(self._ends, moments, side="right"), len(self._ends) - 1)
 
-
-def _between(
-    moments: NDArray[np.float64], ends: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Rows of `values` (n, 6) at the times `ends` (n,), interpolated to `moments` (m,)."""
-    after = np.clip(np.searchsorted(ends, moments), 1, len(ends) - 1)
-    span = ends[after] - ends[after - 1]
-    share = np.clip((moments - ends[after - 1]) / np.where(span > 0, span, 1.0), 0.0, 1.0)
-    return values[after - 1] + share[:, None] * (values[after] - values[after - 1])
+    def _between(
+        self, moments: NDArray[np.float64], values: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Rows of `values` (N + 1, 6) at the nodes, interpolated to `moments` (m,) [s]; before the
+        first node and beyond the last their values.
+        """
+        ends, durations = self._ends, self.durations
+        stage = np.minimum(np.searchsorted(ends, moments), len(ends) - 1)
+        span = durations[stage]
+        gone = moments - ends[stage] + span
+        share = np.minimum(np.maximum(gone / np.where(span > 0, span, 1.0), 0.0), 1.0)[:, None]
+        return values[stage] + share * (values[stage + 1] - values[stage])
 
 
 def rows_needed(sides: Sequence[int]) -> int:

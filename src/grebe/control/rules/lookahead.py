@@ -233,12 +233,14 @@ def _deal_out(arrivals: Sequence[float], total: int) -> list[int]:
 
 def _start(situation: Situation, arrivals: Sequence[float], stages: Sequence[int]) -> Plan:
     """A starting plan on the new stages: the last plan resampled, then along the centres."""
-    ends = np.concatenate([[0.0], arrivals])
     times = [0.0]
-    for i, count in enumerate(stages):
-        times += np.linspace(ends[i], ends[i + 1], count + 1)[1:].tolist()
-    moments = np.asarray(times)
-    states, thrusts = _sample(situation, moments, ends)
+    for end, count in zip(arrivals, stages, strict=True):
+        begin = times[-1]
+        stage_s = (end - begin) / count
+        times += [begin + i * stage_s for i in range(1, count)]
+        times.append(end)
+    moments = np.array(times)
+    states, thrusts = _sample(situation, moments, np.array([0.0, *arrivals]))
     states[0] = situation.state
     plan, later = situation.plan, moments + situation.elapsed_s
     costates = None if plan is None else plan.costates_at(later)

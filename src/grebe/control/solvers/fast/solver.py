@@ -47,7 +47,7 @@ class FastSolver:
         low, high = horizon.duration_bounds.T
         span = high - low
         share = np.where(span > 0, (guess.durations - low) / np.where(span > 0, span, 1.0), 0.5)
-        shares = np.clip(share, 0.0, 1.0)
+        shares = np.minimum(np.maximum(share, 0.0), 1.0)
         rows, count, price = _rows(horizon)
         bounds = horizon.bounds_of_thrusts(*self._limits)
         terms = sqp.Terms(
