@@ -32,9 +32,7 @@ _VECTOR = ir.VectorType(_DOUBLE, WIDTH)
 _ALIGNMENT = 8
 
 
-def eight(
-    a: float, b: float, c: float, d: float, e: float, f: float, g: float, h: float
-) -> Array:
+def eight(a: float, b: float, c: float, d: float, e: float, f: float, g: float, h: float) -> Array:
     """Return eight numbers as one vector."""
     return np.array([a, b, c, d, e, f, g, h])
 
@@ -82,48 +80,44 @@ def _are_places(*kinds: Any) -> bool:
 
 @type_callable(operator.add)
 @type_callable(operator.sub)
-def _sum_of(context: Any) -> Any:
+def _sum_of(_context: Any) -> Any:
     return lambda one, other: _EIGHT if one == other == _EIGHT else None
 
 
 @type_callable(operator.mul)
-def _product_of(context: Any) -> Any:
+def _product_of(_context: Any) -> Any:
     return lambda by, numbers: _EIGHT if numbers == _EIGHT and _are_numbers(by) else None
 
 
 @type_callable(eight)
-def _gathered_of(context: Any) -> Any:
+def _gathered_of(_context: Any) -> Any:
     return lambda a, b, c, d, e, f, g, h: _EIGHT if _are_numbers(a, b, c, d, e, f, g, h) else None
 
 
 @type_callable(loaded)
-def _loaded_of(context: Any) -> Any:
-    return lambda rows, row, column: (
-        _EIGHT if _is_rows(rows) and _are_places(row, column) else None
-    )
+def _loaded_of(_context: Any) -> Any:
+    return lambda rows, row, column: _EIGHT if _is_rows(rows) and _are_places(row, column) else None
 
 
 @type_callable(stored)
-def _stored_of(context: Any) -> Any:
+def _stored_of(_context: Any) -> Any:
     return lambda numbers, rows, row, column: (
-        types.none
-        if numbers == _EIGHT and _is_rows(rows) and _are_places(row, column)
-        else None
+        types.none if numbers == _EIGHT and _is_rows(rows) and _are_places(row, column) else None
     )
 
 
 @lower_builtin(operator.add, _Eight, _Eight)
-def _add(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+def _add(_context: Any, builder: Any, _signature: Any, given: Any) -> Any:
     return builder.fadd(*given)
 
 
 @lower_builtin(operator.sub, _Eight, _Eight)
-def _subtract(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+def _subtract(_context: Any, builder: Any, _signature: Any, given: Any) -> Any:
     return builder.fsub(*given)
 
 
 @lower_builtin(operator.mul, types.Float, _Eight)
-def _scale(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+def _scale(_context: Any, builder: Any, _signature: Any, given: Any) -> Any:
     number, numbers = given
     first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), number, _INDEX(0))
     everywhere = ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH)
@@ -131,7 +125,7 @@ def _scale(context: Any, builder: Any, signature: Any, given: Any) -> Any:
 
 
 @lower_builtin(eight, *[types.Float] * WIDTH)
-def _gather(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+def _gather(_context: Any, builder: Any, _signature: Any, given: Any) -> Any:
     vector = ir.Constant(_VECTOR, ir.Undefined)
     for i, number in enumerate(given):
         vector = builder.insert_element(vector, number, _INDEX(i))

@@ -22,7 +22,7 @@ import numpy as np
 from grebe.control.solvers.fast.riccati import NW, NX, NY, ROW, factorise, solve
 from grebe.core.copies import put, put_rows
 from grebe.core.eights import WIDTH
-from grebe.core.kernels import machine_code
+from grebe.core.kernels import inlined_machine_code, machine_code
 
 GROUPS = 3
 MOST_ITERATIONS = 40
@@ -250,9 +250,9 @@ def _condense_rows(
                 target = aim - ti * li
                 if corrector == 1:
                     target -= d_t[group, k, i] * d_lam[group, k, i]
-                scale = ti + soft * li
-                weight[group, k, i] = li / scale
-                shift[group, k, i] = (target + li * residual) / scale
+                inverse = 1.0 / (ti + soft * li)
+                weight[group, k, i] = li * inverse
+                shift[group, k, i] = (target + li * residual) * inverse
 
 
 @machine_code
@@ -279,66 +279,66 @@ def _assemble(
 ):  # fmt: skip
     """Add rows and box to the Hessian and gradient of every node, in terms of the new point."""
     n = hess.shape[0]
-    block = np.empty((3, 3))
-    slope = np.empty(3)
-    pull = np.empty(3)
     for k in range(n + 1):
-        block[:] = 0.0
-        slope[:] = 0.0
+        # Of a position (x, y) and a surge u: the lower half of the curvature, and the slope.
+        xx = yx = yy = ux = uy = uu = 0.0
+        x = y = u = 0.0
         for group in range(GROUPS):
             m = count[group, k]
             if m == 0:
                 continue
-            pull[:] = 0.0
+            pull_x = pull_y = pull_u = 0.0
             for i in range(m):
-                w = weight[group, k, i]
-                row = rows[group, k, i]
+                w, row = weight[group, k, i], rows[group, k, i]
                 along = row[0] * dx[k, 0] + row[1] * dx[k, 1] + row[2] * dx[k, 3]
                 value = lam[group, k, i] + shift[group, k, i] - w * along
-                for p in range(3):
-                    pull[p] += w * row[p]
-                    slope[p] += value * row[p]
-                    for q in range(p + 1):
-                        block[p, q] += w * row[p] * row[q]
+                x, y, u = x + value * row[0], y + value * row[1], u + value * row[2]
+                by_x, by_y, by_u = w * row[0], w * row[1], w * row[2]
+                pull_x, pull_y, pull_u = pull_x + by_x, pull_y + by_y, pull_u + by_u
+                if corrector == 0:
+                    xx, yx, yy = xx + by_x * row[0], yx + by_y * row[0], yy + by_y * row[1]
+                    ux, uy, uu = ux + by_u * row[0], uy + by_u * row[1], uu + by_u * row[2]
             if group > 0:
                 curve, push, _ = _slack_terms(
                     group, k, count, price, s, nu, lam, weight, shift, aim, corrector, d_s, d_nu
                 )
-                along = pull[0] * dx[k, 0] + pull[1] * dx[k, 1] + pull[2] * dx[k, 3]
-                for p in range(3):
-                    slope[p] -= pull[p] * (push - along) / curve
-                    for q in range(p + 1):
-                        block[p, q] -= pull[p] * pull[q] / curve
-        if k < n:
-            if corrector == 0:
-                put_rows(full[k], hess[k])
-            put(full_grad[k], grad[k])
-            for p in range(3):
-                i = 3 if p == 2 else p
-                full_grad[k, i] += slope[p]
-                if corrector == 0:
-                    for q in range(p + 1):
-                        j = 3 if q == 2 else q
-                        full[k, i, j] += block[p, q]
-                        if i != j:
-                            full[k, j, i] += block[p, q]
-            _add_box(
-                k, dw, low, high, box_t, box_lam, aim, corrector, box_d_t, box_d_lam,
-                full, full_grad,
-            )  # fmt: skip
-        else:
+                along = pull_x * dx[k, 0] + pull_y * dx[k, 1] + pull_u * dx[k, 3]
+                answer = (push - along) / curve
+                x, y, u = x - pull_x * answer, y - pull_y * answer, u - pull_u * answer
+                by_x, by_y, by_u = pull_x / curve, pull_y / curve, pull_u / curve
+                xx, yx, yy = xx - by_x * pull_x, yx - by_y * pull_x, yy - by_y * pull_y
+                ux, uy, uu = ux - by_u * pull_x, uy - by_u * pull_y, uu - by_u * pull_u
+        if k == n:
             if corrector == 0:
                 end_hess[:] = 0.0
+                _add_curvature(end_hess, xx, yx, yy, ux, uy, uu)
             end_grad[:] = 0.0
-            for p in range(3):
-                i = 3 if p == 2 else p
-                end_grad[i] += slope[p]
-                if corrector == 0:
-                    for q in range(p + 1):
-                        j = 3 if q == 2 else q
-                        end_hess[i, j] += block[p, q]
-                        if i != j:
-                            end_hess[j, i] += block[p, q]
+            end_grad[0], end_grad[1], end_grad[3] = x, y, u
+            break
+        if corrector == 0:
+            put_rows(full[k], hess[k])
+            _add_curvature(full[k], xx, yx, yy, ux, uy, uu)
+        put(full_grad[k], grad[k])
+        full_grad[k, 0] += x
+        full_grad[k, 1] += y
+        full_grad[k, 3] += u
+        _add_box(
+            k, dw, low, high, box_t, box_lam, aim, corrector, box_d_t, box_d_lam, full, full_grad
+        )
+
+
+@inlined_machine_code
+def _add_curvature(hess, xx, yx, yy, ux, uy, uu):
+    """Add the lower half of a curvature in (x, y, u), and its mirror image."""
+    hess[0, 0] += xx
+    hess[1, 0] += yx
+    hess[0, 1] += yx
+    hess[1, 1] += yy
+    hess[3, 0] += ux
+    hess[0, 3] += ux
+    hess[3, 1] += uy
+    hess[1, 3] += uy
+    hess[3, 3] += uu
 
 
 @machine_code
@@ -356,8 +356,9 @@ def _add_box(k, dw, low, high, box_t, box_lam, aim, corrector, box_d_t, box_d_la
             target = aim - ti * li
             if corrector == 1:
                 target -= box_d_t[side, k, i] * box_d_lam[side, k, i]
-            w = li / ti
-            shift = (target + li * (r + ti)) / ti
+            inverse = 1.0 / ti
+            w = li * inverse
+            shift = (target + li * (r + ti)) * inverse
             if corrector == 0:
                 full[k, NX + i, NX + i] += w
             full_grad[k, NX + i] += sign * (li + shift - w * sign * dw[k, i])

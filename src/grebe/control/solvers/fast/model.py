@@ -83,7 +83,8 @@ def _rates(p, psi, u, v, r, port, starboard):
 @machine_code
 def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     """Right-hand side `f` (6,) and its Jacobian `jac` (6, 8) in (psi, u, v, r, F_1, F_2),
-    with two columns of zeros."""
+    with two columns of zeros.
+    """
     f[0], f[1], f[2], f[3], f[4], f[5] = _rates(p, psi, u, v, r, port, starboard)
     c, s, u_c, v_c, wind_x, wind_y = _in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
