@@ -179,11 +179,13 @@ def advance(p, z, thrusts, duration, substeps, out):
 
 
 @inlined_machine_code
-def _sensed(jac, f, row, duration, psi, u, v, r):
-    """How one number of T f depends on p, by how (psi, u, v, r) do: a row of sensitivities."""
-    along = (jac[row, 0] * psi + jac[row, 1] * u) + (jac[row, 2] * v + jac[row, 3] * r)
-    port, starboard = duration * jac[row, 4], duration * jac[row, 5]
-    return duration * along + eight(0.0, 0.0, 0.0, 0.0, port, starboard, f[row], 0.0)
+def _sensed(row, f, duration, psi, u, v, r):
+    """How a number f of the right-hand side, times the duration, depends on p: by its `row` of the
+    Jacobian, and by how (psi, u, v, r) depend on p.
+    """
+    along = (row[0] * psi + row[1] * u) + (row[2] * v + row[3] * r)
+    direct = eight(0.0, 0.0, 0.0, 0.0, duration * row[4], duration * row[5], f, 0.0)
+    return duration * along + direct
 
 
 @machine_code
@@ -221,12 +223,12 @@ def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs
             index += 1
             weight = 2.0 if stage in (1, 2) else 1.0
             lead = h if stage == 2 else 0.5 * h
-            d_psi = _sensed(jac, f, 2, duration, psi, u, v, r)
-            d_u = _sensed(jac, f, 3, duration, psi, u, v, r)
-            d_v = _sensed(jac, f, 4, duration, psi, u, v, r)
-            d_r = _sensed(jac, f, 5, duration, psi, u, v, r)
-            sum_x = sum_x + weight * _sensed(jac, f, 0, duration, psi, u, v, r)
-            sum_y = sum_y + weight * _sensed(jac, f, 1, duration, psi, u, v, r)
+            d_psi = _sensed(jac[2], f[2], duration, psi, u, v, r)
+            d_u = _sensed(jac[3], f[3], duration, psi, u, v, r)
+            d_v = _sensed(jac[4], f[4], duration, psi, u, v, r)
+            d_r = _sensed(jac[5], f[5], duration, psi, u, v, r)
+            sum_x = sum_x + weight * _sensed(jac[0], f[0], duration, psi, u, v, r)
+            sum_y = sum_y + weight * _sensed(jac[1], f[1], duration, psi, u, v, r)
             sum_psi, sum_u = sum_psi + weight * d_psi, sum_u + weight * d_u
             sum_v, sum_r = sum_v + weight * d_v, sum_r + weight * d_r
             psi, u = of_psi + lead * d_psi, of_u + lead * d_u
