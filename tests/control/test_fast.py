@@ -134,13 +134,14 @@ def test_the_fast_path_s_first_input_is_the_oracle_s(name):
     assert np.abs(np.subtract(fast.plan.first_input, exact.plan.first_input)).max() < 0.01 * reach
 
 
-def test_free_durations_agree_with_the_oracle():
+@pytest.mark.parametrize("thrift", [0.0, 0.5, 2.0])
+def test_free_durations_agree_with_the_oracle(thrift):
     vessel = PRESETS["benchmark"]
     shape = HorizonShape(stages=32)
     cells = [rectangle((5 * i, 5 * i + 5), (0, 5), (1, 2)) for i in range(10)]
     state = np.array([-6.0, 2.0, 0.1, 1.2, 0, 0])
     situation = Situation(state=tuple(state), target=0, ahead=cells, aims=cells, cruise_thrust_n=15)
-    proposal = Lookahead().propose(situation, shape)
+    proposal = Lookahead(thrift=thrift).propose(situation, shape)
     fast = Fast().build(vessel, shape).solve(state, proposal.horizon, np.zeros(4), proposal.start)
     oracle = Ipopt().build(vessel, shape)
     exact = oracle.solve(state, proposal.horizon, np.zeros(4), proposal.start)

@@ -49,6 +49,12 @@ rule_options = options.together(
         click.option(f"--{name}", type=float, help=_with_defaults(name, what))
         for name, what in WEIGHTS.items()
     ),
+    click.option(
+        "--thrift",
+        type=float,
+        help="What a second of a thruster at full thrust costs beside the second [s]; 0.5 takes "
+        "about a tenth more time for less energy [lookahead 0].",
+    ),
 )
 
 

@@ -54,7 +54,8 @@ class Horizon:
     `cost_sets` (N, R, 4) and `cost_weights` (N,), the weight of the squared distance;
     `entry_sets` (N + 1, R, 4) and `entry_penalties` (N + 1,), cost of a unit of slack;
     `corridors` (N + 1, C, 4) and `corridor_penalty`;
-    `effort_weights` (N,) of the squared thrusts in units of full thrust;
+    `effort_weights` (N,) of the squared thrusts in units of full thrust, and `power_weights` (N,)
+    [1/s] of the same times the stage's duration;
     `duration_bounds` (N, 2) [s], `time_weights` (N,) [1/s], and `duration_weights` (N,) [1/s^2]
     of the squared distance from `duration_nominal` (N,) [s];
     `thrust_bounds` (2, N, 2) [N], least and largest of each stage's thrusts, or None where they are
@@ -69,6 +70,7 @@ class Horizon:
     corridors: NDArray[np.float64] = field(init=False)
     corridor_penalty: float = 1e3
     effort_weights: NDArray[np.float64] = field(init=False)
+    power_weights: NDArray[np.float64] = field(init=False)
     duration_bounds: NDArray[np.float64] = field(init=False)
     time_weights: NDArray[np.float64] = field(init=False)
     duration_nominal: NDArray[np.float64] = field(init=False)
@@ -84,6 +86,7 @@ class Horizon:
         self.entry_penalties = np.ones(n + 1)
         self.corridors = _no_rows(n + 1, self.shape.corridor_rows)
         self.effort_weights = np.zeros(n)
+        self.power_weights = np.zeros(n)
         self.duration_bounds = np.ones((n, 2))
         self.time_weights = np.zeros(n)
         self.duration_nominal = np.zeros(n)

@@ -6,8 +6,8 @@ price is above the multipliers of the hard problem, so that its minimiser is the
 wherever that exists. Everything a rule decides is a parameter; durations are variables
 between bounds that are parameters.
 
-    min  sum_k  w_k D(z_k, C_k) + beta_k |F_k / F_max|^2 + theta_k T_k + eta_k (T_k - T0_k)^2
-         + sum_k pi_k s_k
+    min  sum_k  w_k D(z_k, C_k) + (beta_k + gamma_k T_k) |F_k / F_max|^2 + theta_k T_k
+         + sum_k eta_k (T_k - T0_k)^2 + sum_k pi_k s_k
     s.t. z_0 = z,  z_{k+1} = f(z_k, F_k, T_k),  A_k (x, y, u)_k <= b_k + s_k,  0 <= s_k
 
 D(z, C) = sum_i max(0, a_i z - b_i)^2 over the rows of C: a generalised distance function
@@ -66,7 +66,8 @@ class Problem:
     ) -> NDArray[np.float64]:
         """Lay out the parameter vector; the order is that of `_Parameters`."""
         low, high = horizon.duration_bounds.T
-        stage = [horizon.cost_weights, horizon.effort_weights, low, high - low]
+        efforts = [horizon.effort_weights, horizon.power_weights]
+        stage = [horizon.cost_weights, *efforts, low, high - low]
         return np.concatenate(
             [
                 state,
@@ -132,6 +133,7 @@ class _Parameters:
         self.weather = self._vector("weather", WEATHER)
         self.cost_weight = self._vector("cost_weight", n)
         self.effort_weight = self._vector("effort_weight", n)
+        self.power_weight = self._vector("power_weight", n)
         self.duration_min = self._vector("duration_min", n)
         self.duration_span = self._vector("duration_span", n)
         self.time_weight = self._vector("time_weight", n)
@@ -261,7 +263,8 @@ class _Builder:
         outside = ca.fmax(_excess(self.p.cost_set[k], state), 0.0)
         effort = ca.sumsqr(thrusts / self.vessel.thrust_max_n)
         self.cost += self.p.cost_weight[k] * ca.sumsqr(outside)
-        self.cost += self.p.effort_weight[k] * effort + self.p.time_weight[k] * duration
+        self.cost += (self.p.effort_weight[k] + self.p.power_weight[k] * duration) * effort
+        self.cost += self.p.time_weight[k] * duration
         self.cost += self.p.duration_weight[k] * (duration - self.p.duration_nominal[k]) ** 2
 
 

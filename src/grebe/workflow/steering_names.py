@@ -21,7 +21,7 @@ from grebe.workflow.own_files import OWN, function_of
 
 _T = TypeVar("_T")
 # What can be said of a built-in rule.
-NUMBERS = ("stages", "step_s", "epsilon", "alpha", "beta", "p", "q")
+NUMBERS = ("stages", "step_s", "epsilon", "alpha", "beta", "p", "q", "thrift")
 
 RULES: Mapping[str, type[Single | Dual | Lookahead]] = {
     "single": Single,

@@ -76,17 +76,20 @@ class Lookahead:
 
     The upper end of the window also bounds the surge on the way, so that the boat does not race
     between sets: `hold` is the price of the squared surge above it. The lower end is asked at
-    entry alone, for turns are slow. `stages` is N; `step_s` is T, the time between two solves;
+    entry alone, for turns are slow. `thrift` is what a second of one thruster at full thrust costs
+    beside the second itself [s], and of less thrust by its square: energy is saved first where the
+    boat turns, for there it buys the least time, then by speed. `stages` is N; `step_s` is T, the time between two solves;
     the durations of the stages are free. Raises `UsageError`.
     """
 
     hold: float = 50.0
+    thrift: float = 0.0
     stages: int = 24
     step_s: float = 0.5
 
     def __post_init__(self) -> None:
         check_stages(self.stages, self.step_s)
-        check_not_negative(hold=self.hold)
+        check_not_negative(hold=self.hold, thrift=self.thrift)
 
     @property
     def longest_stage_s(self) -> float:
@@ -119,6 +122,7 @@ class Lookahead:
         horizon.duration_bounds[:, 1] = LONGEST_STAGE_S
         horizon.time_weights[:] = 1.0
         horizon.effort_weights[:] = EFFORT
+        horizon.power_weights[:] = self.thrift
         spans_m = shape.stages * LONGEST_STAGE_S * situation.aims[0].speed_max_mps
         entries, away_m = _entries(situation, len(stages), spans_m)
         node, (price, hold) = 0, self._prices(situation.aims[0], away_m < spans_m)
@@ -134,9 +138,11 @@ class Lookahead:
         """Prices of a unit of slack at an entry, and of the squared surge above the window, where
         the entry is within the horizon or beyond it.
         """
+        # A second with both thrusters at full thrust: what is worth a second must be worth that.
+        dearest = 1.0 + 2.0 * self.thrift
         if within:
-            return ENTRY_PENALTY, self.hold
-        price = FAR_WORTH / max(aim.speed_max_mps, HOLD_MARGIN_MPS)
+            return dearest * ENTRY_PENALTY, self.hold
+        price = dearest * FAR_WORTH / max(aim.speed_max_mps, HOLD_MARGIN_MPS)
         return price, max(self.hold, price * LONGEST_STAGE_S / (2 * FAR_EXCESS_MPS))
 
 

@@ -57,7 +57,8 @@ class FastSolver:
             count=count,
             weight=np.append(horizon.cost_weights, 0.0),
             price=price,
-            effort=horizon.effort_weights / self._vessel.thrust_max_n**2,
+            effort=np.array([horizon.effort_weights, horizon.power_weights])
+            / self._vessel.thrust_max_n**2,
             timing=np.array(
                 [
                     low,

@@ -49,8 +49,8 @@ class Terms(NamedTuple):
 
     `p` the model's parameters and `substeps` of its integration; `rows` (3, N + 1, R, 4)
     half-spaces by group (see `interior`) with `count` (3, N + 1) of them in use; `weight`
-    (N + 1,) of the squared distance, `price` (3, N + 1) of slack, `effort` (N,) of a squared
-    newton; `timing` (5, N): shortest duration, span of durations, price of a second, nominal
+    (N + 1,) of the squared distance, `price` (3, N + 1) of slack, `effort` (2, N) of a squared
+    newton and of one for a second; `timing` (5, N): shortest duration, span of durations, price of a second, nominal
     duration, price of its square; `limits` (2,) of a thrust, and `bounds` (2, N, 2), least and
     largest, of each stage's thrusts within them; `regularisation` of the shares.
     """
@@ -311,13 +311,19 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
                 values, vectors = np.linalg.eigh(curve[:, :7].copy())
                 put_rows(curve[:, :7], (vectors * np.abs(values)) @ vectors.T)
             put_rows(hess[k, PLACE:, PLACE:], curve)
+        duration, power = _duration(terms, inputs, k), terms.effort[1, k]
+        effort, squares = terms.effort[0, k] + power * duration, 0.0
         for i in range(2):
-            hess[k, 6 + i, 6 + i] += 2 * terms.effort[k] + damping / (reach * reach)
-            grad[k, 6 + i] = 2 * terms.effort[k] * inputs[k, i]
-        stray = _duration(terms, inputs, k) - terms.timing[3, k]
+            hess[k, 6 + i, 6 + i] += 2 * effort + damping / (reach * reach)
+            grad[k, 6 + i] = 2 * effort * inputs[k, i]
+            squares += inputs[k, i] * inputs[k, i]
+            if curved and not mirrored:
+                hess[k, 8, 6 + i] += 2 * power * inputs[k, i] * span
+                hess[k, 6 + i, 8] += 2 * power * inputs[k, i] * span
+        stray = duration - terms.timing[3, k]
         hess[k, 8, 8] += 2 * terms.regularisation + damping + 2 * stiffness * span * span
         grad[k, 8] = 2 * terms.regularisation * (inputs[k, 2] - 0.5)
-        grad[k, 8] += (terms.timing[2, k] + 2 * stiffness * stray) * span
+        grad[k, 8] += (terms.timing[2, k] + power * squares + 2 * stiffness * stray) * span
 
 
 @machine_code
@@ -328,7 +334,8 @@ def _cost(terms, states, inputs):
     for k in range(inputs.shape[0]):
         w = inputs[k]
         duration = _duration(terms, inputs, k)
-        total += terms.effort[k] * (w[0] * w[0] + w[1] * w[1])
+        effort = terms.effort[0, k] + terms.effort[1, k] * duration
+        total += effort * (w[0] * w[0] + w[1] * w[1])
         total += timing[2, k] * duration + terms.regularisation * (w[2] - 0.5) ** 2
         total += timing[4, k] * (duration - timing[3, k]) ** 2
     for group in range(3):
