@@ -22,8 +22,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.correction import Correction, as_modelled, turned
+from grebe.control.correction import Correction, as_modelled
 from grebe.control.flown import Flown
+from grebe.control.misfit import misfit, parameters_of
 from grebe.control.rollout import pieces_ends
 from grebe.control.solvers.fast.model import parameter_vector
 from grebe.core.dynamics import CALM, Weather
@@ -50,10 +51,7 @@ LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -3.0, -3.0, -0.5, -0.5, -0.05, -0.0
 HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 3.0, 3.0, 0.5, 0.5, 0.05, 0.05])
 PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
 COUNT = len(PRIOR_SD)
-BOAT, WEATHER, DRIFT, ALL = slice(0, 9), slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)
-# Which of the boat's numbers in the equations of motion the factors on its drag and its inertia
-# multiply, in the order m33, x_u, y_v, n_r, x_uu, y_vv, n_rr, and which factor each.
-FACTORS_OF, FACTORS = np.array([2, 3, 4, 5, 6, 7, 8]), np.array([4, 2, 3, 5, 2, 3, 5])
+WEATHER, DRIFT, ALL = slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)
 # Runge-Kutta steps within the time in which the boat's fastest motion decays.
 STEPS_PER_RATE = 2.5
 ITERATIONS = 6
@@ -171,6 +169,11 @@ class _Problem:
         return self.acted[dead_s, lag_s]
 
     @cached_property
+    def per_second(self) -> float:
+        """Runge-Kutta steps a second at least."""
+        return STEPS_PER_RATE * self.model.fastest_rate_hz
+
+    @cached_property
     def believed(self) -> Array:
         """The numbers of a boat that is as its model says: the prior's mean."""
         return _numbers(as_modelled(self.model))
@@ -202,19 +205,19 @@ class _Problem:
 
     def residuals(self, numbers: Array) -> Array:
         """What the pieces' ends miss, in standard deviations, and the prior's pull."""
-        states = turned(self.flown.states, -float(numbers[8]))
-        missed = (self._ends(numbers, states) - states[self.last]) / self.end_sd
-        return np.concatenate([missed.ravel(), (numbers - self.believed) / PRIOR_SD])
+        dead_s, lag_s = numbers[6:8].tolist()
+        return misfit(
+            numbers, self.believed, PRIOR_SD, self.boat, self.units, self.flown.times,
+            self.flown.states, self._thrusts(dead_s, lag_s), self.first, self.last,
+            self.per_second, self.end_sd,
+        )  # fmt: skip
 
     def _ends(self, numbers: Array, states: Array) -> Array:
         """Where the pieces end that begin at some states, (pieces, 6)."""
-        factors = np.exp(numbers[:6])
-        thrusts = self._thrusts(*numbers[6:8].tolist()) * factors[:2]
-        p = np.concatenate([self.boat, numbers[9:13] * self.units])
-        p[FACTORS_OF] *= factors[FACTORS]
+        thrusts = self._thrusts(*numbers[6:8].tolist())
         return pieces_ends(
-            p, numbers[DRIFT], self.flown.times, states, thrusts, self.first, self.last,
-            STEPS_PER_RATE * self.model.fastest_rate_hz,
+            parameters_of(numbers, self.boat, self.units), numbers[DRIFT], self.flown.times,
+            states, thrusts, np.exp(numbers[:2]), self.first, self.last, self.per_second,
         )  # fmt: skip
 
     def solve(
@@ -224,7 +227,7 @@ class _Problem:
         cost below `enough` will do.
         """
         numbers = np.clip(start, LOW, HIGH)
-        residuals = _bounded(self.residuals(numbers))
+        residuals = self.residuals(numbers)
         cost, damping = 0.5 * float(residuals @ residuals), 1e-2
         which = np.arange(COUNT)[free]
         for _ in range(WEATHER_ITERATIONS if free is WEATHER else ITERATIONS):
@@ -234,7 +237,7 @@ class _Problem:
             tried = numbers.copy()
             tried[which] += _step(slopes, residuals, numbers[which], damping, which)
             tried = np.clip(tried, LOW, HIGH)
-            there = _bounded(self.residuals(tried))
+            there = self.residuals(tried)
             yield
             its_cost = 0.5 * float(there @ there)
             if not its_cost < cost:
@@ -255,7 +258,7 @@ class _Problem:
             moved = numbers.copy()
             probe = PROBE[i] if numbers[i] + PROBE[i] <= HIGH[i] else -PROBE[i]
             moved[i] += probe
-            slopes[:, column] = (_bounded(self.residuals(moved)) - residuals) / probe
+            slopes[:, column] = (self.residuals(moved) - residuals) / probe
             yield
         return slopes
 
@@ -281,11 +284,6 @@ def _step(
             break
         moves &= ~beyond
     return step
-
-
-def _bounded(residuals: Array) -> Array:
-    """Residuals of which a single one, an estimate that jumps, does not decide (pseudo-Huber)."""
-    return np.sign(residuals) * np.sqrt(2 * 9.0 * (np.sqrt(1 + (residuals / 3.0) ** 2) - 1))
 
 
 def _with_dead_time(numbers: Array, dead_s: float) -> Array:

@@ -31,22 +31,29 @@ def lagged(thrusts, lags):
 
 
 @machine_code
-def pieces_ends(p, drift, times, states, thrusts, first, last, per_second):
-    """Where the model ends, (k, 6), from `states[first]` at `times[last]`, under the mean thrusts
-    (n - 1, 2) between successive times. The current of `p` is that of the last time, and `drift`
-    (2,) how it has changed until then; `per_second` Runge-Kutta steps a second at least.
+def piece_end(p, drift, times, z, thrusts, shares, first, last, per_second):
+    """Roll `z` (6,) out from `times[first]` to `times[last]`, in place, under the mean thrusts
+    (n - 1, 2) between successive times, of thrusters that give `shares` (2,) of them. The current
+    of `p` is that of the last time, and `drift` (2,) how it has changed until then; `per_second`
+    Runge-Kutta steps a second at least.
     """
+    q, end, given = p.copy(), np.empty(6), np.empty(2)
+    before = times[-1] - 0.5 * (times[first] + times[last])
+    q[11] = p[11] - before * drift[0]
+    q[12] = p[12] - before * drift[1]
+    for i in range(first, last):
+        duration = times[i + 1] - times[i]
+        substeps = max(1, int(np.ceil(duration * per_second - 1e-6)))
+        given[0], given[1] = shares[0] * thrusts[i, 0], shares[1] * thrusts[i, 1]
+        advance(q, z, given, duration, substeps, end)
+        put(z, end)
+
+
+@machine_code
+def pieces_ends(p, drift, times, states, thrusts, shares, first, last, per_second):
+    """Where the pieces end, (k, 6), that begin at `states[first]`; see `piece_end`."""
     ends = np.empty((len(first), 6))
-    z = np.empty(6)
-    q = p.copy()
     for k in range(len(first)):
-        put(z, states[first[k]])
-        before = times[-1] - 0.5 * (times[first[k]] + times[last[k]])
-        q[11] = p[11] - before * drift[0]
-        q[12] = p[12] - before * drift[1]
-        for i in range(first[k], last[k]):
-            duration = times[i + 1] - times[i]
-            substeps = max(1, int(np.ceil(duration * per_second - 1e-6)))
-            advance(q, z, thrusts[i], duration, substeps, ends[k])
-            put(z, ends[k])
+        put(ends[k], states[first[k]])
+        piece_end(p, drift, times, ends[k], thrusts, shares, first[k], last[k], per_second)
     return ends

@@ -78,8 +78,8 @@ class Lookahead:
     between sets: `hold` is the price of the squared surge above it. The lower end is asked at
     entry alone, for turns are slow. `thrift` is what a second of one thruster at full thrust costs
     beside the second itself [s], and of less thrust by its square: energy is saved first where the
-    boat turns, for there it buys the least time, then by speed. `stages` is N; `step_s` is T, the time between two solves;
-    the durations of the stages are free. Raises `UsageError`.
+    boat turns, for there it buys the least time, then by speed. `stages` is N; `step_s` is T, the
+    time between two solves; the durations of the stages are free. Raises `UsageError`.
     """
 
     hold: float = 50.0

@@ -50,9 +50,10 @@ class Terms(NamedTuple):
     `p` the model's parameters and `substeps` of its integration; `rows` (3, N + 1, R, 4)
     half-spaces by group (see `interior`) with `count` (3, N + 1) of them in use; `weight`
     (N + 1,) of the squared distance, `price` (3, N + 1) of slack, `effort` (2, N) of a squared
-    newton and of one for a second; `timing` (5, N): shortest duration, span of durations, price of a second, nominal
-    duration, price of its square; `limits` (2,) of a thrust, and `bounds` (2, N, 2), least and
-    largest, of each stage's thrusts within them; `regularisation` of the shares.
+    newton and of one for a second; `timing` (5, N): shortest duration, span of durations, price of
+    a second, nominal duration, price of its square; `limits` (2,) of a thrust, and `bounds`
+    (2, N, 2), least and largest, of each stage's thrusts within them; `regularisation` of the
+    shares.
     """
 
     p: NDArray[np.float64]

@@ -1,0 +1,80 @@
+"""How badly some numbers of a boat explain how it moved, compiled: a search asks it thousands of
+times.
+"""
+
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
+
+from __future__ import annotations
+
+import numpy as np
+
+from grebe.control.rollout import piece_end
+from grebe.core.kernels import machine_code
+
+# Where the numbers stand: logarithms of two thrusters' shares and of four factors, dead time and
+# lag, compass, two currents and two forces of the wind, how fast the currents change.
+SHARES, COMPASS, WEATHER_AT, DRIFT_AT = 0, 8, 9, 13
+# Which of the boat's numbers in the equations of motion the factors on its drag and its inertia
+# multiply, in the order m33, x_u, y_v, n_r, x_uu, y_vv, n_rr, and which factor each.
+FACTORS_OF, FACTORS = (2, 3, 4, 5, 6, 7, 8), (4, 2, 3, 5, 2, 3, 5)
+# Standard deviations beyond which a miss counts by its size and no longer by its square.
+ROBUST = 3.0
+
+
+@machine_code
+def parameters_of(numbers, boat, units):
+    """The 15 numbers of the equations of motion: `boat` (11,) with its factors, and the weather in
+    its `units` (4,).
+    """
+    p = np.empty(len(boat) + len(units))
+    for i in range(len(boat)):
+        p[i] = boat[i]
+    for i, factor in zip(FACTORS_OF, FACTORS):  # noqa: B905 (numba knows no strict)
+        p[i] *= np.exp(numbers[factor])
+    for i in range(len(units)):
+        p[len(boat) + i] = numbers[WEATHER_AT + i] * units[i]
+    return p
+
+
+@machine_code
+def misfit(
+    numbers, believed, prior_sd, boat, units, times, states, thrusts, first, last, per_second,
+    end_sd,
+):  # fmt: skip
+    """What the ends of the pieces `first` to `last` miss, in standard deviations `end_sd` (k, 6),
+    and how far `numbers` are from `believed`: (6 k + 15,), as pseudo-Huber residuals, of which a
+    single one, an estimate that jumps, does not decide. `thrusts` (n - 1, 2) are those that acted
+    between `states` (n, 6) if thrusters give what they are told.
+    """
+    p = parameters_of(numbers, boat, units)
+    drift, angle = numbers[DRIFT_AT:], -numbers[COMPASS]
+    cos, sin = np.cos(angle), np.sin(angle)
+    shares = np.exp(numbers[SHARES : SHARES + 2])
+    out = np.empty(6 * len(first) + len(numbers))
+    z, end = np.empty(6), np.empty(6)
+    for k in range(len(first)):
+        _turn(states[first[k]], angle, cos, sin, z)
+        piece_end(p, drift, times, z, thrusts, shares, first[k], last[k], per_second)
+        _turn(states[last[k]], angle, cos, sin, end)
+        for i in range(6):
+            out[6 * k + i] = (z[i] - end[i]) / end_sd[k, i]
+    pulls = 6 * len(first)
+    for i in range(len(numbers)):
+        out[pulls + i] = (numbers[i] - believed[i]) / prior_sd[i]
+    for i in range(len(out)):
+        share = out[i] / ROBUST
+        size = ROBUST * np.sqrt(2.0 * (np.sqrt(1.0 + share * share) - 1.0))
+        out[i] = size if share >= 0 else -size
+    return out
+
+
+@machine_code
+def _turn(state, angle, cos, sin, out):
+    """A state whose compass shows `angle` more; see `correction.turned`."""
+    for i in range(6):
+        out[i] = state[i]
+    out[2] += angle
+    out[3] = cos * state[3] + sin * state[4]
+    out[4] = cos * state[4] - sin * state[3]
