@@ -15,9 +15,10 @@ from grebe.control.rules.dual import Dual
 from grebe.control.rules.lookahead import Lookahead
 from grebe.control.solvers.base import Status
 from grebe.control.solvers.builders import Fast, Ipopt
-from grebe.control.solvers.fast.model import advance, linearise, parameter_vector, second_order
+from grebe.control.solvers.fast.derivatives import linearise, second_order
 from grebe.control.solvers.fast.riccati import factorise, solve
 from grebe.core.dynamics import rates, rk4
+from grebe.core.motion import advance, parameter_vector
 from grebe.core.sets import rectangle
 from grebe.core.vessel import PRESETS
 

@@ -26,8 +26,8 @@ from grebe.control.correction import Correction, as_modelled
 from grebe.control.flown import Flown
 from grebe.control.misfit import misfit, parameters_of
 from grebe.control.rollout import pieces_ends
-from grebe.control.solvers.fast.model import parameter_vector
 from grebe.core.dynamics import CALM, Weather
+from grebe.core.motion import parameter_vector
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:

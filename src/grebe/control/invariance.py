@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import qmc
 
-from grebe.control.solvers.fast.model import advance, linearise, parameter_vector
+from grebe.control.solvers.fast.derivatives import linearise
 from grebe.control.solvers.fast.reach import excesses
 from grebe.core.dynamics import CALM
 from grebe.core.errors import UsageError
+from grebe.core.motion import advance, parameter_vector
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import Vessel
 

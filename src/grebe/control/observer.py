@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.solvers.fast.model import advance, parameter_vector
 from grebe.core.copies import put
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.kernels import machine_code
+from grebe.core.motion import advance, parameter_vector
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.control.solvers.fast.model import advance
 from grebe.core.copies import put
 from grebe.core.kernels import machine_code
+from grebe.core.motion import advance
 
 SUBSTEPS_PER_S = 20.0
 

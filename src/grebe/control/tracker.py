@@ -22,9 +22,9 @@ from grebe.control.flown import Flown
 from grebe.control.observer import Observer
 from grebe.control.rollout import SUBSTEPS_PER_S
 from grebe.control.slow_thrusters import SlowThrusters
-from grebe.control.solvers.fast.model import advance, parameter_vector
 from grebe.core.dynamics import Weather
 from grebe.core.events import State
+from grebe.core.motion import advance, parameter_vector
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:

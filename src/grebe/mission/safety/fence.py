@@ -19,10 +19,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from grebe.control.solvers.fast.model import advance, parameter_vector
 from grebe.control.station import APPROACH_MPS, StationKeeper, drift_mps
 from grebe.core.dynamics import Weather
 from grebe.core.events import State
+from grebe.core.motion import advance, parameter_vector
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Place
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.control.solvers.fast.model import advance
 from grebe.core.kernels import machine_code
+from grebe.core.motion import advance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,7 +9,7 @@ import numpy as np
 from grebe.control.horizon import DURATION_REGULARISATION, Horizon, HorizonShape, Plan
 from grebe.control.solvers.base import Solution, Status
 from grebe.control.solvers.fast import sqp
-from grebe.control.solvers.fast.model import parameter_vector
+from grebe.core.motion import parameter_vector
 from grebe.core.vessel import Vessel
 
 if TYPE_CHECKING:

@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from grebe.control.solvers.fast.derivatives import linearise, second_order
 from grebe.control.solvers.fast.interior import minimise, start_box, start_rows
-from grebe.control.solvers.fast.model import advance, linearise, second_order
 from grebe.control.solvers.fast.riccati import NW, NX, NY, PLACE, ROW
 from grebe.core.copies import put, put_rows
 from grebe.core.eights import WIDTH
 from grebe.core.kernels import machine_code
+from grebe.core.motion import advance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,7 +1,6 @@
-"""Eq. (9) over one stage with first and second derivatives, compiled.
+"""First and second derivatives of Eq. (9) over one stage, written out and compiled.
 
-The same equations as `grebe.core.dynamics.rates`, which the tests hold this file to, with their
-derivatives written out. Positions enter no right-hand side, so sensitivities are taken in the
+Positions enter no right-hand side, so sensitivities are taken in the
 seven directions p = (psi, u, v, r, F_1, F_2, T) only. Duration is handled by integrating
 T f over unit time, which makes T a parameter like the thrusts.
 """
@@ -11,73 +10,26 @@ T f over unit time, which makes T a parameter like the thrusts.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from grebe.core.copies import put
 from grebe.core.eights import WIDTH, eight, loaded, stored
 from grebe.core.kernels import inlined_machine_code, machine_code
-from grebe.core.vessel import Vessel
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-# Order of the vessel's numbers in the parameter vector.
-_M11, _M22, _M33, _XU, _YV, _NR, _XUU, _YVV, _NRR, _ARM, _YAW = range(11)
-_CN, _CE, _FN, _FE = range(11, 15)
-
-
-def parameter_vector(vessel: Vessel, weather: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the 15 numbers of the equations: vessel, then current and wind force."""
-    boat = [
-        vessel.m11_kg,
-        vessel.m22_kg,
-        vessel.m33_kgm2,
-        vessel.x_u,
-        vessel.y_v,
-        vessel.n_r,
-        vessel.x_uu,
-        vessel.y_vv,
-        vessel.n_rr,
-        vessel.arm_m,
-        vessel.yaw_coupling_kg,
-    ]
-    return np.concatenate([np.array(boat), weather])
-
-
-@inlined_machine_code
-def _in_hull_axes(p, psi):
-    """Cosine and sine of the heading, and current and wind force ahead and to starboard."""
-    c, s = np.cos(psi), np.sin(psi)
-    current, wind = (p[_CN], p[_CE]), (p[_FN], p[_FE])
-    return (
-        c,
-        s,
-        c * current[0] + s * current[1],
-        c * current[1] - s * current[0],
-        c * wind[0] + s * wind[1],
-        c * wind[1] - s * wind[0],
-    )
-
-
-@inlined_machine_code
-def _rates(p, psi, u, v, r, port, starboard):
-    """Right-hand side: six numbers."""
-    c, s, u_c, v_c, wind_x, wind_y = _in_hull_axes(p, psi)
-    u_r, v_r = u - u_c, v - v_c
-    m11, m22 = p[_M11], p[_M22]
-    drag_u = (p[_XU] + p[_XUU] * abs(u_r)) * u_r
-    drag_v = (p[_YV] + p[_YVV] * abs(v_r)) * v_r
-    drag_r = (p[_NR] + p[_NRR] * abs(r)) * r
-    return (
-        u * c - v * s,
-        u * s + v * c,
-        r,
-        (port + starboard + wind_x + m22 * v_r * r + drag_u) / m11 + r * v_c,
-        (wind_y - m11 * u_r * r + drag_v) / m22 - r * u_c,
-        (p[_ARM] * (port - starboard) + p[_YAW] * u_r * v_r + drag_r) / p[_M33],
-    )
+from grebe.core.motion import (
+    ARM,
+    M11,
+    M22,
+    M33,
+    NR,
+    NRR,
+    XU,
+    XUU,
+    YAW,
+    YV,
+    YVV,
+    in_hull_axes,
+    motion,
+)  # fmt: skip
 
 
 @machine_code
@@ -85,12 +37,12 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     """Right-hand side `f` (6,) and its Jacobian `jac` (6, 8) in (psi, u, v, r, F_1, F_2),
     with two columns of zeros.
     """
-    f[0], f[1], f[2], f[3], f[4], f[5] = _rates(p, psi, u, v, r, port, starboard)
-    c, s, u_c, v_c, wind_x, wind_y = _in_hull_axes(p, psi)
+    f[0], f[1], f[2], f[3], f[4], f[5] = motion(p, psi, u, v, r, port, starboard)
+    c, s, u_c, v_c, wind_x, wind_y = in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
-    m11, m22, m33, arm, yaw = p[_M11], p[_M22], p[_M33], p[_ARM], p[_YAW]
-    slope_u = p[_XU] + 2 * p[_XUU] * abs(u_r)
-    slope_v = p[_YV] + 2 * p[_YVV] * abs(v_r)
+    m11, m22, m33, arm, yaw = p[M11], p[M22], p[M33], p[ARM], p[YAW]
+    slope_u = p[XU] + 2 * p[XUU] * abs(u_r)
+    slope_v = p[YV] + 2 * p[YVV] * abs(v_r)
     jac[:] = 0.0
     jac[0, 0], jac[0, 1], jac[0, 2] = -f[1], c, -s
     jac[1, 0], jac[1, 1], jac[1, 2] = f[0], s, c
@@ -108,7 +60,7 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     jac[5, 0] = yaw * (u_r * u_c - v_r * v_c) / m33
     jac[5, 1] = yaw * v_r / m33
     jac[5, 2] = yaw * u_r / m33
-    jac[5, 3] = (p[_NR] + 2 * p[_NRR] * abs(r)) / m33
+    jac[5, 3] = (p[NR] + 2 * p[NRR] * abs(r)) / m33
     jac[5, 4] = arm / m33
     jac[5, 5] = -arm / m33
 
@@ -116,18 +68,18 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
 @machine_code
 def curvature(p, psi, u, v, r, mu, hess):
     """Hessian `hess` (4, 4) of mu f in (psi, u, v, r); f is linear in the thrusts."""
-    c, s, u_c, v_c, wind_x, wind_y = _in_hull_axes(p, psi)
+    c, s, u_c, v_c, wind_x, wind_y = in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
-    a4, a5, a6 = mu[3] / p[_M11], mu[4] / p[_M22], mu[5] / p[_M33]
-    yaw = p[_YAW]
+    a4, a5, a6 = mu[3] / p[M11], mu[4] / p[M22], mu[5] / p[M33]
+    yaw = p[YAW]
     # Partial derivatives of mu f in the velocities through the water.
-    l_u = a4 * (p[_XU] + 2 * p[_XUU] * abs(u_r)) - a5 * p[_M11] * r + a6 * yaw * v_r
-    l_v = a4 * p[_M22] * r + a5 * (p[_YV] + 2 * p[_YVV] * abs(v_r)) + a6 * yaw * u_r
-    l_uu = 2 * a4 * p[_XUU] * np.sign(u_r)
-    l_vv = 2 * a5 * p[_YVV] * np.sign(v_r)
+    l_u = a4 * (p[XU] + 2 * p[XUU] * abs(u_r)) - a5 * p[M11] * r + a6 * yaw * v_r
+    l_v = a4 * p[M22] * r + a5 * (p[YV] + 2 * p[YVV] * abs(v_r)) + a6 * yaw * u_r
+    l_uu = 2 * a4 * p[XUU] * np.sign(u_r)
+    l_vv = 2 * a5 * p[YVV] * np.sign(v_r)
     l_uv = a6 * yaw
-    l_ur = -a5 * p[_M11]
-    l_vr = a4 * p[_M22]
+    l_ur = -a5 * p[M11]
+    l_vr = a4 * p[M22]
     along = mu[0] * (u * c - v * s) + mu[1] * (u * s + v * c)
     hess[0, 0] = (
         l_uu * v_c * v_c
@@ -145,37 +97,10 @@ def curvature(p, psi, u, v, r, mu, hess):
     hess[0, 3] = -l_ur * v_c + l_vr * u_c - mu[3] * u_c - mu[4] * v_c
     hess[1, 1], hess[1, 2], hess[1, 3] = l_uu, l_uv, l_ur
     hess[2, 2], hess[2, 3] = l_vv, l_vr
-    hess[3, 3] = 2 * a6 * p[_NRR] * np.sign(r)
+    hess[3, 3] = 2 * a6 * p[NRR] * np.sign(r)
     for i in range(4):
         for j in range(i):
             hess[i, j] = hess[j, i]
-
-
-@machine_code
-def advance(p, z, thrusts, duration, substeps, out):
-    """Integrate one stage from `z` (6,) into `out` (6,): RK4 without derivatives."""
-    # In plain numbers, for the search does little else: small arrays cost more than they hold.
-    h, half = duration / substeps, 0.5 * duration / substeps
-    port, starboard = thrusts[0], thrusts[1]
-    x, y, psi, u, v, r = z[0], z[1], z[2], z[3], z[4], z[5]
-    for _ in range(substeps):
-        a0, a1, a2, a3, a4, a5 = _rates(p, psi, u, v, r, port, starboard)
-        b0, b1, b2, b3, b4, b5 = _rates(
-            p, psi + half * a2, u + half * a3, v + half * a4, r + half * a5, port, starboard
-        )
-        c0, c1, c2, c3, c4, c5 = _rates(
-            p, psi + half * b2, u + half * b3, v + half * b4, r + half * b5, port, starboard
-        )
-        d0, d1, d2, d3, d4, d5 = _rates(
-            p, psi + h * c2, u + h * c3, v + h * c4, r + h * c5, port, starboard
-        )
-        x += h / 6 * (a0 + 2 * b0 + 2 * c0 + d0)
-        y += h / 6 * (a1 + 2 * b1 + 2 * c1 + d1)
-        psi += h / 6 * (a2 + 2 * b2 + 2 * c2 + d2)
-        u += h / 6 * (a3 + 2 * b3 + 2 * c3 + d3)
-        v += h / 6 * (a4 + 2 * b4 + 2 * c4 + d4)
-        r += h / 6 * (a5 + 2 * b5 + 2 * c5 + d5)
-    out[0], out[1], out[2], out[3], out[4], out[5] = x, y, psi, u, v, r
 
 
 @inlined_machine_code
