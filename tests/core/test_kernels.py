@@ -77,3 +77,33 @@ def test_an_interruption_while_machine_code_is_made_neither_kills_nor_is_lost(tm
         [sys.executable, script], capture_output=True, text=True, timeout=120, check=False
     )
     assert again.returncode == 0, again.stderr
+
+
+INTERPRETED = """
+import numpy as np
+from grebe.control.solvers.fast.riccati import factorise, solve
+n = 2
+hess = np.tile(np.eye(9, 10), (n, 1, 1))
+sens, grad = np.ones((n, 6, 8)) * 0.1, np.ones((n, 10))
+sens[:, :, 7] = 0.0
+p, gain, chol = np.zeros((n + 1, 6, 8)), np.zeros((n, 3, 8)), np.zeros((n, 3, 3))
+assert factorise(hess, np.eye(6), sens, p, gain, chol)
+dx, dw, costate = np.zeros((n + 1, 6)), np.zeros((n, 3)), np.zeros((n + 1, 6))
+solve(grad, np.ones(6), sens, np.ones((n, 6)), p, gain, chol, dx, dw, costate)
+print(repr(float(dx.sum() + dw.sum() + costate.sum())))
+"""
+
+
+def test_kernels_run_without_the_compiler_and_find_the_same():
+    """Who looks for a fault steps through them in Python."""
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", INTERPRETED],
+            env=os.environ | switched,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for switched in ({}, {"NUMBA_DISABLE_JIT": "1"})
+    ]
+    assert float(told[0]) == pytest.approx(float(told[1]), rel=1e-12)

@@ -58,6 +58,8 @@ def _compiled_in_peace(kernel: Any) -> Any:
     signal raises within a call back from the compiler is lost there, and the machine code with it:
     the process then dies of it.
     """
+    if not hasattr(kernel, "compile"):
+        return kernel  # With NUMBA_DISABLE_JIT=1 numba hands the function back as it is.
     compile_once = kernel.compile
 
     def compile_in_peace(signature: Any) -> Any:
