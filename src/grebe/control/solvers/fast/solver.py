@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,15 +48,11 @@ class FastSolver:
         span = high - low
         share = np.where(span > 0, (guess.durations - low) / np.where(span > 0, span, 1.0), 0.5)
         shares = np.minimum(np.maximum(share, 0.0), 1.0)
-        rows, count, price = _rows(horizon)
         bounds = horizon.bounds_of_thrusts(*self._limits)
         terms = sqp.Terms(
             p=parameter_vector(self._vessel, weather),
             substeps=self._shape.substeps,
-            rows=rows,
-            count=count,
-            weight=np.append(horizon.cost_weights, 0.0),
-            price=price,
+            **_rows(horizon),
             effort=np.array([horizon.effort_weights, horizon.power_weights])
             / self._vessel.thrust_max_n**2,
             timing=np.array(
@@ -108,20 +104,27 @@ class FastSolver:
         return best
 
 
-def _rows(
-    horizon: Horizon,
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Gather cost sets, entry sets and corridors; rows that always hold are not counted."""
+def _rows(horizon: Horizon) -> dict[str, Any]:
+    """Gather cost sets, entry sets and corridors, node by node; rows that always hold are left out,
+    and sets that weigh nothing.
+    """
     n = horizon.shape.stages
     groups = (horizon.cost_sets, horizon.entry_sets, horizon.corridors)
     width = max(group.shape[1] for group in groups)
-    rows = np.zeros((3, n + 1, width, 4))
-    count = np.zeros((3, n + 1), dtype=np.int64)
+    rows = np.zeros((n + 1, len(groups), width, 4))
     for i, group in enumerate(groups):
-        rows[i, : len(group), : group.shape[1]] = group
-        count[i, : len(group)] = np.any(group[:, :, :3] != 0, axis=2).sum(axis=1)
-    count[0, :n][horizon.cost_weights <= 0] = 0
-    price = np.zeros((3, n + 1))
-    price[1] = horizon.entry_penalties
-    price[2] = horizon.corridor_penalty
-    return rows, count, price
+        rows[: len(group), i, : group.shape[1]] = group
+    weight, price = np.zeros((n + 1, len(groups))), np.zeros((n + 1, len(groups)))
+    weight[:n, 0] = horizon.cost_weights
+    price[:, 1], price[:, 2] = horizon.entry_penalties, horizon.corridor_penalty
+    rows[weight + price <= 0] = 0.0
+    used = (rows[..., :3] != 0).any(axis=3)
+    count = used.sum(axis=2)
+    node, group = np.nonzero(count)
+    return {
+        "rows": rows[used],
+        "first": np.concatenate([[0], np.cumsum(count[node, group])]),
+        "node": node,
+        "weight": weight[node, group],
+        "price": price[node, group],
+    }

@@ -48,19 +48,20 @@ SHRINKING, NEGLIGIBLE = 0.25, 0.1
 class Terms(NamedTuple):
     """The numbers of one optimisation, constant while it runs.
 
-    `p` the model's parameters and `substeps` of its integration; `rows` (3, N + 1, R, 4)
-    half-spaces by group (see `interior`) with `count` (3, N + 1) of them in use; `weight`
-    (N + 1,) of the squared distance, `price` (3, N + 1) of slack, `effort` (2, N) of a squared
-    newton and of one for a second; `timing` (5, N): shortest duration, span of durations, price of
-    a second, nominal duration, price of its square; `limits` (2,) of a thrust, and `bounds`
-    (2, N, 2), least and largest, of each stage's thrusts within them; `regularisation` of the
-    shares.
+    `p` the model's parameters and `substeps` of its integration; `rows` (M, 4) half-spaces in
+    families (see `interior`), of each of which (J,) `first` (J + 1,) says where its rows begin,
+    `node` where they hold, `weight` what the squared distance costs, or `price` what their slack
+    does; `effort` (2, N) of a squared newton and of one for a second; `timing` (5, N): shortest
+    duration, span of durations, price of a second, nominal duration, price of its square; `limits`
+    (2,) of a thrust, and `bounds` (2, N, 2), least and largest, of each stage's thrusts within
+    them; `regularisation` of the shares.
     """
 
     p: NDArray[np.float64]
     substeps: int
     rows: NDArray[np.float64]
-    count: NDArray[np.int64]  # pyright: ignore[reportIncompatibleMethodOverride]
+    first: NDArray[np.int64]
+    node: NDArray[np.int64]
     weight: NDArray[np.float64]
     price: NDArray[np.float64]
     effort: NDArray[np.float64]
@@ -89,7 +90,7 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
 
     Returns how it ended (CONVERGED, FEASIBLE or FAILED), the iterations, and the cost.
     """
-    n, width = inputs.shape[0], terms.rows.shape[2]
+    n, families = inputs.shape[0], len(terms.node)
     evals = 4 * terms.substeps
     shooting = Shooting(
         np.empty((n, NX, WIDTH)),
@@ -99,11 +100,12 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
         np.empty((n, evals, NX, WIDTH)),
     )
     hess, grad = np.zeros((n, NY, ROW)), np.zeros((n, ROW))
-    base = np.zeros((3, n + 1, width))
-    compliance = 0.5 / np.maximum(terms.weight, 1e-12)
-    t, lam = np.ones((3, n + 1, width)), np.zeros((3, n + 1, width))
-    s, nu = np.zeros((3, n + 1)), np.ones((3, n + 1))
-    box_t, box_lam = np.ones((2, n, NW)), np.zeros((2, n, NW))
+    base, compliance = np.empty(len(terms.rows)), np.zeros(families)
+    for j in range(families):
+        compliance[j] = 0.5 / terms.weight[j] if terms.weight[j] > 0.0 else 0.0
+    pairs = len(base) + 2 * NW * n
+    t, lam = np.ones(pairs), np.zeros(pairs)
+    s, nu = np.zeros(families), np.zeros(families)
     low, high = np.empty((n, NW)), np.empty((n, NW))
     dx, dw = np.zeros((n + 1, NX)), np.zeros((n, NW))
     gain = np.zeros((n, NW, WIDTH))
@@ -122,11 +124,11 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
         for attempt in range(2):
             curved = attempt == 0 or damping > 0.0 or free
             _quadratic(terms, inputs, costate, shooting, damping, curved, attempt == 1, hess, grad)
-            start_rows(terms.count, base, compliance, terms.price, t, lam, s, nu)
-            start_box(low, high, box_t, box_lam)
+            start_rows(terms.first, compliance, terms.price, base, t, lam, s, nu)
+            start_box(low, high, t, lam)
             solved = minimise(
-                hess, grad, shooting.sens, shooting.gap, terms.rows, terms.count, base,
-                compliance, terms.price, low, high, t, lam, s, nu, box_t, box_lam,
+                hess, grad, shooting.sens, shooting.gap, terms.rows, terms.first, terms.node,
+                compliance, terms.price, base, low, high, t, lam, s, nu,
                 dx, dw, new_costate, gain, QP_TOLERANCE,
             )  # fmt: skip
             if solved >= 0:
@@ -275,13 +277,11 @@ def _eased(damping, alpha):
 @machine_code
 def _values(terms, states, base):
     """Value of every row at the iterate."""
-    rows, count = terms.rows, terms.count
-    for group in range(3):
-        for k in range(count.shape[1]):
-            z = states[k]
-            for i in range(count[group, k]):
-                row = rows[group, k, i]
-                base[group, k, i] = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
+    rows, first = terms.rows, terms.first
+    for j in range(len(terms.node)):
+        z = states[terms.node[j]]
+        for i in range(first[j], first[j + 1]):
+            base[i] = rows[i, 0] * z[0] + rows[i, 1] * z[1] + rows[i, 2] * z[3] - rows[i, 3]
 
 
 @machine_code
@@ -330,7 +330,7 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
 
 @machine_code
 def _cost(terms, states, inputs):
-    """Cost with its L1 slacks."""
+    """Cost with its L1 slacks: of a family the squares, or the worst of its rows."""
     total = 0.0
     timing = terms.timing
     for k in range(inputs.shape[0]):
@@ -340,23 +340,16 @@ def _cost(terms, states, inputs):
         total += effort * (w[0] * w[0] + w[1] * w[1])
         total += timing[2, k] * duration + terms.regularisation * (w[2] - 0.5) ** 2
         total += timing[4, k] * (duration - timing[3, k]) ** 2
-    for group in range(3):
-        for k in range(states.shape[0]):
-            total += _row_cost(terms, group, k, states[k])
+    rows, first = terms.rows, terms.first
+    for j in range(len(terms.node)):
+        z, squares, worst = states[terms.node[j]], 0.0, 0.0
+        for i in range(first[j], first[j + 1]):
+            r = rows[i, 0] * z[0] + rows[i, 1] * z[1] + rows[i, 2] * z[3] - rows[i, 3]
+            if r > 0.0:
+                squares += r * r
+                worst = max(worst, r)
+        total += terms.weight[j] * squares + terms.price[j] * worst
     return total
-
-
-@machine_code
-def _row_cost(terms, group, k, z):
-    """What the rows of a group cost at a node: squares in group 0, the worst one elsewhere."""
-    squares, worst = 0.0, 0.0
-    for i in range(terms.count[group, k]):
-        row = terms.rows[group, k, i]
-        r = row[0] * z[0] + row[1] * z[1] + row[2] * z[3] - row[3]
-        if r > 0.0:
-            squares += r * r
-            worst = max(worst, r)
-    return terms.weight[k] * squares if group == 0 else terms.price[group, k] * worst
 
 
 @machine_code
