@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import signal
 import threading
 from collections.abc import Callable, Generator
@@ -12,6 +13,7 @@ from types import FrameType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core.runtime.nrt import rtsys
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
@@ -58,6 +60,7 @@ def _compiled_in_peace(kernel: Any) -> Any:
     signal raises within a call back from the compiler is lost there, and the machine code with it:
     the process then dies of it.
     """
+    _load_at_once(kernel)
     compile_once = kernel.compile
 
     def compile_in_peace(signature: Any) -> Any:
@@ -66,6 +69,27 @@ def _compiled_in_peace(kernel: Any) -> Any:
 
     kernel.compile = compile_in_peace
     return kernel
+
+
+def _load_at_once(kernel: Any) -> None:
+    """Load a kernel's machine code without what only a compiler needs: numba first tells its
+    compiler of all that it could translate, for a tenth of a second and more. What is not on disk
+    is compiled as ever.
+    """
+    cache = kernel._cache
+    look_and_prepare = cache.load_overload
+
+    def load(signature: Any, context: Any) -> Any:
+        # What machine code calls by name: numba's memory, and Python's secret of hashes.
+        importlib.import_module("numba.cpython.hashing")
+        rtsys.initialize(context)
+        with suppress(Exception):
+            found = cache._load_overload(signature, context)
+            if found is not None:
+                return found
+        return look_and_prepare(signature, context)
+
+    cache.load_overload = load
 
 
 @contextmanager

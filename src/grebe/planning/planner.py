@@ -17,10 +17,11 @@ from grebe.core.survey import Pose, Survey, Target
 from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.bounds import lower_bound_m
-from grebe.planning.check import PlanCheck, check_plan
+from grebe.planning.check import check_plan
 from grebe.planning.corridors import Stop, Waterways, widened
 from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
+from grebe.planning.planned import Planned
 from grebe.planning.region import Region, coarsened, navigable_water
 from grebe.planning.route import Route, best_route
 from grebe.planning.travel import Travel, travel_of
@@ -40,18 +41,6 @@ MANY_VERTICES, COAST_SHARE = 10_000, 0.1
 TURN_RAD = math.radians(30)
 # Footprint of the start, for the hull with the first target [m].
 START_RADIUS_M = 0.05
-
-
-@dataclass(frozen=True, kw_only=True)
-class Planned:
-    """A survey, what the planner made of its settings, what an independent check found, and
-    what whoever asked for it should know.
-    """
-
-    survey: Survey
-    outcome: PlanOutcome
-    check: PlanCheck
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
