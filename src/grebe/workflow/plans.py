@@ -110,7 +110,10 @@ def write_plan(
 
 
 def _draw(survey: Survey, revision: PlanRevision | None, picture: Path) -> None:
-    """Draw a plan; matplotlib takes a second to import, which a refusal need not wait for."""
+    """Draw a plan; matplotlib takes its time to import, for which a refusal need not wait."""
+    from grebe.report.undescribed import import_figures
+
+    import_figures()
     from grebe.report import canvas
     from grebe.report.mission_figures import plan_figure
 
