@@ -138,12 +138,12 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
 
 
 def _corners(targets: Sequence[Target]) -> NDArray[np.float64]:
-    """The corners of targets (n, m, 2), east first. Those with fewer than others have their first
+    """The corners of targets (n, m, 2), east first. Those with fewer than others have their last
     one several times: what comes in one array is made into paths in one go.
     """
     rings = [target.set.vertices for target in targets]
     most = max(map(len, rings), default=3)
-    padded = [ring + ring[:1] * (most - len(ring)) for ring in rings]
+    padded = [ring + ring[-1:] * (most - len(ring)) for ring in rings]
     return np.array(padded, dtype=float).reshape(-1, most, 2)[:, :, ::-1]
 
 
