@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.core.errors import PlanError
 from grebe.core.plan_settings import PlanOutcome, PlanSettings, check_speed
 from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.bounds import lower_bound_m
+from grebe.planning.budget import SMALLEST_CELL_M, affordable_cell_m
 from grebe.planning.check import check_plan
 from grebe.planning.corridors import Stop, Waterways, widened
 from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
 # Directions of the rows that `auto` tries [deg]; of many cells only every third of them.
 ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 MANY_CELLS = 2_500
-# How near a plan must come to the budget of time or energy, and in how many trials.
-BUDGET_SHARE, BUDGET_TRIALS = 0.95, 16
-SMALLEST_CELL_M = 0.5
 # A coast of more vertices than this is drawn with fewer, within this share of a cell.
 MANY_VERTICES, COAST_SHARE = 10_000, 0.1
 # A turn on the way that is counted as one [rad].
@@ -142,7 +139,9 @@ class Planner:
 
     def first_draft(self, *, quick: bool) -> Draft:
         """Return a draft with cells of the size and direction that were asked for, or fit best."""
-        cell_m = self.settings.cell_m or self._affordable_cell_m()
+        cell_m = self.settings.cell_m
+        if cell_m is None:
+            return self._affordable(quick=quick)
         return self.draft(cell_m, self._angle(cell_m), quick=quick)
 
     def survey(self, draft: Draft, ways: Waterways, bound_m: float | None = None) -> Survey:
@@ -197,46 +196,31 @@ class Planner:
 
         return min(angles, key=legs_s)
 
-    def _affordable_cell_m(self) -> float:
-        """The smallest cells whose plan keeps the budget, to within `BUDGET_SHARE`.
-
-        Of many cells quick plans are tried, which are a little slower than what comes of them.
+    def _affordable(self, *, quick: bool) -> Draft:
+        """A draft with the smallest cells that keep the budget. Of many cells quick plans are
+        tried, which are a little slower than what comes of them.
         """
-        budget_s = self._budget_s()
-        pace = 1 / float(np.mean(self.travel.slowness))
-        largest = math.sqrt(self.water.area)
-        cell_m = float(np.clip(self.water.area / (pace * budget_s), SMALLEST_CELL_M, largest))
-        # Cells known to be too small, and the smallest that are known to do.
-        low, best = SMALLEST_CELL_M, None
-        for _ in range(BUDGET_TRIALS):
-            time_s = self._spent_s(cell_m)
-            if time_s > budget_s:
-                low = cell_m
-            else:
-                best = cell_m
-                if time_s >= BUDGET_SHARE * budget_s or best <= 1.01 * low:
-                    break
-            if best is None and low >= largest:
-                break
-            if best is None:
-                cell_m = min(low * float(np.clip(time_s / budget_s, 1.1, 2.0)), largest)
-            else:
-                cell_m = math.sqrt(low * best)
-        if best is None:
-            raise PlanError(
-                f"No plan of this water takes less than {budget_s / 60:.1f} minutes; "
-                "give more time or energy, or a part of the water."
-            )
-        return best
+        angle = self.settings.angle_deg
+        tried: dict[float, Draft] = {}
 
-    def _spent_s(self, cell_m: float) -> float:
+        def spent_s(cell_m: float) -> float:
+            many = self.water.area / cell_m**2 > MANY_CELLS
+            draft = self.draft(cell_m, angle or 0.0, quick=many)
+            if many == quick and angle is not None:
+                tried[cell_m] = draft
+            return self._spent_s(draft)
+
+        budget_s, pace = self._budget_s(), 1 / float(np.mean(self.travel.slowness))
+        first_m = self.water.area / (pace * budget_s)
+        cell_m = affordable_cell_m(spent_s, budget_s, first_m, math.sqrt(self.water.area))
+        return tried.get(cell_m) or self.draft(cell_m, self._angle(cell_m), quick=quick)
+
+    def _spent_s(self, draft: Draft) -> float:
         """What a plan takes of the budget, its transits with it: its time, or the time for which
         its energy would last a boat that goes straight.
         """
-        many = self.water.area / cell_m**2 > MANY_CELLS
-        draft = self.draft(cell_m, self.settings.angle_deg or 0.0, quick=many)
-        stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
-        way = self._way_through(draft, self._targets(draft, stops))
+        ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
+        way = self._way_through(draft, self._targets(draft, self._stops(draft, ways)))
         if self.settings.minutes is not None:
             return self.travel.path_s(way)
         return 3600.0 * self.travel.path_wh(way) / self.travel.power_w
