@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 MOST_FOR_ASCENT = 2_500
 # Rounds of the ascent, and of how many pairs they may look at together.
 ROUNDS, PAIRS = 400, 100_000_000
+# Within so many cells the centres of most lakes' cells hang together.
+REACHES = (1.25, 2.0)
 
 
 def lower_bound_m(
@@ -46,7 +48,7 @@ def lower_bound_m(
             lengths = np.maximum(lengths, around.toarray())
         tree = float(_priced_tree(lengths, cell_m, rounds))
     else:
-        tree = _spanning_tree_m(points)
+        tree = _spanning_tree_m(points, cell_m)
     return max(tree, _parity_m(cells, cell_m) if shape == "square" else 0.0)
 
 
@@ -58,11 +60,35 @@ def _parity_m(cells: list[Cell], cell_m: float) -> float:
     return cell_m * (len(colours) - 1 + (math.sqrt(2) - 1) * max(excess - 1, 0))
 
 
-def _spanning_tree_m(points: np.ndarray) -> float:
-    """Length of the minimum spanning tree; its edges are among Delaunay's."""
+def _spanning_tree_m(points: np.ndarray, cell_m: float) -> float:
+    """Length of the minimum spanning tree. Where pairs up to some distance hang together, all of
+    its edges are among them; they are always among Delaunay's.
+    """
+    from scipy.spatial import KDTree
+
+    lookup = KDTree(points)
+    for reach in REACHES:
+        low, high = lookup.query_pairs(reach * cell_m, output_type="ndarray").T
+        tree = _tree_of(points, low, high)
+        if tree.nnz == len(points) - 1:
+            return float(tree.sum())
+    return _delaunay_tree_m(points)
+
+
+def _tree_of(points: np.ndarray, low: NDArray[np.int64], high: NDArray[np.int64]) -> csr_array:
+    """The minimum spanning tree, or trees, of some pairs of points."""
+    # The tree's library takes indices of 32 bits alone.
+    low, high = low.astype(np.int32), high.astype(np.int32)
+    length = np.hypot(*(points[low] - points[high]).T)
+    # Equal centres would make an edge of length zero, which a sparse matrix takes for none.
+    lengths = np.maximum(length, 1e-12)
+    graph = coo_array((lengths, (low, high)), shape=(len(points), len(points)))
+    return csr_array(minimum_spanning_tree(graph.tocsr()))
+
+
+def _delaunay_tree_m(points: np.ndarray) -> float:
     from scipy.spatial import Delaunay, QhullError
 
-    n = len(points)
     try:
         triangles = Delaunay(points).simplices
     except (QhullError, ValueError):
@@ -70,13 +96,8 @@ def _spanning_tree_m(points: np.ndarray) -> float:
         return float(np.hypot(*np.ptp(points, axis=0)))
     first, second = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).T
     low, high = np.minimum(first, second), np.maximum(first, second)
-    codes = np.unique(low.astype(np.int64) * n + high)
-    # The tree's library takes indices of 32 bits alone.
-    low, high = (ends.astype(np.int32) for ends in np.divmod(codes, n))
-    length = np.hypot(*(points[low] - points[high]).T)
-    # Equal centres would make an edge of length zero, which a sparse matrix takes for none.
-    graph = coo_array((np.maximum(length, 1e-12), (low, high)), shape=(n, n))
-    return float(minimum_spanning_tree(graph.tocsr()).sum())
+    codes = np.unique(low.astype(np.int64) * len(points) + high)
+    return float(_tree_of(points, *np.divmod(codes, len(points))).sum())
 
 
 @machine_code

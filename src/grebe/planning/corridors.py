@@ -56,7 +56,7 @@ class Waterways:
     def __init__(
         self, cells: list[Cell], network: Network, water: shapely.Polygon, cell_m: float
     ) -> None:
-        self._cells, self._cell_m = cells, cell_m
+        self._cells, self._network, self._cell_m = cells, network, cell_m
         self._allowed = water.buffer(ROUNDING_M, join_style="mitre")
         shapely.prepare(self._allowed)
         self._water = water
@@ -69,7 +69,10 @@ class Waterways:
     def stops(self, order: NDArray[np.int64]) -> list[Stop]:
         """Return the cells in their order with the transits between them."""
         footprints = np.array([cell.footprint for cell in self._cells], dtype=object)[order]
-        straight = self.straight(footprints[:-1], footprints[1:])
+        # Of cells that an open link joins it is known.
+        straight = self._network.opens(order[:-1], order[1:])
+        ask = np.flatnonzero(~straight)
+        straight[ask] = self.straight(footprints[ask], footprints[ask + 1])
         stops = [Stop(footprint=footprints[0], cell=int(order[0]))]
         for k, is_straight in enumerate(straight.tolist()):
             if not is_straight:

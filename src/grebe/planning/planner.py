@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from grebe.core.plan_settings import PlanOutcome, PlanSettings, check_speed
-from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
+from grebe.core.sets import drawn_in, footprints_of, polygons_of, rings_of, sets_of
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
@@ -19,7 +19,7 @@ from grebe.planning.bounds import lower_bound_m
 from grebe.planning.budget import SMALLEST_CELL_M, affordable_cell_m
 from grebe.planning.check import check_plan
 from grebe.planning.corridors import Stop, Waterways, widened
-from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
+from grebe.planning.mesh import Cell, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
 from grebe.planning.planned import Planned
 from grebe.planning.region import Region, coarsened, navigable_water
@@ -297,31 +297,27 @@ class Planner:
             ring if self._is_whole(draft, stop) else target_footprint(ring)
             for stop, ring in zip(stops, rings_of([stop.footprint for stop in stops]), strict=True)
         ]
+        cells = [
+            cell if stop.cell is not None else None
+            for stop, cell in zip(stops, polygons_of(rings).tolist(), strict=True)
+        ]
+        if self.settings.core < 1:
+            rings = [
+                ring if cell is None else drawn_in(ring, self.settings.core)
+                for ring, cell in zip(rings, cells, strict=True)
+            ]
+        slowest, fastest = self.settings.speed_min_mps, self.settings.speed_max_mps
+        windows = [(0.0 if cell is None else slowest, fastest) for cell in cells]
         return tuple(
-            self._target(seq, stop, ring, cell)
-            for seq, (stop, ring, cell) in enumerate(
-                zip(stops, rings, polygons_of(rings).tolist(), strict=True), start=1
+            Target(seq=seq, kind="transit" if cell is None else "cell", cell=cell, set=one)
+            for seq, (cell, one) in enumerate(
+                zip(cells, sets_of(rings, windows), strict=True), start=1
             )
         )
 
     @staticmethod
     def _is_whole(draft: Draft, stop: Stop) -> bool:
         return stop.cell is not None and draft.cells[stop.cell].whole
-
-    def _target(self, seq: int, stop: Stop, ring: Ring, cell: shapely.Polygon) -> Target:
-        slowest = 0.0 if stop.cell is None else self.settings.speed_min_mps
-        if stop.cell is not None and self.settings.core < 1:
-            ring = drawn_in(ring, self.settings.core)
-        return Target(
-            seq=seq,
-            kind="transit" if stop.cell is None else "cell",
-            cell=None if stop.cell is None else cell,
-            set=TargetSet(
-                vertices=ring,
-                speed_min_mps=slowest,
-                speed_max_mps=self.settings.speed_max_mps,
-            ),
-        )
 
     def bound_m(self, draft: Draft) -> float:
         """Return a length [m] below which no way through the centres of all cells can be."""
