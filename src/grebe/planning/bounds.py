@@ -77,12 +77,11 @@ def _spanning_tree_m(points: np.ndarray, cell_m: float) -> float:
 
 def _tree_of(points: np.ndarray, low: NDArray[np.int64], high: NDArray[np.int64]) -> csr_array:
     """The minimum spanning tree, or trees, of some pairs of points."""
-    # The tree's library takes indices of 32 bits alone.
-    low, high = low.astype(np.int32), high.astype(np.int32)
     length = np.hypot(*(points[low] - points[high]).T)
-    # Equal centres would make an edge of length zero, which a sparse matrix takes for none.
-    lengths = np.maximum(length, 1e-12)
-    graph = coo_array((lengths, (low, high)), shape=(len(points), len(points)))
+    # Equal centres would make an edge of length zero, which a sparse matrix takes for none. The
+    # tree's library takes indices of 32 bits alone.
+    edges = (np.maximum(length, 1e-12), (low.astype(np.int32), high.astype(np.int32)))
+    graph = coo_array(edges, shape=(len(points), len(points)))
     return csr_array(minimum_spanning_tree(graph.tocsr()))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -50,7 +50,7 @@ def plan_figure(survey: Survey) -> Figure:
     many = len(visited) > MANY_CELLS
     edges = "none" if many else "white"
     cells = PolyCollection(
-        _corners(visited), cmap="cividis", edgecolors=edges, linewidths=0.5, alpha=0.85
+        cast("Any", _corners(visited)), cmap="cividis", edgecolors=edges, linewidths=0.5, alpha=0.85
     )
     cells.set_array([t.seq for t in visited])
     axes.add_collection(cells)
