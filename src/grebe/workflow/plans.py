@@ -18,13 +18,13 @@ from grebe.core.vessel import Vessel
 from grebe.io.readers.land import sea_warning
 from grebe.io.readers.outline import read_outline
 from grebe.io.readers.quantities import user_quantities
-from grebe.io.readers.track import TrackColumns
 from grebe.planning.planned import Planned, PlannedSorties
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region, water_of
 from grebe.workflow.files import write_survey
 
 if TYPE_CHECKING:
+    from grebe.io.readers.track import TrackColumns
     from grebe.planning.sortie_check import SortieCheck
     from grebe.workflow.accuracy import Expected
 
