@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import minimum_spanning_tree
 
 from grebe.core.kernels import machine_code
+from grebe.planning.graph import Links, spanning_forest
 from grebe.planning.mesh import Cell
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ REACHES = (1.25, 2.0)
 
 
 def lower_bound_m(
-    cells: list[Cell], shape: str, cell_m: float, around: csr_array | None = None
+    cells: list[Cell], shape: str, cell_m: float, around: Links | None = None
 ) -> float:
     """Return a length [m] below which no path through all cells' centres can be.
 
@@ -45,7 +44,7 @@ def lower_bound_m(
         rounds = min(ROUNDS, PAIRS // len(points) ** 2)
         lengths = np.hypot(*np.moveaxis(points[:, None] - points[None], -1, 0))
         if around is not None:
-            lengths = np.maximum(lengths, around.toarray())
+            lengths = np.maximum(lengths, around.dense())
         tree = float(_priced_tree(lengths, cell_m, rounds))
     else:
         tree = _spanning_tree_m(points, cell_m)
@@ -69,20 +68,18 @@ def _spanning_tree_m(points: np.ndarray, cell_m: float) -> float:
     lookup = KDTree(points)
     for reach in REACHES:
         low, high = lookup.query_pairs(reach * cell_m, output_type="ndarray").T
-        tree = _tree_of(points, low, high)
-        if tree.nnz == len(points) - 1:
-            return float(tree.sum())
+        edges = _tree_of(points, low, high)
+        if len(edges) == len(points) - 1:
+            return float(edges.sum())
     return _delaunay_tree_m(points)
 
 
-def _tree_of(points: np.ndarray, low: NDArray[np.int64], high: NDArray[np.int64]) -> csr_array:
-    """The minimum spanning tree, or trees, of some pairs of points."""
-    length = np.hypot(*(points[low] - points[high]).T)
-    # Equal centres would make an edge of length zero, which a sparse matrix takes for none. The
-    # tree's library takes indices of 32 bits alone.
-    edges = (np.maximum(length, 1e-12), (low.astype(np.int32), high.astype(np.int32)))
-    graph = coo_array(edges, shape=(len(points), len(points)))
-    return csr_array(minimum_spanning_tree(graph.tocsr()))
+def _tree_of(
+    points: np.ndarray, low: NDArray[np.int64], high: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """The lengths of the edges of the minimum spanning tree, or trees, of some pairs of points."""
+    lengths = np.hypot(*(points[low] - points[high]).T)
+    return lengths[spanning_forest(low, high, lengths, len(points))]
 
 
 def _delaunay_tree_m(points: np.ndarray) -> float:

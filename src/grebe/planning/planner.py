@@ -326,7 +326,7 @@ class Planner:
             [draft.cells[i] for i in kept],
             self.settings.shape,
             draft.cell_m,
-            draft.network.around[kept][:, kept],
+            draft.network.around.among(kept),
         )
 
     def _outcome(
