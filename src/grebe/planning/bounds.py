@@ -143,7 +143,11 @@ def _priced_tree(lengths: NDArray[np.float64], pitch: float, rounds: int) -> flo
         first, second = _two_least(price)
         degree[first] += 1
         degree[second] += 1
-        bound = length + price[first] + price[second] - 2 * price.sum()
+        # Summed up by hand: machine code with the library's sum in it loads SciPy's algebra too.
+        prices = 0.0
+        for i in range(n):
+            prices += price[i]
+        bound = length + price[first] + price[second] - 2 * prices
         best = max(best, bound)
         size = step * (1 - k / rounds) ** 2
         for i in range(n):
