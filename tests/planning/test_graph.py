@@ -84,7 +84,7 @@ def test_the_largest_of_several_links_counts():
     assert links.of(np.array([0, 2]), np.array([1, 1])).tolist() == [3.0, 0.0]
 
 
-@pytest.mark.parametrize("power", [0.6, 1.0, 1.3, 2.0])
+@pytest.mark.parametrize("power", [0.8, 1.0, 1.3, 2.0])
 @pytest.mark.parametrize("first_m", [2.0, 4.0, 60.0])
 def test_a_budget_is_met_in_few_plans(power, first_m):
     tried = []
