@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from grebe.mission.settings import MissionSettings
     from grebe.mission.statistics import MissionReport
     from grebe.mission.trial import Conditions, Trial, fly
-    from grebe.planning.planner import Planned
+    from grebe.planning.planned import Planned
     from grebe.planning.region import Region, clean_region
     from grebe.report.page import write_report
     from grebe.workflow.differences import compare_surveys
@@ -80,7 +80,7 @@ _HOME = {
     "MissionSettings": "mission.settings",
     "Observation": "links.base",
     "PlanSettings": "core.plan_settings",
-    "Planned": "planning.planner",
+    "Planned": "planning.planned",
     "Quantities": "core.quantities",
     "Quantity": "core.quantities",
     "Region": "planning.region",

@@ -1,5 +1,7 @@
 """Definitions 1, 2 and 8 on target sets."""
 
+import math
+
 import numpy as np
 import pytest
 import shapely
@@ -8,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from grebe.core.errors import PlanError
-from grebe.core.sets import TargetSet, polygon_rows, rectangle
+from grebe.core.sets import TargetSet, polygon_rows, rectangle, sets_of
 
 share = st.floats(0, 1)
 
@@ -91,3 +93,35 @@ def test_rounding_leaves_no_row_behind():
     rows = polygon_rows(polygon)
     assert len(rows) == 4
     assert rows[:, :2] @ [5, 5] - rows[:, 3] == pytest.approx([-5] * 4)
+
+
+def test_many_sets_are_what_they_are_one_by_one():
+    rings = [
+        ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)),
+        ((0.0, 0.0), (0.0, 4.0), (4.0, 4.0), (4.0, 0.0)),
+        ((1e5, 1e5), (1e5 + 3, 1e5), (1e5, 1e5 + 3)),
+    ]
+    windows = [(0.0, 1.0), (0.5, 2.0), (0.0, 2.0)]
+    one_by_one = [
+        TargetSet(vertices=ring, speed_min_mps=low, speed_max_mps=high)
+        for ring, (low, high) in zip(rings, windows, strict=True)
+    ]
+    together = sets_of(rings, windows)
+    assert together == one_by_one
+    assert [one.centre for one in together] == [one.centre for one in one_by_one]
+
+
+@pytest.mark.parametrize(
+    ("ring", "window"),
+    [
+        (((0.0, 0.0), (4.0, 0.0), (1.0, 1.0), (0.0, 4.0)), (0.0, 1.0)),
+        (((0.0, 0.0), (0.0, 0.0), (4.0, 4.0), (0.0, 4.0)), (0.0, 1.0)),
+        (((0.0, 0.0), (4.0, math.nan), (4.0, 4.0), (0.0, 4.0)), (0.0, 1.0)),
+        (((0.0, 0.0), (4.0, 0.0)), (0.0, 1.0)),
+        (((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)), (1.0, 1.0)),
+    ],
+)
+def test_of_many_sets_one_that_is_none_is_refused(ring, window):
+    good = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
+    with pytest.raises(PlanError):
+        sets_of([good, ring], [(0.0, 1.0), window])

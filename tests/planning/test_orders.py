@@ -90,7 +90,7 @@ def test_a_way_around_a_spit_is_as_long_as_it_is():
     places = network.centres
     left = int(np.argmin(np.hypot(*(places - (17.25, 7.5)).T)))
     right = int(np.argmin(np.hypot(*(places - (22.75, 7.5)).T)))
-    way = network.around[left, right]
+    way = network.around.of(left, right)
     half = np.hypot(*(places[left] - (19.5, 15)))
     assert way == pytest.approx(2 * half + 1, rel=0.01)
     costs = costs_of(network, travel_of(BOAT, (1.0, 2.0), CALM), (0.0, 0.0), returns=False)

@@ -14,6 +14,7 @@ from conftest import square_survey
 import grebe
 from grebe.core import kernels
 from grebe.workflow.files import write_survey
+from grebe.workflow.kernel_cache import compile_controller
 
 GREBE = "from grebe.cli.main import main; main()"
 TRACK = "SELECT north_m, east_m, heading_rad, thrust_port_n, thrust_starboard_n FROM track"
@@ -79,3 +80,24 @@ def test_what_is_compiled_before_the_first_mission_is_kept(tmp_path, monkeypatch
     fresh.write_bytes(b"machine code")
     kernels.forget_compiled()
     assert fresh.exists()
+
+
+LOADED = """
+from numba.core.cpu import CPUContext
+prepared, refresh = [], CPUContext.refresh
+CPUContext.refresh = lambda self: (prepared.append(self), refresh(self))[1]
+from grebe.workflow.kernel_cache import sail_a_little
+sail_a_little()
+print(len(prepared))
+"""
+
+
+def test_a_mission_s_machine_code_is_loaded_without_the_compiler():
+    """What the compiler needs to begin with takes a tenth of a second and more. A name that machine
+    code calls and that nobody has said would end the process: here all of it is loaded and run.
+    """
+    assert compile_controller()
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "0"

@@ -8,6 +8,7 @@ import sys
 import click
 
 from grebe.cli import output
+from grebe.cli.collector import leave_all, uncollected
 from grebe.cli.flags import sentence
 from grebe.cli.interruption import INTERRUPTED, heed_signals
 from grebe.core.errors import GrebeError, InputError
@@ -55,7 +56,8 @@ class LazyGroup(click.Group):
         """Import and return a command."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"grebe.cli.{cmd_name}_command")
+        with uncollected():
+            module = importlib.import_module(f"grebe.cli.{cmd_name}_command")
         command: click.Command = module.command
         return command
 
@@ -109,3 +111,5 @@ def main() -> None:
         output.give_up_stdout()
         output.fail(f"{what}: {error.strerror or error}.")
         sys.exit(InputError.exit_code)
+    finally:
+        leave_all()

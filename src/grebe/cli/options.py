@@ -6,14 +6,16 @@ import math
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from grebe.core.dynamics import Weather
 from grebe.core.errors import InputError, UsageError
 from grebe.core.frames import LocalFrame
-from grebe.io.readers.track import TrackColumns
+
+if TYPE_CHECKING:
+    from grebe.io.readers.track import TrackColumns
 
 EXISTING = click.Path(path_type=Path)
 OUTPUT = click.Path(path_type=Path, dir_okay=False)

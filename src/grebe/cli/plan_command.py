@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,14 +19,13 @@ from grebe.cli.accuracy_options import (
     refuse_with_goal,
     refuse_without_goal,
 )
+from grebe.cli.collector import uncollected
 from grebe.cli.sortie_options import fleet_settings, sortie_options, sortie_settings
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.revision import Sortie
 from grebe.core.vessel import PRESETS, Vessel
-from grebe.planning.planner import Planned
-from grebe.planning.sortie_check import SortieCheck
-from grebe.planning.sorties import PlannedSorties
+from grebe.planning.planned import Planned, PlannedSorties
 from grebe.workflow.plans import (
     checked_sorties,
     plan_region,
@@ -36,6 +35,9 @@ from grebe.workflow.plans import (
     write_plan,
 )
 from grebe.workflow.vessels import vessel_of
+
+if TYPE_CHECKING:
+    from grebe.planning.sortie_check import SortieCheck
 
 DEFAULT_CELL_M = 5.0
 DEFAULT_MARGIN_M = 1.0
@@ -153,6 +155,7 @@ DEFAULT_MARGIN_M = 1.0
 @options.quantities_option
 @options.force_option
 @options.json_option
+@uncollected()
 def command(
     region: Path,
     path: Path,

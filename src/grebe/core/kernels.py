@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import signal
 import threading
 from collections.abc import Callable, Generator
@@ -60,6 +61,7 @@ def _compiled_in_peace(kernel: Any) -> Any:
     """
     if not hasattr(kernel, "compile"):
         return kernel  # With NUMBA_DISABLE_JIT=1 numba hands the function back as it is.
+    _load_at_once(kernel)
     compile_once = kernel.compile
 
     def compile_in_peace(signature: Any) -> Any:
@@ -68,6 +70,30 @@ def _compiled_in_peace(kernel: Any) -> Any:
 
     kernel.compile = compile_in_peace
     return kernel
+
+
+def _load_at_once(kernel: Any) -> None:
+    """Load a kernel's machine code without what only a compiler needs: numba first tells its
+    compiler of all that it could translate, for a tenth of a second and more. Where that is not on
+    disk, or another numba is built otherwise, it goes numba's own way.
+    """
+    cache: Any = getattr(kernel, "_cache", None)
+    if not hasattr(cache, "_load_overload"):
+        return
+    look_and_prepare = cache.load_overload
+
+    def load(signature: Any, context: Any) -> Any:
+        with suppress(Exception):
+            # What machine code calls by name: numba's memory, and Python's secret of hashes.
+            importlib.import_module("numba.cpython.hashing")
+            nrt = importlib.import_module("numba.core.runtime.nrt")
+            nrt.rtsys.initialize(context)
+            found = cache._load_overload(signature, context)
+            if found is not None:
+                return found
+        return look_and_prepare(signature, context)
+
+    cache.load_overload = load
 
 
 @contextmanager

@@ -57,6 +57,17 @@ class TargetSet:
         if farthest > CONVEXITY_TOLERANCE_M:
             raise PlanError("A target set must be a convex polygon without repeated vertices.")
 
+    @classmethod
+    def known_good(
+        cls, vertices: tuple[tuple[float, float], ...], speed_min_mps: float, speed_max_mps: float
+    ) -> TargetSet:
+        """Return a set whose footprint was found convex, and its window not empty, already."""
+        one = object.__new__(cls)
+        vars(one).update(
+            vertices=vertices, speed_min_mps=speed_min_mps, speed_max_mps=speed_max_mps
+        )
+        return one
+
     @cached_property
     def polygon(self) -> shapely.Polygon:
         """The footprint, x north and y east."""
@@ -150,6 +161,40 @@ class TargetSet:
             speed_min_mps=self.speed_min_mps + slack,
             speed_max_mps=self.speed_max_mps - slack,
         )
+
+
+def sets_of(
+    rings: Sequence[tuple[tuple[float, float], ...]], windows: Sequence[tuple[float, float]]
+) -> list[TargetSet]:
+    """Return the sets of rings and of windows of speed, as `TargetSet` does one by one; for many at
+    a time.
+    """
+    good = _are_convex(rings)
+    return [
+        TargetSet.known_good(ring, low, high)
+        if is_good and -math.inf < low < high < math.inf
+        else TargetSet(vertices=ring, speed_min_mps=low, speed_max_mps=high)
+        for ring, (low, high), is_good in zip(rings, windows, good, strict=True)
+    ]
+
+
+def _are_convex(rings: Sequence[tuple[tuple[float, float], ...]]) -> list[bool]:
+    """Whether each ring is plainly a convex polygon; where it hardly is, or is none, not."""
+    good = np.zeros(len(rings), dtype=bool)
+    sizes = np.array([len(ring) for ring in rings])
+    for size in np.unique(sizes[sizes >= 3]).tolist():
+        those = np.flatnonzero(sizes == size)
+        ring = np.array([rings[k] for k in those.tolist()])
+        edge = np.roll(ring, -1, axis=1) - ring
+        length = np.hypot(edge[..., 0], edge[..., 1])
+        # Twice the areas of the triangles of each edge and each corner.
+        off = ring[:, None] - ring[:, :, None]
+        left = edge[..., None, 0] * off[..., 1] - edge[..., None, 1] * off[..., 0]
+        inwards = np.where(left.sum(axis=(1, 2)) < 0, -1.0, 1.0)[:, None, None] * left
+        good[those] = (length.min(axis=1) >= SHORTEST_EDGE_M) & np.all(
+            inwards >= -0.5 * CONVEXITY_TOLERANCE_M * length[..., None], axis=(1, 2)
+        )
+    return good.tolist()
 
 
 def ring_vertices(polygon: shapely.Polygon) -> tuple[tuple[float, float], ...]:

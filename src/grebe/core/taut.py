@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.core.kernels import machine_code
+from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.core.sets import footprints_of
 from grebe.core.survey import Survey
 
@@ -100,19 +100,24 @@ def _tighten(
             if held[i - 1]:
                 continue
             x, y = way[i, 0], way[i, 1]
-            _settle(way, i, corners[firsts[i - 1] : lasts[i - 1]])
-            farthest = max(farthest, math.hypot(way[i, 0] - x, way[i, 1] - y))
-        if farthest < steady:
+            _settle(way, i, corners, firsts[i - 1], lasts[i - 1] - 1)
+            farthest = max(farthest, (way[i, 0] - x) ** 2 + (way[i, 1] - y) ** 2)
+        if farthest < steady**2:
             break
 
 
-@machine_code
-def _settle(way: NDArray[np.float64], i: int, ring: NDArray[np.float64]) -> None:
-    """Put place i on its ring's inside, or edge, where the way by it is shortest."""
-    ax, ay = way[i - 1]
+@inlined_machine_code
+def _settle(
+    way: NDArray[np.float64], i: int, ring: NDArray[np.float64], first: int, last: int
+) -> None:
+    """Put place i on the inside of its ring[first : last + 1], or its edge, where the way by it is
+    shortest. Rings are said by their ends: a slice of an array takes longer than what is done here.
+    """
+    ax, ay = way[i - 1, 0], way[i - 1, 1]
     # The last place has nobody behind it: it comes as near to the one before as it may.
-    bx, by = way[i + 1] if i + 1 < way.shape[0] else way[i - 1]
-    enter, leave = _crossing(ax, ay, bx, by, ring)
+    behind = i + 1 if i + 1 < way.shape[0] else i - 1
+    bx, by = way[behind, 0], way[behind, 1]
+    enter, leave = _crossing(ax, ay, bx, by, ring, first, last)
     if enter <= leave:
         # Anywhere between is as good: half-way between where it stands and the middle.
         dx, dy = bx - ax, by - ay
@@ -122,23 +127,31 @@ def _settle(way: NDArray[np.float64], i: int, ring: NDArray[np.float64]) -> None
         way[i, 0], way[i, 1] = ax + along * dx, ay + along * dy
         return
     shortest = np.inf
-    for k in range(ring.shape[0] - 1):
-        x, y = _beside(ax, ay, bx, by, ring[k], ring[k + 1])
-        by_it = math.hypot(x - ax, y - ay) + math.hypot(x - bx, y - by)
+    for k in range(first, last):
+        x, y = _beside(ax, ay, bx, by, ring, k)
+        by_it = _length(x - ax, y - ay) + _length(x - bx, y - by)
         if by_it < shortest:
             shortest = by_it
             way[i, 0], way[i, 1] = x, y
 
 
-@machine_code
+@inlined_machine_code
+def _length(x: float, y: float) -> float:
+    """Of a leg. The library's own minds overflow, which no lake is near, at several times the
+    price.
+    """
+    return math.sqrt(x * x + y * y)
+
+
+@inlined_machine_code
 def _crossing(
-    ax: float, ay: float, bx: float, by: float, ring: NDArray[np.float64]
+    ax: float, ay: float, bx: float, by: float, ring: NDArray[np.float64], first: int, last: int
 ) -> tuple[float, float]:
     """Shares of the leg from a to b at which it enters and leaves a convex ring; enter > leave
     where it misses it (Cyrus and Beck 1978).
     """
     enter, leave = 0.0, 1.0
-    for k in range(ring.shape[0] - 1):
+    for k in range(first, last):
         nx, ny = ring[k + 1, 1] - ring[k, 1], ring[k, 0] - ring[k + 1, 0]
         room = nx * (ring[k, 0] - ax) + ny * (ring[k, 1] - ay)
         outwards = nx * (bx - ax) + ny * (by - ay)
@@ -151,21 +164,22 @@ def _crossing(
     return enter, leave
 
 
-@machine_code
+@inlined_machine_code
 def _beside(
-    ax: float, ay: float, bx: float, by: float, p: NDArray[np.float64], q: NDArray[np.float64]
+    ax: float, ay: float, bx: float, by: float, ring: NDArray[np.float64], k: int
 ) -> tuple[float, float]:
-    """The place on the edge from p to q from which the ways to a and to b are shortest together:
-    where the way from a to b's mirror image crosses it.
+    """The place on the edge behind a ring's corner k from which the ways to a and to b are shortest
+    together: where the way from a to b's mirror image crosses it.
     """
-    ex, ey = q[0] - p[0], q[1] - p[1]
+    px, py = ring[k, 0], ring[k, 1]
+    ex, ey = ring[k + 1, 0] - px, ring[k + 1, 1] - py
     square = ex * ex + ey * ey
     if square <= 0.0:
-        return p[0], p[1]
-    along_a = ((ax - p[0]) * ex + (ay - p[1]) * ey) / square
-    along_b = ((bx - p[0]) * ex + (by - p[1]) * ey) / square
-    off_a = abs((ax - p[0]) * ey - (ay - p[1]) * ex)
-    off_b = abs((bx - p[0]) * ey - (by - p[1]) * ex)
+        return px, py
+    along_a = ((ax - px) * ex + (ay - py) * ey) / square
+    along_b = ((bx - px) * ex + (by - py) * ey) / square
+    off_a = abs((ax - px) * ey - (ay - py) * ex)
+    off_b = abs((bx - px) * ey - (by - py) * ex)
     share = off_a / (off_a + off_b) if off_a + off_b > 0 else 0.5
     along = min(max(along_a + (along_b - along_a) * share, 0.0), 1.0)
-    return p[0] + along * ex, p[1] + along * ey
+    return px + along * ex, py + along * ey

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import minimum_spanning_tree
 
 from grebe.core.kernels import machine_code
+from grebe.planning.graph import Links, spanning_forest
 from grebe.planning.mesh import Cell
 
 if TYPE_CHECKING:
@@ -20,10 +19,12 @@ if TYPE_CHECKING:
 MOST_FOR_ASCENT = 2_500
 # Rounds of the ascent, and of how many pairs they may look at together.
 ROUNDS, PAIRS = 400, 100_000_000
+# Within so many cells the centres of most lakes' cells hang together.
+REACHES = (1.25, 2.0)
 
 
 def lower_bound_m(
-    cells: list[Cell], shape: str, cell_m: float, around: csr_array | None = None
+    cells: list[Cell], shape: str, cell_m: float, around: Links | None = None
 ) -> float:
     """Return a length [m] below which no path through all cells' centres can be.
 
@@ -43,10 +44,10 @@ def lower_bound_m(
         rounds = min(ROUNDS, PAIRS // len(points) ** 2)
         lengths = np.hypot(*np.moveaxis(points[:, None] - points[None], -1, 0))
         if around is not None:
-            lengths = np.maximum(lengths, around.toarray())
+            lengths = np.maximum(lengths, around.dense())
         tree = float(_priced_tree(lengths, cell_m, rounds))
     else:
-        tree = _spanning_tree_m(points)
+        tree = _spanning_tree_m(points, cell_m)
     return max(tree, _parity_m(cells, cell_m) if shape == "square" else 0.0)
 
 
@@ -58,11 +59,32 @@ def _parity_m(cells: list[Cell], cell_m: float) -> float:
     return cell_m * (len(colours) - 1 + (math.sqrt(2) - 1) * max(excess - 1, 0))
 
 
-def _spanning_tree_m(points: np.ndarray) -> float:
-    """Length of the minimum spanning tree; its edges are among Delaunay's."""
+def _spanning_tree_m(points: np.ndarray, cell_m: float) -> float:
+    """Length of the minimum spanning tree. Where pairs up to some distance hang together, all of
+    its edges are among them; they are always among Delaunay's.
+    """
+    from scipy.spatial import KDTree
+
+    lookup = KDTree(points)
+    for reach in REACHES:
+        low, high = lookup.query_pairs(reach * cell_m, output_type="ndarray").T
+        edges = _tree_of(points, low, high)
+        if len(edges) == len(points) - 1:
+            return float(edges.sum())
+    return _delaunay_tree_m(points)
+
+
+def _tree_of(
+    points: np.ndarray, low: NDArray[np.int64], high: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """The lengths of the edges of the minimum spanning tree, or trees, of some pairs of points."""
+    lengths = np.hypot(*(points[low] - points[high]).T)
+    return lengths[spanning_forest(low, high, lengths, len(points))]
+
+
+def _delaunay_tree_m(points: np.ndarray) -> float:
     from scipy.spatial import Delaunay, QhullError
 
-    n = len(points)
     try:
         triangles = Delaunay(points).simplices
     except (QhullError, ValueError):
@@ -70,13 +92,8 @@ def _spanning_tree_m(points: np.ndarray) -> float:
         return float(np.hypot(*np.ptp(points, axis=0)))
     first, second = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).T
     low, high = np.minimum(first, second), np.maximum(first, second)
-    codes = np.unique(low.astype(np.int64) * n + high)
-    # The tree's library takes indices of 32 bits alone.
-    low, high = (ends.astype(np.int32) for ends in np.divmod(codes, n))
-    length = np.hypot(*(points[low] - points[high]).T)
-    # Equal centres would make an edge of length zero, which a sparse matrix takes for none.
-    graph = coo_array((np.maximum(length, 1e-12), (low, high)), shape=(n, n))
-    return float(minimum_spanning_tree(graph.tocsr()).sum())
+    codes = np.unique(low.astype(np.int64) * len(points) + high)
+    return float(_tree_of(points, *np.divmod(codes, len(points))).sum())
 
 
 @machine_code
@@ -126,7 +143,11 @@ def _priced_tree(lengths: NDArray[np.float64], pitch: float, rounds: int) -> flo
         first, second = _two_least(price)
         degree[first] += 1
         degree[second] += 1
-        bound = length + price[first] + price[second] - 2 * price.sum()
+        # Summed up by hand: machine code with the library's sum in it loads SciPy's algebra too.
+        prices = 0.0
+        for i in range(n):
+            prices += price[i]
+        bound = length + price[first] + price[second] - 2 * prices
         best = max(best, bound)
         size = step * (1 - k / rounds) ** 2
         for i in range(n):

@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from grebe.core.errors import PlanError
+from grebe.planning.graph import shortest_ways
 from grebe.planning.land_cut import without_land
 from grebe.planning.mesh import Cell
 from grebe.planning.network import ROUNDING_M, Network, joint_hulls
@@ -56,20 +55,21 @@ class Waterways:
     def __init__(
         self, cells: list[Cell], network: Network, water: shapely.Polygon, cell_m: float
     ) -> None:
-        self._cells, self._cell_m = cells, cell_m
+        self._cells, self._network, self._cell_m = cells, network, cell_m
         self._allowed = water.buffer(ROUNDING_M, join_style="mitre")
         shapely.prepare(self._allowed)
         self._water = water
-        self._matrix = network.matrix()
-        links = (network.is_open, network.neighbours, network.starts)
-        self._is_open = csr_array(links, shape=self._matrix.shape)
         # A gate must be hit: better a somewhat longer way over open links.
-        self._matrix.data *= np.where(network.is_open, 1.0, CLOSED_FACTOR)
+        dearer = np.where(network.is_open, 1.0, CLOSED_FACTOR)
+        self._links = network.links(network.ways_m * dearer)
 
     def stops(self, order: NDArray[np.int64]) -> list[Stop]:
         """Return the cells in their order with the transits between them."""
         footprints = np.array([cell.footprint for cell in self._cells], dtype=object)[order]
-        straight = self.straight(footprints[:-1], footprints[1:])
+        # Of cells that an open link joins it is known.
+        straight = self._network.opens(order[:-1], order[1:])
+        ask = np.flatnonzero(~straight)
+        straight[ask] = self.straight(footprints[ask], footprints[ask + 1])
         stops = [Stop(footprint=footprints[0], cell=int(order[0]))]
         for k, is_straight in enumerate(straight.tolist()):
             if not is_straight:
@@ -88,7 +88,7 @@ class Waterways:
 
     def _chain(self, a: int, b: int) -> list[shapely.Polygon]:
         """Footprints along the shortest path over links, gates among them."""
-        _, before = dijkstra(self._matrix, indices=a, return_predecessors=True)
+        before = shortest_ways(self._links, a, b)
         path = [b]
         while path[-1] != a:
             step = int(before[path[-1]])
@@ -97,8 +97,9 @@ class Waterways:
             path.append(step)
         path.reverse()
         chain = [self._cells[a].footprint]
-        for i, j in itertools.pairwise(path):
-            if not self._is_open[i, j]:
+        is_open = self._network.opens(np.array(path[:-1]), np.array(path[1:]))
+        for (i, j), goes_straight in zip(itertools.pairwise(path), is_open.tolist(), strict=True):
+            if not goes_straight:
                 chain += self._gate(i, j)
             chain.append(self._cells[j].footprint)
         return chain

@@ -15,9 +15,9 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
 
 from grebe.core.kernels import inlined_machine_code, machine_code
+from grebe.planning.graph import Links
 from grebe.planning.network import Network
 from grebe.planning.travel import BEARINGS, Travel
 
@@ -66,16 +66,16 @@ def costs_of(
     opposite = np.roll(slowness, BEARINGS // 2)
     pitch_s = network.pitch_m * float(slowness.mean())
     links, is_open = _links(network)
-    first = np.repeat(np.arange(len(network)), np.diff(links.indptr))
-    way = network.centres[links.indices] - network.centres[first]
-    winding = links.data / np.maximum(np.hypot(*way.T), 1e-9)
+    first = links.first
+    way = network.centres[links.neighbours] - network.centres[first]
+    winding = links.values / np.maximum(np.hypot(*way.T), 1e-9)
     gate_s = np.where(is_open, 0.0, GATE_PITCHES * pitch_s)
     link_s = winding * travel.leg_s(way) + gate_s
     nearest, nearest_s = _nearest(links, first, link_s)
     return Costs(
         places=np.vstack([network.centres, start]),
-        starts=links.indptr.astype(np.int64),
-        neighbours=links.indices.astype(np.int64),
+        starts=links.starts.astype(np.int64),
+        neighbours=links.neighbours.astype(np.int64),
         link_s=link_s,
         nearest=nearest,
         nearest_s=nearest_s,
@@ -87,32 +87,32 @@ def costs_of(
     )
 
 
-def _links(network: Network) -> tuple[csr_array, NDArray[np.bool_]]:
+def _links(network: Network) -> tuple[Links, NDArray[np.bool_]]:
     """Lengths of the network's links and of the ways around land beside them, and which of them
     are open.
     """
-    around = coo_array(network.around)
-    first = np.repeat(np.arange(len(network)), np.diff(network.starts))
-    row, column = np.append(first, around.row), np.append(network.neighbours, around.col)
-    length = np.append(network.ways_m, around.data)
-    is_open = np.append(network.is_open, np.zeros(around.nnz, dtype=bool))
+    around, links = network.around, network.links(network.ways_m)
+    row = np.append(links.first, around.first)
+    column = np.append(links.neighbours, around.neighbours)
+    length = np.append(links.values, around.values)
+    is_open = np.append(network.is_open, np.zeros(len(around.values), dtype=bool))
     # Of two ways between the same cells the link counts, which comes first.
     _, place = np.unique(row.astype(np.int64) * len(network) + column, return_index=True)
-    shape = (len(network), len(network))
     starts = np.searchsorted(row[place], np.arange(len(network) + 1))
-    return csr_array((length[place], column[place], starts), shape=shape), is_open[place]
+    both = Links(starts=starts, neighbours=column[place], values=length[place])
+    return both, is_open[place]
 
 
 def _nearest(
-    links: csr_array, first: NDArray[np.int64], link_s: NDArray[np.float64]
+    links: Links, first: NDArray[np.int64], link_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Each cell's nearest neighbours, nearest first, and their seconds."""
     by_time = np.lexsort([link_s, first])
-    rank = np.arange(len(first)) - links.indptr[first]
+    rank = np.arange(len(first)) - links.starts[first]
     kept, rank = by_time[rank < MOST_NEAREST], rank[rank < MOST_NEAREST]
-    shape = (len(links.indptr) - 1, MOST_NEAREST)
+    shape = (len(links), MOST_NEAREST)
     nearest, nearest_s = np.zeros(shape, dtype=np.int64), np.full(shape, np.inf)
-    nearest[first[kept], rank] = links.indices[kept]
+    nearest[first[kept], rank] = links.neighbours[kept]
     nearest_s[first[kept], rank] = link_s[kept]
     return nearest, nearest_s
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import dijkstra
+
+from grebe.planning.graph import Links, distances, links_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,29 +33,30 @@ MOST_CENTRES = 4_000
 
 def ways_around(
     centres: Places, near_shore: NDArray[np.bool_], water: shapely.Polygon, cell_m: float
-) -> csr_array:
-    """Return lengths [m] of the shortest ways between cells, one of them near the shore, as a
-    symmetric sparse matrix; empty for `MOST_CENTRES` and more.
+) -> Links:
+    """Return lengths [m] of the shortest ways between cells, one of them near the shore, both ways
+    the same; none for `MOST_CENTRES` and more.
     """
     n = len(centres)
     if n > MOST_CENTRES or not near_shore.any():
-        return csr_array((n, n))
+        none = np.zeros(0, dtype=np.int64)
+        return links_of(none, none, np.zeros(0), n)
     room = _room(water, COARSENESS * cell_m)
     nodes = np.vstack([centres, _corners(room)])
     begin = np.flatnonzero(near_shore)
-    lengths = dijkstra(
-        _sight(nodes, room, REACH_CELLS * cell_m),
-        directed=False,
-        indices=begin,
-        limit=FARTHEST_CELLS * cell_m,
-    )[:, :n]
+    sight = _sight(nodes, room, REACH_CELLS * cell_m)
+    lengths = distances(sight, begin, FARTHEST_CELLS * cell_m)[:, :n]
     away = np.hypot(*np.moveaxis(centres[begin, None] - centres[None], -1, 0))
     wanted = np.isfinite(lengths) & (away < REACH_CELLS * cell_m) & (away > 0)
     row, column = np.nonzero(wanted)
-    one_way = coo_array(
-        (lengths[wanted], (begin[row].astype(np.int32), column.astype(np.int32))), shape=(n, n)
-    ).tocsr()
-    return csr_array(one_way.maximum(one_way.T))
+    return _both_ways(begin[row], column, lengths[wanted], n)
+
+
+def _both_ways(
+    first: NDArray[np.int64], second: NDArray[np.int64], lengths: Places, count: int
+) -> Links:
+    """Links there and back."""
+    return links_of(np.append(first, second), np.append(second, first), np.tile(lengths, 2), count)
 
 
 def _room(water: shapely.Polygon, coarse_m: float) -> BaseGeometry:
@@ -79,7 +80,7 @@ def _reflex(ring: Places) -> Places:
     return ring[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0]
 
 
-def _sight(nodes: Places, room: BaseGeometry, reach_m: float) -> csr_array:
+def _sight(nodes: Places, room: BaseGeometry, reach_m: float) -> Links:
     """Lengths of the lines of sight between nodes up to a reach."""
     points = np.asarray(shapely.points(nodes), dtype=object)
     first, second = shapely.STRtree(points).query(points, predicate="dwithin", distance=reach_m)
@@ -88,6 +89,6 @@ def _sight(nodes: Places, room: BaseGeometry, reach_m: float) -> csr_array:
     allowed = room.buffer(1e-6)
     shapely.prepare(allowed)
     seen = shapely.covers(allowed, shapely.linestrings(np.stack([nodes[first], nodes[second]], 1)))
-    first, second = first[seen].astype(np.int32), second[seen].astype(np.int32)
+    first, second = first[seen], second[seen]
     away = np.maximum(np.hypot(*(nodes[first] - nodes[second]).T), 1e-9)
-    return coo_array((away, (first, second)), shape=(len(nodes), len(nodes))).tocsr()
+    return _both_ways(first, second, away, len(nodes))

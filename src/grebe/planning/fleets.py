@@ -22,10 +22,11 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.planning.corridors import Waterways
 from grebe.planning.lake import lake_of
+from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner, planner_of
 from grebe.planning.region import Region
 from grebe.planning.route import Route
-from grebe.planning.sorties import PlannedSorties, checked, put_together
+from grebe.planning.sorties import checked, put_together
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,18 +9,18 @@ cells small, cells that do not touch are linked too if their joint hull is water
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from grebe.planning.detours import PASSAGE_M, ways_around
+from grebe.planning.graph import Links, parts_of
 from grebe.planning.mesh import Cell
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.sparse import csr_array
 
     Indices = NDArray[np.int64]
 
@@ -47,7 +47,7 @@ class Network:
     neighbours: Indices
     is_open: NDArray[np.bool_]
     ways_m: NDArray[np.float64]
-    around: csr_array
+    around: Links
     pitch_m: float
 
     def __len__(self) -> int:
@@ -55,16 +55,18 @@ class Network:
 
     def matrix(self) -> csr_array:
         """The links as a sparse matrix of their ways' lengths."""
+        from scipy.sparse import csr_array
+
         shape = (len(self), len(self))
         return csr_array((self.ways_m.copy(), self.neighbours, self.starts), shape=shape)
 
     def opens(self, i: Indices, j: Indices) -> NDArray[np.bool_]:
         """Whether cells i and j are joined by an open link, pair by pair."""
-        if not np.size(i):
-            return np.zeros(0, dtype=bool)
-        shape = (len(self), len(self))
-        links = csr_array((self.is_open, self.neighbours, self.starts), shape=shape)
-        return np.asarray(links[i, j], dtype=bool).ravel()
+        return self.links(self.is_open).of(i, j)
+
+    def links(self, values: NDArray[Any]) -> Links:
+        """The links with some values of theirs."""
+        return Links(starts=self.starts, neighbours=self.neighbours, values=values)
 
 
 def connect(cells: list[Cell], water: shapely.Polygon, cell_m: float) -> Network:
@@ -124,7 +126,7 @@ def reachable(network: Network, cells: list[Cell], near: tuple[float, float]) ->
 
     Of parts of equal size the one nearest to `near` counts.
     """
-    count, part = connected_components(network.matrix(), directed=False)
+    count, part = parts_of(network.links(network.ways_m))
     if count == 1:
         return cells
     areas = np.bincount(part, weights=[cell.footprint.area for cell in cells])

@@ -11,10 +11,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import minimum_spanning_tree
 
 from grebe.core.kernels import machine_code
+from grebe.planning.graph import spanning_forest
 from grebe.planning.mesh import Cell
 from grebe.planning.network import Network
 
@@ -201,14 +200,10 @@ def _around_tree(blocks: set[Block], places: dict[Block, int]) -> list[int]:
     ]
     linked: set[tuple[Block, Block]] = set()
     if edges:
-        a, b, weight = np.array(edges).T
-        shape = (len(listed), len(listed))
-        tree = coo_array(
-            minimum_spanning_tree(
-                coo_array((weight, (a.astype(np.int32), b.astype(np.int32))), shape=shape)
-            )
-        )
-        pairs = zip(tree.row.tolist(), tree.col.tolist(), strict=True)
+        # In the order of their ends, for of edges that cost the same the first is taken.
+        a, b, weight = np.array(sorted(edges)).T
+        kept = spanning_forest(a, b, weight, len(listed))
+        pairs = zip(a[kept].astype(int).tolist(), b[kept].astype(int).tolist(), strict=True)
         linked = {(listed[i], listed[j]) for i, j in pairs}
         linked |= {(j, i) for i, j in linked}
     following = {place: _next_square(place, linked) for place in _squares_of(listed)}

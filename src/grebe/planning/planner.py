@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.core.errors import PlanError
 from grebe.core.plan_settings import PlanOutcome, PlanSettings, check_speed
-from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
+from grebe.core.sets import drawn_in, footprints_of, polygons_of, rings_of, sets_of
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.bounds import lower_bound_m
-from grebe.planning.check import PlanCheck, check_plan
+from grebe.planning.budget import SMALLEST_CELL_M, affordable_cell_m
+from grebe.planning.check import check_plan
 from grebe.planning.corridors import Stop, Waterways, widened
-from grebe.planning.mesh import Cell, Ring, mesh_water, target_footprint
+from grebe.planning.mesh import Cell, mesh_water, target_footprint
 from grebe.planning.network import Network, connect, reachable
+from grebe.planning.planned import Planned
 from grebe.planning.region import Region, coarsened, navigable_water
 from grebe.planning.route import Route, best_route
 from grebe.planning.travel import Travel, travel_of
@@ -31,27 +32,12 @@ if TYPE_CHECKING:
 # Directions of the rows that `auto` tries [deg]; of many cells only every third of them.
 ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 MANY_CELLS = 2_500
-# How near a plan must come to the budget of time or energy, and in how many trials.
-BUDGET_SHARE, BUDGET_TRIALS = 0.95, 16
-SMALLEST_CELL_M = 0.5
 # A coast of more vertices than this is drawn with fewer, within this share of a cell.
 MANY_VERTICES, COAST_SHARE = 10_000, 0.1
 # A turn on the way that is counted as one [rad].
 TURN_RAD = math.radians(30)
 # Footprint of the start, for the hull with the first target [m].
 START_RADIUS_M = 0.05
-
-
-@dataclass(frozen=True, kw_only=True)
-class Planned:
-    """A survey, what the planner made of its settings, what an independent check found, and
-    what whoever asked for it should know.
-    """
-
-    survey: Survey
-    outcome: PlanOutcome
-    check: PlanCheck
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +139,9 @@ class Planner:
 
     def first_draft(self, *, quick: bool) -> Draft:
         """Return a draft with cells of the size and direction that were asked for, or fit best."""
-        cell_m = self.settings.cell_m or self._affordable_cell_m()
+        cell_m = self.settings.cell_m
+        if cell_m is None:
+            return self._affordable(quick=quick)
         return self.draft(cell_m, self._angle(cell_m), quick=quick)
 
     def survey(self, draft: Draft, ways: Waterways, bound_m: float | None = None) -> Survey:
@@ -208,46 +196,31 @@ class Planner:
 
         return min(angles, key=legs_s)
 
-    def _affordable_cell_m(self) -> float:
-        """The smallest cells whose plan keeps the budget, to within `BUDGET_SHARE`.
-
-        Of many cells quick plans are tried, which are a little slower than what comes of them.
+    def _affordable(self, *, quick: bool) -> Draft:
+        """A draft with the smallest cells that keep the budget. Of many cells quick plans are
+        tried, which are a little slower than what comes of them.
         """
-        budget_s = self._budget_s()
-        pace = 1 / float(np.mean(self.travel.slowness))
-        largest = math.sqrt(self.water.area)
-        cell_m = float(np.clip(self.water.area / (pace * budget_s), SMALLEST_CELL_M, largest))
-        # Cells known to be too small, and the smallest that are known to do.
-        low, best = SMALLEST_CELL_M, None
-        for _ in range(BUDGET_TRIALS):
-            time_s = self._spent_s(cell_m)
-            if time_s > budget_s:
-                low = cell_m
-            else:
-                best = cell_m
-                if time_s >= BUDGET_SHARE * budget_s or best <= 1.01 * low:
-                    break
-            if best is None and low >= largest:
-                break
-            if best is None:
-                cell_m = min(low * float(np.clip(time_s / budget_s, 1.1, 2.0)), largest)
-            else:
-                cell_m = math.sqrt(low * best)
-        if best is None:
-            raise PlanError(
-                f"No plan of this water takes less than {budget_s / 60:.1f} minutes; "
-                "give more time or energy, or a part of the water."
-            )
-        return best
+        angle = self.settings.angle_deg
+        tried: dict[float, Draft] = {}
 
-    def _spent_s(self, cell_m: float) -> float:
+        def spent_s(cell_m: float) -> float:
+            many = self.water.area / cell_m**2 > MANY_CELLS
+            draft = self.draft(cell_m, angle or 0.0, quick=many)
+            if many == quick and angle is not None:
+                tried[cell_m] = draft
+            return self._spent_s(draft)
+
+        budget_s, pace = self._budget_s(), 1 / float(np.mean(self.travel.slowness))
+        first_m = self.water.area / (pace * budget_s)
+        cell_m = affordable_cell_m(spent_s, budget_s, first_m, math.sqrt(self.water.area))
+        return tried.get(cell_m) or self.draft(cell_m, self._angle(cell_m), quick=quick)
+
+    def _spent_s(self, draft: Draft) -> float:
         """What a plan takes of the budget, its transits with it: its time, or the time for which
         its energy would last a boat that goes straight.
         """
-        many = self.water.area / cell_m**2 > MANY_CELLS
-        draft = self.draft(cell_m, self.settings.angle_deg or 0.0, quick=many)
-        stops = self._stops(draft, Waterways(draft.cells, draft.network, self.water, cell_m))
-        way = self._way_through(draft, self._targets(draft, stops))
+        ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
+        way = self._way_through(draft, self._targets(draft, self._stops(draft, ways)))
         if self.settings.minutes is not None:
             return self.travel.path_s(way)
         return 3600.0 * self.travel.path_wh(way) / self.travel.power_w
@@ -324,31 +297,27 @@ class Planner:
             ring if self._is_whole(draft, stop) else target_footprint(ring)
             for stop, ring in zip(stops, rings_of([stop.footprint for stop in stops]), strict=True)
         ]
+        cells = [
+            cell if stop.cell is not None else None
+            for stop, cell in zip(stops, polygons_of(rings).tolist(), strict=True)
+        ]
+        if self.settings.core < 1:
+            rings = [
+                ring if cell is None else drawn_in(ring, self.settings.core)
+                for ring, cell in zip(rings, cells, strict=True)
+            ]
+        slowest, fastest = self.settings.speed_min_mps, self.settings.speed_max_mps
+        windows = [(0.0 if cell is None else slowest, fastest) for cell in cells]
         return tuple(
-            self._target(seq, stop, ring, cell)
-            for seq, (stop, ring, cell) in enumerate(
-                zip(stops, rings, polygons_of(rings).tolist(), strict=True), start=1
+            Target(seq=seq, kind="transit" if cell is None else "cell", cell=cell, set=one)
+            for seq, (cell, one) in enumerate(
+                zip(cells, sets_of(rings, windows), strict=True), start=1
             )
         )
 
     @staticmethod
     def _is_whole(draft: Draft, stop: Stop) -> bool:
         return stop.cell is not None and draft.cells[stop.cell].whole
-
-    def _target(self, seq: int, stop: Stop, ring: Ring, cell: shapely.Polygon) -> Target:
-        slowest = 0.0 if stop.cell is None else self.settings.speed_min_mps
-        if stop.cell is not None and self.settings.core < 1:
-            ring = drawn_in(ring, self.settings.core)
-        return Target(
-            seq=seq,
-            kind="transit" if stop.cell is None else "cell",
-            cell=None if stop.cell is None else cell,
-            set=TargetSet(
-                vertices=ring,
-                speed_min_mps=slowest,
-                speed_max_mps=self.settings.speed_max_mps,
-            ),
-        )
 
     def bound_m(self, draft: Draft) -> float:
         """Return a length [m] below which no way through the centres of all cells can be."""
@@ -357,7 +326,7 @@ class Planner:
             [draft.cells[i] for i in kept],
             self.settings.shape,
             draft.cell_m,
-            draft.network.around[kept][:, kept],
+            draft.network.around.among(kept),
         )
 
     def _outcome(

@@ -26,6 +26,8 @@ LONGEST_KICK = 30
 LONGEST_REVERSAL = 50_000
 LONGEST_WINDY_REVERSAL = 1_000
 LEAST_GAIN = 1e-7
+# By so much [s] a gain may differ that is summed up in another order.
+ROUNDING_S = 1e-9
 MOST_DRAWS = 60
 
 
@@ -102,13 +104,23 @@ def _move_gain(costs, path, i, length, k, flipped):
 
 
 @inlined_machine_code
-def _at_stake(costs, path, k):
-    """The most that a new link of the cell at place k could replace: its dearer leg. Of two links
-    that replace two others one is always cheaper than its own.
+def _taken_out(costs, path, i, length):
+    """What the path saves without path[i..i + length - 1]."""
+    j = i + length - 1
+    p, q = at(path, i - 1), at(path, j + 1)
+    return join(costs, p, path[i]) + join(costs, path[j], q) - join(costs, p, q)
+
+
+@inlined_machine_code
+def _take_out_each(costs, path, k, saved):
+    """What each short segment with an end at place k saves where it is taken out: at twice its
+    length where it begins there, and one further on where it does not.
     """
-    before = join(costs, at(path, k - 1), path[k])
-    after = join(costs, path[k], at(path, k + 1))
-    return max(before, after)
+    for length in range(1, LONGEST_SEGMENT + 1):
+        for side in range(2):
+            i = k if side == 0 else k - length + 1
+            if i >= 1 and i + length <= path.shape[0]:
+                saved[2 * length + side] = _taken_out(costs, path, i, length)
 
 
 @machine_code
@@ -121,12 +133,16 @@ def _apply_move(path, pos, i, length, k, flipped, spare):
 
 
 @inlined_machine_code
-def _try_reversals(costs, path, pos, a, c, reach, best, move):
-    """Both ways to make a and c neighbours by turning a stretch round."""
-    low, high = min(pos[a], pos[c]), max(pos[a], pos[c])
+def _try_reversals(costs, path, places, link_s, own, beside, best, move):
+    """Both ways to make the cells at two places neighbours by turning a stretch round."""
+    low, high = min(places[0], places[1]), max(places[0], places[1])
+    reach = LONGEST_WINDY_REVERSAL if costs.windy else LONGEST_REVERSAL
     for shift in range(2):
         i, j = (low + 1, high) if shift == 0 else (low, high - 1)
         if i < 1 or j - i < 1 or j - i > reach:
+            continue
+        # What is behind both is replaced, or what is before them.
+        if not costs.windy and own[1 - shift] + beside[1 - shift] - link_s <= best - ROUNDING_S:
             continue
         gain = _reversal_gain(costs, path, i, j)
         if gain > best:
@@ -136,13 +152,21 @@ def _try_reversals(costs, path, pos, a, c, reach, best, move):
 
 
 @inlined_machine_code
-def _try_moves(costs, path, pos, a, c, reach, best, move):
-    """All ways to bring a short segment that ends at a beside c."""
-    last = path.shape[0] - 1
-    pc = pos[c]
+def _far_s(costs, path, far, place, after):
+    """The leg between the far end of a segment and the cell behind a place, or before it."""
+    if after == 1:
+        return join(costs, far, at(path, place + 1))
+    return join(costs, path[place - 1], far)
+
+
+@inlined_machine_code
+def _try_moves(costs, path, places, link_s, own, beside, best, move):
+    """All ways to bring a short segment that ends at the first of two places beside the second."""
+    last, pc = path.shape[0] - 1, places[1]
+    reach = LONGEST_WINDY_REVERSAL if costs.windy else LONGEST_REVERSAL
     for length in range(1, LONGEST_SEGMENT + 1):
         for side in range(2):
-            i = pos[a] if side == 0 else pos[a] - length + 1
+            i = places[0] if side == 0 else places[0] - length + 1
             j = i + length - 1
             if i < 1 or j > last or i <= pc <= j or (length == 1 and side == 1):
                 continue
@@ -150,14 +174,53 @@ def _try_moves(costs, path, pos, a, c, reach, best, move):
                 k = pc if after == 1 else pc - 1
                 if k < 0 or i - 1 <= k <= j or abs(k - i) > reach:
                     continue
-                # a must come to lie beside c: first behind it, or last before it.
-                flipped = (side == 0) != (after == 1)
-                if length == 1 and flipped:
-                    flipped = False
+                # The first must come to lie beside the second: first behind it, or last before it.
+                flipped = length > 1 and (side == 0) != (after == 1)
+                worth = best - ROUNDING_S
+                # Turned round in a wind, its own legs take another time.
+                if not (flipped and costs.windy):
+                    most = own[2 * length + side] + beside[after] - link_s
+                    if most <= worth:
+                        continue
+                    far = path[j] if side == 0 else path[i]
+                    if most - _far_s(costs, path, far, pc, after) <= worth:
+                        continue
                 gain = _move_gain(costs, path, i, length, k, flipped)
                 if gain > best:
                     best = gain
                     move[0], move[1], move[2], move[3], move[4] = 1, i, length, k, flipped
+    return best
+
+
+@inlined_machine_code
+def _best_move(costs, path, pos, a, own, beside, move):
+    """Write the move around a cell that saves most to `move`; returns what it saves.
+
+    Of most moves the new link alone says that they save less than the best one so far: what is
+    taken away for it is looked up in `own`, the cell's legs before and behind it and what its
+    segments save, and `beside`, its neighbour's legs.
+    """
+    best, k = LEAST_GAIN, pos[a]
+    own[0], own[1] = join(costs, at(path, k - 1), a), join(costs, a, at(path, k + 1))
+    # The most that a new link could replace is the dearer leg: of two links that replace two
+    # others one is always cheaper than its own.
+    at_stake = max(own[0], own[1])
+    for s in range(costs.nearest.shape[1]):
+        link_s = costs.nearest_s[a, s]
+        if link_s + LEAST_GAIN >= at_stake:
+            break
+        if s == 0:
+            _take_out_each(costs, path, k, own)
+        c = costs.nearest[a, s]
+        if pos[c] < 0:
+            continue
+        places = (k, pos[c])
+        if costs.windy:
+            link_s = min(link_s, leg(costs, c, a))
+        beside[0] = join(costs, at(path, places[1] - 1), c)
+        beside[1] = join(costs, c, at(path, places[1] + 1))
+        best = _try_reversals(costs, path, places, link_s, own, beside, best, move)
+        best = _try_moves(costs, path, places, link_s, own, beside, best, move)
     return best
 
 
@@ -201,20 +264,11 @@ def _settle(costs, path, pos, queue, spare, touched):
     """
     total = 0.0
     move = np.zeros(5, dtype=np.int64)
-    reach = LONGEST_WINDY_REVERSAL if costs.windy else LONGEST_REVERSAL
+    own, beside = np.zeros(2 * LONGEST_SEGMENT + 2), np.zeros(2)
     while queue.state[1] > 0:
         a = _next(queue)
         while True:
-            best = LEAST_GAIN
-            at_stake = _at_stake(costs, path, pos[a])
-            for s in range(costs.nearest.shape[1]):
-                if costs.nearest_s[a, s] + LEAST_GAIN >= at_stake:
-                    break
-                c = costs.nearest[a, s]
-                if pos[c] < 0:
-                    continue
-                best = _try_reversals(costs, path, pos, a, c, reach, best, move)
-                best = _try_moves(costs, path, pos, a, c, reach, best, move)
+            best = _best_move(costs, path, pos, a, own, beside, move)
             if best <= LEAST_GAIN:
                 break
             if move[0] == 0:

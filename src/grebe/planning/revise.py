@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.sparse.csgraph import connected_components
 
 from grebe.core.dynamics import Weather
 from grebe.core.errors import PlanError
@@ -26,6 +25,7 @@ from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.corridors import REACH_CELLS, Stop, Waterways, corridors_of, widened
 from grebe.planning.costs import costs_of
+from grebe.planning.graph import parts_of
 from grebe.planning.mesh import Cell, target_footprint, wide_pieces
 from grebe.planning.network import ROUNDING_M, Network, connect
 from grebe.planning.polish import polished
@@ -81,8 +81,8 @@ class OpenWater:
         return Waterways(self.cells, self.network, self.water, self.cell_m)
 
     @cached_property
-    def _parts(self) -> NDArray[np.int32]:
-        return connected_components(self.network.matrix(), directed=False)[1]
+    def _parts(self) -> NDArray[np.int64]:
+        return parts_of(self.network.links(self.network.ways_m))[1]
 
     @cached_property
     def shapes(self) -> NDArray[np.object_]:

@@ -7,7 +7,7 @@ and all of them one revision of the plan.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +22,8 @@ from grebe.planning.check import PlanCheck, check_plan
 from grebe.planning.endurance import endurance_of
 from grebe.planning.fewest_trips import Trips, trips_within
 from grebe.planning.lake import Lake, lake_of
-from grebe.planning.planner import Draft, Planned, planner_of
+from grebe.planning.planned import PlannedSorties
+from grebe.planning.planner import Draft, planner_of
 from grebe.planning.region import Region
 from grebe.planning.route import Route
 
@@ -35,18 +36,6 @@ if TYPE_CHECKING:
 HARBOUR_M = 6.0
 # What it takes to bring a boat to another harbour by land [s].
 MOVE_S = 1800.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlannedSorties(Planned):
-    """A survey in sorties; `revision` holds them, `bound_s` is what no sorties together go below,
-    `legs_s` what the trips through the cells' centres take in the same measure. Of a fleet without
-    sorties `legs_s` is what the slowest boat takes, `bound_s` one boat's time over their number.
-    """
-
-    revision: PlanRevision
-    bound_s: float
-    legs_s: float
 
 
 def plan_sorties(

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from grebe.core.samples import Samples
-from grebe.core.survey import Survey
+from grebe.core.survey import Survey, Target
 from grebe.io.store import TrackTable
 from grebe.report.canvas import (
     BLUE,
@@ -46,10 +47,11 @@ def plan_figure(survey: Survey) -> Figure:
     axes = figure.subplots()
     draw_water(axes, survey)
     visited = [t for t in survey.targets if t.kind == "cell"]
-    corners = [np.asarray(t.set.vertices)[:, ::-1] for t in visited]
-    many = len(corners) > MANY_CELLS
+    many = len(visited) > MANY_CELLS
     edges = "none" if many else "white"
-    cells = PolyCollection(corners, cmap="cividis", edgecolors=edges, linewidths=0.5, alpha=0.85)
+    cells = PolyCollection(
+        cast("Any", _corners(visited)), cmap="cividis", edgecolors=edges, linewidths=0.5, alpha=0.85
+    )
     cells.set_array([t.seq for t in visited])
     axes.add_collection(cells)
     draw_no_go(axes, survey)
@@ -58,7 +60,7 @@ def plan_figure(survey: Survey) -> Figure:
         centres[:, 1], centres[:, 0], color=VERMILLION, lw=0.4 if many else 1.0,
         label="order of the cells",
     )  # fmt: skip
-    _draw_transits(axes, survey)
+    _draw_transits(axes, survey, centres)
     if not many:
         _draw_direction(axes, centres)
     if survey.start is not None:
@@ -135,9 +137,18 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
     return figure
 
 
-def _draw_transits(axes: Axes, survey: Survey) -> None:
+def _corners(targets: Sequence[Target]) -> NDArray[np.float64]:
+    """The corners of targets (n, m, 2), east first. Those with fewer than others have their last
+    one several times: what comes in one array is made into paths in one go.
+    """
+    rings = [target.set.vertices for target in targets]
+    most = max(map(len, rings), default=3)
+    padded = [ring + ring[-1:] * (most - len(ring)) for ring in rings]
+    return np.array(padded, dtype=float).reshape(-1, most, 2)[:, :, ::-1]
+
+
+def _draw_transits(axes: Axes, survey: Survey, centres: NDArray[np.float64]) -> None:
     """The way to each transit and from it: where the boat goes around land."""
-    centres = np.array([t.set.centre for t in survey.targets])
     is_transit = np.array([t.kind == "transit" for t in survey.targets])
     if not is_transit.any():
         return

@@ -20,7 +20,8 @@ from grebe.core.survey import Survey
 from grebe.core.taut import way_through
 from grebe.core.vessel import vessel_named
 from grebe.io.store import SurveyFile
-from grebe.planning.planner import Planned, plan
+from grebe.planning.planned import Planned
+from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region
 from grebe.server.library import geojson, rings
 from grebe.server.mission_request import weather

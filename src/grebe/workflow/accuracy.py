@@ -27,7 +27,8 @@ from grebe.mapping.design import expected_variance
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.methods.base import Readings
 from grebe.mapping.posterior import fit_rough
-from grebe.planning.planner import Planned, plan
+from grebe.planning.planned import Planned
+from grebe.planning.planner import plan
 from grebe.planning.region import Region
 
 if TYPE_CHECKING:

@@ -18,15 +18,14 @@ from grebe.core.vessel import Vessel
 from grebe.io.readers.land import sea_warning
 from grebe.io.readers.outline import read_outline
 from grebe.io.readers.quantities import user_quantities
-from grebe.io.readers.track import TrackColumns
-from grebe.planning.fleets import plan_fleet
-from grebe.planning.planner import Planned, plan
+from grebe.planning.planned import Planned, PlannedSorties
+from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region, water_of
-from grebe.planning.sortie_check import SortieCheck, check_sorties
-from grebe.planning.sorties import PlannedSorties, plan_sorties
 from grebe.workflow.files import write_survey
 
 if TYPE_CHECKING:
+    from grebe.io.readers.track import TrackColumns
+    from grebe.planning.sortie_check import SortieCheck
     from grebe.workflow.accuracy import Expected
 
 # A start further than this from the water is reported to whoever asked for it [m].
@@ -76,8 +75,12 @@ def _planned(
     on_done: Callable[[int, int], None] | None,
 ) -> Planned:
     if settings.sorties is not None:
+        from grebe.planning.sorties import plan_sorties
+
         return plan_sorties(region, vessel, settings, start_lonlat, zones, on_done)
     if settings.fleet is not None:
+        from grebe.planning.fleets import plan_fleet
+
         return plan_fleet(region, vessel, settings, zones)
     return plan(region, vessel, settings, start_lonlat, zones)
 
@@ -107,12 +110,19 @@ def write_plan(
 
 
 def _draw(survey: Survey, revision: PlanRevision | None, picture: Path) -> None:
-    """Draw a plan; matplotlib takes a second to import, which a refusal need not wait for."""
+    """Draw a plan; matplotlib takes its time to import, for which a refusal need not wait."""
+    from grebe.report.undescribed import import_figures
+
+    import_figures()
     from grebe.report import canvas
     from grebe.report.mission_figures import plan_figure
-    from grebe.report.sortie_figures import sorties_figure
 
-    figure = plan_figure(survey) if revision is None else sorties_figure(survey, revision)
+    if revision is None:
+        figure = plan_figure(survey)
+    else:
+        from grebe.report.sortie_figures import sorties_figure
+
+        figure = sorties_figure(survey, revision)
     canvas.save(figure, picture)
 
 
@@ -177,6 +187,8 @@ def checked_sorties(planned: PlannedSorties) -> list[SortieCheck]:
     settings = planned.survey.settings
     if settings is None or settings.sorties is None:
         return []
+    from grebe.planning.sortie_check import check_sorties
+
     return check_sorties(planned.survey, planned.revision, water_of(planned.survey))
 
 

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -23,7 +23,9 @@ from grebe.core.sets import hull_of
 from grebe.io.readers.features import chosen, feature_name, feature_text
 from grebe.io.readers.hostile import check_size, check_xml, unpacked
 from grebe.io.readers.text import read_text
-from grebe.io.readers.track import TrackColumns, read_track
+
+if TYPE_CHECKING:
+    from grebe.io.readers.track import TrackColumns
 
 # GeoJSON is WGS 84 by its standard (RFC 7946); older files may still name a CRS.
 WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
@@ -56,6 +58,8 @@ def read_outline(
     """
     suffix = path.suffix.lower()
     if suffix == ".csv":
+        from grebe.io.readers.track import read_track
+
         track = read_track(path, columns, header_from)
         return Outline(geometry=hull_of(track.lonlat), name=path.stem, notes=track.notes)
     if not path.exists():

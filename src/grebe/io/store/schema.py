@@ -21,7 +21,7 @@ from grebe.core.errors import InputError, SurveyFileError
 from grebe.core.frames import LocalFrame
 from grebe.core.quantities import Quantities, Quantity, quantities_of
 from grebe.core.revision import PlanRevision, first_revision, survey_of
-from grebe.core.sets import TargetSet, footprints_of, rings_of
+from grebe.core.sets import footprints_of, rings_of, sets_of
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.io.store import geopackage, revision_tables
@@ -212,14 +212,10 @@ def _read_targets(connection: sqlite3.Connection, frame: LocalFrame) -> tuple[Ta
     ).fetchall()
     rings = rings_of(_polygons(frame, [row[-1] for row in rows]))
     cells = read_cells(connection, frame)
+    sets = sets_of(rings, [(low, high) for _, _, low, high, _ in rows])
     return tuple(
-        Target(
-            seq=seq,
-            kind=kind,
-            set=TargetSet(vertices=ring, speed_min_mps=low, speed_max_mps=high),
-            cell=cells.get(seq),
-        )
-        for (seq, kind, low, high, _), ring in zip(rows, rings, strict=True)
+        Target(seq=seq, kind=kind, set=one, cell=cells.get(seq))
+        for (seq, kind, *_), one in zip(rows, sets, strict=True)
     )
 
 
