@@ -23,6 +23,7 @@ from grebe.control.controller import Controller
 from grebe.core.dynamics import Weather
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.trial import Conditions, fly, meander
+from grebe.workflow.kernel_cache import COMPILE
 
 GREBE = (sys.executable, "-c", "from grebe.cli.main import main; main()")
 
@@ -96,11 +97,10 @@ def missions_a_second(missions: int = 5) -> None:
 
 def first_run() -> None:
     """CPU seconds of the compilation before the first mission, in a copy of the package."""
-    script = "from grebe.workflow.kernel_cache import sail_a_little; sail_a_little()"
     with tempfile.TemporaryDirectory() as name:
         environment = os.environ | {"NUMBA_CACHE_DIR": name}
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run([sys.executable, "-c", script], check=True, env=environment)
+        subprocess.run([sys.executable, "-c", COMPILE], check=True, env=environment)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     print(f"\nMachine code for missions, compiled once: {used:.0f} s of CPU.")

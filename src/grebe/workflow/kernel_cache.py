@@ -15,14 +15,18 @@ from pathlib import Path
 
 from grebe.core import kernels
 
-_COMMAND = "from grebe.workflow.kernel_cache import sail_a_little; sail_a_little()"
+# Python's collector would walk over all that the compiler keeps, again and again.
+COMPILE = (
+    "import gc; gc.disable(); "
+    "from grebe.workflow.kernel_cache import sail_a_little; sail_a_little()"
+)
 
 
 def compile_controller() -> bool:
     """Fill the cache where it is not full and can be written; return whether it is full now."""
     if not kernels.is_compiled() and os.access(Path(kernels.__file__).parent, os.W_OK):
         kernels.forget_compiled()
-        subprocess.run([sys.executable, "-c", _COMMAND], check=False, capture_output=True)
+        subprocess.run([sys.executable, "-c", COMPILE], check=False, capture_output=True)
     return kernels.is_compiled()
 
 
