@@ -52,6 +52,20 @@ def test_rows_of_a_view_are_read_where_they_lie():
     assert out[1, 2] == stages[2, 0, 1] + stages[2, 2, 3]
 
 
-def test_rows_that_do_not_lie_together_are_refused():
+READ_ONLY = np.ones((3, WIDTH + 2))
+READ_ONLY.flags.writeable = False
+
+
+@pytest.mark.parametrize(
+    ("rows", "out"),
+    [
+        (np.ones((WIDTH + 2, 3)).T, np.ones((3, WIDTH + 2))),
+        (np.ones((3, WIDTH + 2), dtype=np.float32), np.ones((3, WIDTH + 2))),
+        (np.ones((3, WIDTH + 2), dtype=np.int64), np.ones((3, WIDTH + 2))),
+        (np.ones((3, WIDTH + 2)), READ_ONLY),
+    ],
+    ids=["columns", "singles", "integers", "read-only"],
+)
+def test_what_is_no_table_of_doubles_in_rows_is_refused(rows, out):
     with pytest.raises(TypingError):
-        _compiled(np.ones((WIDTH + 2, 3)).T, 1.0, np.ones((3, WIDTH + 2)))
+        _compiled(rows, 1.0, out)

@@ -206,8 +206,8 @@ class Plan:
         ends, durations = self._ends, self.durations
         stage = np.minimum(np.searchsorted(ends, moments), len(ends) - 1)
         span = durations[stage]
-        gone = moments - ends[stage] + span
-        share = np.minimum(np.maximum(gone / np.where(span > 0, span, 1.0), 0.0), 1.0)[:, None]
+        gone = np.minimum(np.maximum(moments - ends[stage] + span, 0.0), span)
+        share = (gone / np.where(span > 0, span, 1.0))[:, None]
         return values[stage] + share * (values[stage + 1] - values[stage])
 
 

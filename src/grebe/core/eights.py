@@ -38,12 +38,14 @@ def eight(a: float, b: float, c: float, d: float, e: float, f: float, g: float, 
 
 
 def loaded(rows: Array, row: int, column: int) -> Array:
-    """Return eight numbers of a row of `rows` (n, m), from `column` on."""
+    """Return eight numbers of a row of `rows` (n, m), from `column` on. Where that is, is not
+    checked, and is not counted from the end.
+    """
     return rows[row, column : column + WIDTH].copy()
 
 
 def stored(numbers: Array, rows: Array, row: int, column: int) -> None:
-    """Write eight numbers into a row of `rows` (n, m), from `column` on."""
+    """Write eight numbers into a row of `rows` (n, m), from `column` on; see `loaded`."""
     rows[row, column : column + WIDTH] = numbers
 
 
@@ -63,12 +65,16 @@ class _Model(models.PrimitiveModel):  # pyright: ignore[reportUnusedClass]
         super().__init__(manager, kind, _VECTOR)
 
 
+# Eight numbers are read and written where they lie in memory: in rows of doubles alone.
+
+
 def _is_rows(kind: Any) -> bool:
-    return isinstance(kind, types.Array) and kind.ndim == 2 and kind.layout == "C"
+    lies_so = isinstance(kind, types.Array) and kind.ndim == 2 and kind.layout == "C"
+    return lies_so and kind.dtype == types.float64
 
 
 def _are_numbers(*kinds: Any) -> bool:
-    return all(isinstance(kind, types.Float) for kind in kinds)
+    return all(kind == types.float64 for kind in kinds)
 
 
 def _are_places(*kinds: Any) -> bool:
@@ -102,7 +108,9 @@ def _loaded_of(_context: Any) -> Any:
 @type_callable(stored)
 def _stored_of(_context: Any) -> Any:
     return lambda numbers, rows, row, column: (
-        types.none if numbers == _EIGHT and _is_rows(rows) and _are_places(row, column) else None
+        types.none
+        if numbers == _EIGHT and _is_rows(rows) and rows.mutable and _are_places(row, column)
+        else None
     )
 
 

@@ -26,6 +26,7 @@ from grebe.control.rules.base import (
     confine,
     progress,
 )
+from grebe.core.errors import UsageError
 from grebe.core.sets import TargetSet, footprints_of
 from grebe.core.taut import taut_way
 
@@ -54,6 +55,8 @@ SEEN_BEYOND, ENTRY_ROOM, LARGE_SHARE = 6, 0.015, 0.25
 # A place, unlike a whole set, may be reached only after a turn: to be safe it counts as so many
 # times as far, for the boat races for what the horizon just does not hold.
 TURN_ROOM = 2.0
+# The largest price of thrust: beyond it boats were taken for held by weeds.
+MOST_THRIFT = 4.0
 # Land is worse than a missed set.
 CORRIDOR_PENALTY = 1000.0
 EFFORT = 0.005
@@ -90,6 +93,18 @@ class Lookahead:
     def __post_init__(self) -> None:
         check_stages(self.stages, self.step_s)
         check_not_negative(hold=self.hold, thrift=self.thrift)
+        if self.thrift > MOST_THRIFT:
+            raise UsageError(
+                f"The price of thrust is {self.thrift} s; give 0 to {MOST_THRIFT:g}: a boat that "
+                "saves more than that no longer makes way."
+            )
+
+    @property
+    def _dearest(self) -> float:
+        """What a second costs with both thrusters at full thrust; what is worth a second, a missed
+        set or land, must be worth that.
+        """
+        return 1.0 + 2.0 * self.thrift
 
     @property
     def longest_stage_s(self) -> float:
@@ -110,7 +125,7 @@ class Lookahead:
         horizon.duration_weights[:] = PACING
         nodes: list[int] = np.cumsum(stages).tolist()
         confine(horizon, situation, nodes)
-        horizon.corridor_penalty = CORRIDOR_PENALTY
+        horizon.corridor_penalty = self._dearest * CORRIDOR_PENALTY
         decision = Decision(
             target=situation.target, split=nodes[0], entries=tuple(nodes), memory=now
         )
@@ -138,11 +153,9 @@ class Lookahead:
         """Prices of a unit of slack at an entry, and of the squared surge above the window, where
         the entry is within the horizon or beyond it.
         """
-        # A second with both thrusters at full thrust: what is worth a second must be worth that.
-        dearest = 1.0 + 2.0 * self.thrift
         if within:
-            return dearest * ENTRY_PENALTY, self.hold
-        price = dearest * FAR_WORTH / max(aim.speed_max_mps, HOLD_MARGIN_MPS)
+            return self._dearest * ENTRY_PENALTY, self.hold
+        price = self._dearest * FAR_WORTH / max(aim.speed_max_mps, HOLD_MARGIN_MPS)
         return price, max(self.hold, price * LONGEST_STAGE_S / (2 * FAR_EXCESS_MPS))
 
 
