@@ -183,6 +183,11 @@ class Guard:
         return None if reason is None else (reason, self._memory.message)
 
     @property
+    def used_wh(self) -> float:
+        """What the drives have taken since the harbour, as far as their thrusts tell [Wh]."""
+        return self._used_wh
+
+    @property
     def helm(self) -> Helm | None:
         """Who steers the way home; None while the survey is steered, or nobody has to."""
         way = self._way

@@ -289,7 +289,8 @@ class Mission:
             self._looks_on, self._waits_at = False, (place[0], place[1])
             plans.lead_on(self._reached, place, self._weather)
         if not self._done:
-            plans.watch(observation.time_s, self._reached, place, self._weather)
+            used_wh = self._guard.used_wh
+            plans.watch(observation.time_s, self._reached, place, self._weather, used_wh)
         try:
             new = plans.ready(self._reached, place, self._weather)
         except PlanError as error:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from grebe.core.dynamics import CALM
 from grebe.core.plan_settings import SortieSettings
-from grebe.core.revision import Sortie
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Place
@@ -20,36 +19,29 @@ LEAST_S, EVERY_S = 180.0, 60.0
 SLOW = 1.05
 
 
-def limit_s(bounds: SortieSettings, sortie: Sortie) -> float:
-    """When a sortie must be back [s], by its time or by its battery at the predicted power."""
-    limits = [math.inf if bounds.minutes is None else 60 * bounds.minutes]
-    if bounds.battery_wh is not None and sortie.energy_wh > 0:
-        limits.append(bounds.battery_wh / sortie.energy_wh * sortie.time_s)
-    return (1 - bounds.reserve) * min(limits)
-
-
 @dataclass(kw_only=True)
 class Pace:
     """Compares one mission with what was predicted of it, from the first estimate on; `spent_s` is
-    what its boat had been under way before, since its harbour.
+    what its boat had been under way before, since its harbour. A battery lasts as long as it does
+    at the power that was drawn so far: a boat that is slow to save it has not used it up.
     """
 
     vessel: Vessel
     bounds: SortieSettings
     spent_s: float = 0.0
-    _began: tuple[float, Place, int] | None = None
+    _began: tuple[float, Place, int, float] | None = None
     _next_s: float = -math.inf
 
     def late(
-        self, time_s: float, reached: int, place: Place, part: Survey, sortie: Sortie
+        self, time_s: float, reached: int, place: Place, part: Survey, used_wh: float
     ) -> Late | None:
         """Return by how much a sortie is late where its rest does not fit; None where it does.
 
-        `part` is the sortie's own survey.
+        `part` is the sortie's own survey, `used_wh` what the battery has given since the harbour.
         """
         if self._began is None:
-            self._began = (time_s, place, reached)
-        began_s, start, before = self._began
+            self._began = (time_s, place, reached, used_wh)
+        began_s, start, before, used_before_wh = self._began
         flown_s = time_s - began_s
         if time_s < self._next_s or flown_s < LEAST_S or reached == before:
             return None
@@ -58,7 +50,17 @@ class Pace:
         expected_s = remaining_s(part, start, part.targets[before:reached], weather, self.vessel)
         rest_s = remaining_s(part, place, part.targets[reached:], weather, self.vessel)
         pace = flown_s / max(expected_s, 1e-9)
-        left_s = limit_s(self.bounds, sortie) - self.spent_s - flown_s
+        left_s = self._left_s(flown_s, used_wh, (used_wh - used_before_wh) / flown_s)
         if pace < SLOW or MARGIN * pace * rest_s <= left_s:
             return None
         return Late(pace=pace, flown_s=flown_s, left_s=left_s)
+
+    def _left_s(self, flown_s: float, used_wh: float, wh_per_s: float) -> float:
+        """How long the boat may still be out: by the minutes, and by the battery at this power."""
+        bounds, most = self.bounds, 1 - self.bounds.reserve
+        left_s = [math.inf]
+        if bounds.minutes is not None:
+            left_s.append(most * 60 * bounds.minutes - self.spent_s - flown_s)
+        if bounds.battery_wh is not None and wh_per_s > 0:
+            left_s.append((most * bounds.battery_wh - used_wh) / wh_per_s)
+        return min(left_s)

@@ -127,11 +127,16 @@ class Replanner:
         note = f"target {seq} was not reached in time and is left out"
         self._ask("unreachable", note, reached, place, weather)
 
-    def watch(self, time_s: float, reached: int, place: Place, weather: Weather) -> None:
-        """Ask for an order for the weather where it has long been another than was planned with."""
+    def watch(
+        self, time_s: float, reached: int, place: Place, weather: Weather, used_wh: float = 0.0
+    ) -> None:
+        """Ask for an order for the weather where it has long been another than was planned with,
+        and for a shorter sortie where it takes too long, or too much of the battery: `used_wh`
+        since the harbour.
+        """
         if not self.heeds:
             return
-        self._watch_pace(time_s, reached, place, weather)
+        self._watch_pace(time_s, reached, place, weather, used_wh)
         planned = self._weather or (self.survey.settings.weather if self.survey.settings else CALM)
         north = weather.current_north_mps - planned.current_north_mps
         east = weather.current_east_mps - planned.current_east_mps
@@ -161,7 +166,9 @@ class Replanner:
         """Whether the boat has to wait for a way to its next target."""
         return self.is_busy and self.asked == "resumed"
 
-    def _watch_pace(self, time_s: float, reached: int, place: Place, weather: Weather) -> None:
+    def _watch_pace(
+        self, time_s: float, reached: int, place: Place, weather: Weather, used_wh: float
+    ) -> None:
         """Ask for a shorter sortie where it goes too slowly to be back in time."""
         settings, sortie = self.survey.settings, self._sortie_in(self.plan.revision)
         if self.is_busy or settings is None or settings.sorties is None or sortie is None:
@@ -169,7 +176,7 @@ class Replanner:
         self._pace = self._pace or Pace(
             vessel=self.vessel, bounds=settings.sorties, spent_s=self.spent_s
         )
-        self._late = self._pace.late(time_s, reached, place, self._part, sortie)
+        self._late = self._pace.late(time_s, reached, place, self._part, used_wh)
         if self._late is not None:
             self._ask("progress", "", reached, place, weather)
 

@@ -1,0 +1,46 @@
+"""A sortie is late where its time, or its battery at the power that it draws, does not last."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from grebe.core.plan_settings import SortieSettings
+from grebe.core.vessel import PRESETS
+from grebe.mission import pace
+from grebe.mission.pace import LEAST_S, Pace
+
+HOME = ((8.0, 47.0),)
+
+
+def late(bounds, used_wh, monkeypatch, *, slower=1.5, half_s=600.0):
+    """What a sortie of two equal halves says after the first, sailed `slower` than predicted."""
+    monkeypatch.setattr(pace, "remaining_s", lambda *_: half_s)
+    part = SimpleNamespace(settings=None, targets=[1, 2])
+    watch = Pace(vessel=PRESETS["blueboat"], bounds=bounds)
+    assert watch.late(0.0, 0, (0.0, 0.0), part, 0.0) is None
+    return watch.late(slower * half_s, 1, (50.0, 0.0), part, used_wh)
+
+
+def test_a_boat_that_is_slow_to_save_its_battery_puts_nothing_off(monkeypatch):
+    """Half as slow again as predicted, at a third of the power."""
+    bounds = SortieSettings(battery_wh=100.0, reserve=0.2, harbours=HOME)
+    assert late(bounds, 20.0, monkeypatch) is None
+
+
+def test_a_battery_that_does_not_last_at_the_power_drawn_is_late(monkeypatch):
+    bounds = SortieSettings(battery_wh=100.0, reserve=0.2, harbours=HOME)
+    told = late(bounds, 50.0, monkeypatch)
+    assert told.pace == pytest.approx(1.5)
+    # 30 Wh are left but for the reserve, at 50 Wh in 900 s.
+    assert told.left_s == pytest.approx(540.0)
+
+
+def test_minutes_are_minutes_whatever_the_battery_has(monkeypatch):
+    bounds = SortieSettings(minutes=25.0, reserve=0.2, harbours=HOME)
+    told = late(bounds, 1.0, monkeypatch)
+    assert told.left_s == pytest.approx(0.8 * 1500 - 900)
+
+
+def test_what_was_flown_for_a_moment_says_nothing(monkeypatch):
+    bounds = SortieSettings(minutes=1.0, reserve=0.2, harbours=HOME)
+    assert late(bounds, 1.0, monkeypatch, slower=1.0, half_s=0.9 * LEAST_S) is None
