@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 from conftest import square_survey
 
+from grebe.cli.flags import sentence
 from grebe.cli.main import grebe
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.lookahead import Lookahead
@@ -79,3 +80,28 @@ def test_the_numbers_of_a_rule_of_one_s_own_are_set_in_its_file(tmp_path: Path) 
     own.write_text(OWN)
     with pytest.raises(UsageError, match="set stages in the file"):
         rule_named(f"python:{own}", {"stages": 5, "beta": None})
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("--rule dual --thrift 1", "--thrift is no setting of the rule dual; lookahead has it."),
+        ("--alpha 2", "--alpha is no setting of the rule lookahead; single and dual have it."),
+        ("--thrift 9", "thrift is 9; give 0 to 4"),
+        ("--thrift nan", "thrift is nan"),
+    ],
+)
+def test_a_number_that_would_change_nothing_or_stop_the_boat_is_refused(
+    words: str, says: str, tmp_path: Path
+) -> None:
+    write_survey(tmp_path / "s.gpkg", square_survey())
+    done = CliRunner().invoke(grebe, ["run", str(tmp_path / "s.gpkg"), *words.split()])
+    assert isinstance(done.exception, UsageError)
+    assert says in sentence(done.exception)
+
+
+def test_a_preview_s_next_command_steers_as_it_was_asked(tmp_path: Path) -> None:
+    write_survey(tmp_path / "s.gpkg", square_survey())
+    words = ["run", str(tmp_path / "s.gpkg"), "--preview", "--thrift", "0.5", "--horizon", "20"]
+    done = CliRunner().invoke(grebe, words, catch_exceptions=False)
+    assert "--horizon 20 --thrift 0.5" in done.output

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import click
@@ -11,6 +12,7 @@ from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.single import Single
 from grebe.control.solvers.base import SolverBuilder
+from grebe.core.errors import UsageError
 from grebe.workflow.steering_names import RULES, SOLVERS, rule_named, solver_named
 
 RULES_WITH_WEIGHTS = {"single": Single(), "dual": Dual()}
@@ -56,6 +58,23 @@ rule_options = options.together(
         "about a tenth more time for less energy [lookahead 0].",
     ),
 )
+
+
+def refuse_foreign(rule: str, typed: Mapping[str, Any]) -> None:
+    """Raise `UsageError` for a number that was typed and that the rule does not have."""
+    for name in (*WEIGHTS, "thrift"):
+        theirs = [known for known, kind in RULES.items() if hasattr(kind(), name)]
+        if typed.get(name) is not None and rule in RULES and rule not in theirs:
+            have = f"{' and '.join(theirs)} {'have' if len(theirs) > 1 else 'has'} it"
+            raise UsageError(f"--{name} is no setting of the rule {rule}; {have}.")
+
+
+def typed_again(run: Mapping[str, Any]) -> str:
+    """The options of who steers as they were typed, for a command that is to do the same."""
+    options = {"rule": "lookahead", "solver": "fast", "horizon": None, "step_s": None}
+    options |= dict.fromkeys((*WEIGHTS, "thrift"))
+    typed = {name: run[name] for name, usual in options.items() if run[name] != usual}
+    return "".join(f" --{name.removesuffix('_s')} {value}" for name, value in typed.items())
 
 
 def rule_of(run: dict[str, Any]) -> tuple[Rule, SolverBuilder]:

@@ -18,7 +18,7 @@ from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_of
 from grebe.cli.fleet_run import explain, fleet_numbers, run_fleet
 from grebe.cli.interruption import heed_mission, ignore_hangup
 from grebe.cli.live_view import live_view
-from grebe.cli.rule_options import rule_of, rule_options
+from grebe.cli.rule_options import refuse_foreign, rule_of, rule_options, typed_again
 from grebe.cli.safety_options import ONCE, safety_of, safety_options
 from grebe.cli.world_options import world_of, world_options
 from grebe.control.rules.base import Rule
@@ -148,8 +148,7 @@ def command(
     ):
         refuse_unopened(benches.values())
         _declare(survey_file, own, benches)
-        if goes_on:
-            run = _as_before(ctx, run, survey_file.meta().get("run", "{}"))
+        run = _as_before(ctx, run, survey_file.meta().get("run", "{}") if goes_on else "{}")
         run["fresh"] = _typed(ctx, "battery_wh")
         before = survey_file.progress().reached if goes_on else 0
         _keep(run, survey_file)
@@ -364,7 +363,7 @@ def _show_preview(
         return
     which = "" if sortie is None else f" --sortie {sortie}"
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
-    go = f"grebe run {file}{which}{again}"
+    go = f"grebe run {file}{which}{again}{typed_again(run)}"
     _say_which(departure, survey_file)
     output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
 
@@ -392,7 +391,9 @@ def _settings(run: dict[str, Any]) -> tuple[Rule, SolverBuilder, SimulatedWorld]
 def _as_before(ctx: click.Context, run: dict[str, Any], recorded: str) -> dict[str, Any]:
     """The recorded options of a run, but for those that were typed now."""
     typed = {name: value for name, value in run.items() if _typed(ctx, name)}
-    return run | json.loads(recorded) | typed
+    found = run | json.loads(recorded) | typed
+    refuse_foreign(found["rule"], typed)
+    return found
 
 
 def _typed(ctx: click.Context, name: str) -> bool:
