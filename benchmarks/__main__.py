@@ -19,6 +19,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 BENCHMARKS = {
     "steps": "steps",
     "missions": "missions",
+    "losses": "losses",
     "agreement": "agreement",
     "robustness": "robustness",
     "sets": "sets",

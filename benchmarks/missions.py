@@ -74,10 +74,9 @@ def _islands(task: Task) -> Optimum:
     flights = {
         "Grebe `lookahead`": task.sailed(Lookahead()),
         f"the same, {CLOSER_M} m inside the sets": task.sailed(Lookahead(), set_m=CLOSER_M),
-        "Grebe `dual`": task.sailed(Dual()),
     }
-    guesses = [flown(task, flight) for flight in flights.values() if flight.complete]
-    best = optimum(task, guesses, SUBSTEPS)
+    best = optimum(task, [flown(task, flight) for flight in flights.values()], SUBSTEPS)
+    flights["Grebe `dual`"] = task.sailed(Dual())
     _table(f"a concave lake with islands, {len(task.targets)} targets", flights, best)
     return best
 
@@ -103,17 +102,26 @@ def in_currents(scenes: dict[str, tuple[Task, Optimum]]) -> None:
         "`dual` s", "over it, mean / worst", "Wh",
     )  # fmt: skip
     for name, (still, best_in_still) in scenes.items():
-        for towards, (north, east) in TOWARDS.items():
-            current = Weather(
-                current_north_mps=CURRENT_MPS * north, current_east_mps=CURRENT_MPS * east
-            )
-            task = replace(still, weather=current)
+        for towards, task in towards_each(still).items():
             flights = {rule: _noisy(task, rule) for rule in (Lookahead(), Dual())}
             complete = [one for one in flights[Lookahead()] if one.complete]
             quickest = min(complete, key=lambda one: one.duration_s)
-            best = optimum(task, [flown(task, quickest), best_in_still.plan], SUBSTEPS)
+            best = optimum(task, [best_in_still.plan, flown(task, quickest)], SUBSTEPS)
             columns = [column for one in flights.values() for column in _summed_up(one, best)]
             print_row(name, towards, best, *columns)
+
+
+def towards_each(task: Task) -> dict[str, Task]:
+    """The task in a current towards each direction."""
+    return {
+        name: replace(
+            task,
+            weather=Weather(
+                current_north_mps=CURRENT_MPS * north, current_east_mps=CURRENT_MPS * east
+            ),
+        )
+        for name, (north, east) in TOWARDS.items()
+    }
 
 
 def _noisy(task: Task, rule: Lookahead | Dual) -> list[Trial]:

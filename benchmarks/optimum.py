@@ -33,6 +33,8 @@ from grebe.mission.trial import Conditions, Trial, fly
 
 STAGES_A_LEG = 5
 MOST_ITERATIONS = 1000
+# What a plan may lie outside and still do the task [m, m/s].
+LARGEST_MISS = 1e-3
 STILL = Conditions()
 # A pull towards the last pace, loosened step by step, leads to the unpulled optimum.
 PULLS = (2.0, 0.2, 0.0)
@@ -81,6 +83,11 @@ class Optimum:
     energy_wh: float
 
     @property
+    def counts(self) -> bool:
+        """Whether it is an optimum of the task."""
+        return self.converged and max(self.outside_set, self.outside_corridor_m) < LARGEST_MISS
+
+    @property
     def duration_s(self) -> float:
         """Minimum time [s]."""
         return self.plan.duration_s
@@ -98,12 +105,17 @@ def optimum(task: Task, guesses: Sequence[Plan], substeps: int) -> Optimum:
     """Return the least of the optima near some plans, those of flights as `flown` tells them.
 
     Which way the boat turns first and where it comes into a cell are choices that a solver does not
-    change on its way: an optimum is a local one, and the more starts the better the yardstick.
+    change on its way: an optimum is a local one, and the more starts the better the yardstick. One
+    that pays for a set or a corridor which it misses does another task and is no yardstick.
     """
     horizon = _horizon(task, substeps)
     solver = Fatrop(most_iterations=MOST_ITERATIONS).build(task.vessel, horizon.shape)
-    found = [_descended(solver, task, horizon, guess) for guess in guesses]
-    plan, converged = min(found, key=lambda one: (not one[1], one[0].duration_s))
+    found = [_judged(task, horizon, *_descended(solver, task, horizon, one)) for one in guesses]
+    return min(found, key=lambda one: (not one.counts, one.duration_s))
+
+
+def _judged(task: Task, horizon: Horizon, plan: Plan, converged: bool) -> Optimum:
+    """What a plan comes to."""
     return Optimum(
         plan=plan,
         converged=converged,
