@@ -14,6 +14,7 @@ from benchmarks.optimum import STILL, Task
 from grebe.control.controller import Command, Controller
 from grebe.control.rules.lookahead import Lookahead
 from grebe.core.dynamics import CALM, Weather
+from grebe.links.simulated import EstimateErrors
 from grebe.mission.trial import Conditions, Trial
 
 LONGER, OFTENER = Lookahead(stages=36), Lookahead(step_s=0.25)
@@ -75,6 +76,12 @@ def _slower(task: Task, world: Conditions) -> Trial:
     return _usual(replace(task, targets=halved), world)
 
 
+def _spared(task: Task, world: Conditions) -> Trial:
+    """With a window that ends at 1.5 m/s: both thrusters together have thrust to spare."""
+    slower = [replace(one, speed_max_mps=1.5) for one in task.targets]
+    return _usual(replace(task, targets=slower), world)
+
+
 def _told(task: Task, world: Conditions) -> Trial:
     return task.sailed_by(Told(task), world)
 
@@ -89,15 +96,19 @@ IN_STILL_WATER: dict[str, Sails] = {
     "36 stages instead of 24": _longer,
     "a step each 0.25 s instead of 0.5": lambda task, world: task.sailed(OFTENER, world),
     "a window from 0.5 m/s instead of 1": _slower,
+    "a window to 1.5 m/s instead of 2": _spared,
     "two stages a leg at least instead of four": _fewer,
     "the same, 0.05 m inside the sets": _fewer_and_closer,
 }
 NOISY = Conditions(errors=NOISE)
+QUIETER = Conditions(errors=EstimateErrors(velocity_mps=0.01))
 # Each with its conditions, and whether the water moves.
 IN_CURRENTS: dict[str, tuple[Sails, Conditions, bool]] = {
     "nothing": (_usual, NOISY, True),
     "no noise": (_usual, STILL, True),
     "no current": (_usual, NOISY, False),
+    "no current, noise of 0.01 m/s": (_usual, QUIETER, False),
+    "no current, a window to 1.5 m/s instead of 2": (_spared, NOISY, False),
     "no current, a window from 0.5 m/s instead of 1": (_slower, NOISY, False),
     "told of the current": (_told, NOISY, True),
     "told of the current, no noise": (_told, STILL, True),

@@ -104,9 +104,8 @@ def in_currents(scenes: dict[str, tuple[Task, Optimum]]) -> None:
     for name, (still, best_in_still) in scenes.items():
         for towards, task in towards_each(still).items():
             flights = {rule: _noisy(task, rule) for rule in (Lookahead(), Dual())}
-            complete = [one for one in flights[Lookahead()] if one.complete]
-            quickest = min(complete, key=lambda one: one.duration_s)
-            best = optimum(task, [best_in_still.plan, flown(task, quickest)], SUBSTEPS)
+            guesses = [flown(task, task.sailed(Lookahead())), best_in_still.plan]
+            best = optimum(task, guesses, SUBSTEPS)
             columns = [column for one in flights.values() for column in _summed_up(one, best)]
             print_row(name, towards, best, *columns)
 
