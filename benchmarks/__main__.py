@@ -20,6 +20,7 @@ BENCHMARKS = {
     "steps": "steps",
     "missions": "missions",
     "thrift": "thrift",
+    "losses": "losses",
     "agreement": "agreement",
     "robustness": "robustness",
     "sets": "sets",

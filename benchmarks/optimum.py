@@ -2,69 +2,198 @@
 
 Every leg has its own stages and every stage its own duration, so that the thrusts may switch
 at any time; the entry into each set is required at the end of its leg at a price far above
-any time it could save. With `held` the surge stays below the window's top on the way too, as
-`lookahead` keeps it, at the same price: a yardstick for the same task. Without, the boat may
-race between sets. FATROP solves it from a flown track.
+any time it could save. The surge stays below the window's top on the way too, as `lookahead`
+keeps it, at the same price, and each node in the corridor of its leg, at the margin and at the
+price of the controller: a yardstick for the same task. The weather is known from the beginning.
+The window is of the surge over ground, for the optimum as for the rule: a current does not move
+what it is held to. FATROP solves it from flown tracks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
-from grebe.control.horizon import Horizon, HorizonShape, Plan
-from grebe.control.rules.lookahead import Lookahead, pace_rows
+from grebe.control.controller import Controller, Margins
+from grebe.control.horizon import Horizon, HorizonShape, Plan, rows_needed
+from grebe.control.rules.base import Rule
+from grebe.control.rules.lookahead import CORRIDOR_PENALTY, Lookahead, pace_rows
+from grebe.control.solvers.base import Solver
 from grebe.control.solvers.builders import Fatrop
+from grebe.core.dynamics import CALM, Weather, drive_power_w
+from grebe.core.events import Reached
+from grebe.core.sets import TargetSet, inner_rows
+from grebe.core.vessel import Vessel
+from grebe.mission.helm import Helm
+from grebe.mission.trial import Conditions, Trial, fly
 
 STAGES_A_LEG = 5
 MOST_ITERATIONS = 1000
+# What a plan may lie outside and still do the task [m, m/s].
+LARGEST_MISS = 1e-3
+STILL = Conditions()
+# A pull towards the last pace, loosened step by step, leads to the unpulled optimum.
+PULLS = (2.0, 0.2, 0.0)
 
 
-def optimum(vessel, targets, flight, substeps: int, *, held: bool) -> tuple[float, float, bool]:
-    """Minimum time [s], the largest violation of a set, and whether the solver converged."""
-    legs = len(targets)
-    n = STAGES_A_LEG * legs
-    shape = HorizonShape(stages=n, set_rows=len(targets[0].halfspaces), substeps=substeps)
-    solver = Fatrop(most_iterations=MOST_ITERATIONS).build(vessel, shape)
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What is to be sailed: sets in their order, the corridor of each leg (empty: open water), by
+    which boat, from which state, and in which weather, of which the helm is not told.
+    """
+
+    vessel: Vessel
+    targets: Sequence[TargetSet]
+    start: Sequence[float]
+    corridors: Sequence[shapely.Polygon] = ()
+    weather: Weather = CALM
+
+    def sailed(self, rule: Rule, conditions: Conditions = STILL, **kept: float) -> Trial:
+        """Fly it by a rule, in the weather of the task; `kept` are margins beside the usual."""
+        helm = Controller(
+            self.vessel, self.targets, rule, corridors=self.corridors, margins=Margins(**kept)
+        )
+        return self.sailed_by(helm, conditions)
+
+    def sailed_by(self, helm: Helm, conditions: Conditions = STILL) -> Trial:
+        """Fly it by a helm, in the weather of the task."""
+        world = replace(conditions, weather=self.weather)
+        return fly(self.vessel, self.targets, helm, self.start, world)
+
+    @property
+    def corridor_rows(self) -> list[np.ndarray]:
+        """Half-spaces of each corridor at the margin that the controller keeps."""
+        return [inner_rows(one, Margins().corridor_m) for one in self.corridors]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optimum:
+    """The plan, whether the solver `converged`, and by how much it lies outside a set, and outside
+    a corridor [m], at worst.
+    """
+
+    plan: Plan
+    converged: bool
+    outside_set: float
+    outside_corridor_m: float
+    energy_wh: float
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is an optimum of the task."""
+        return self.converged and max(self.outside_set, self.outside_corridor_m) < LARGEST_MISS
+
+    @property
+    def duration_s(self) -> float:
+        """Minimum time [s]."""
+        return self.plan.duration_s
+
+    def __str__(self) -> str:
+        converged = "converged" if self.converged else "not converged"
+        return (
+            f"{self.duration_s:.1f} s, {self.energy_wh:.2f} Wh ({converged}; at most "
+            f"{self.outside_set:.0e} outside a set, {self.outside_corridor_m:.0e} m outside a "
+            "corridor)"
+        )
+
+
+def optimum(task: Task, guesses: Sequence[Plan], substeps: int) -> Optimum:
+    """Return the least of the optima near some plans, those of flights as `flown` tells them.
+
+    Which way the boat turns first and where it comes into a cell are choices that a solver does not
+    change on its way: an optimum is a local one, and the more starts the better the yardstick. One
+    that pays for a set or a corridor which it misses does another task and is no yardstick.
+    """
+    horizon = _horizon(task, substeps)
+    solver = Fatrop(most_iterations=MOST_ITERATIONS).build(task.vessel, horizon.shape)
+    found = [_judged(task, horizon, *_descended(solver, task, horizon, one)) for one in guesses]
+    return min(found, key=lambda one: (not one.counts, one.duration_s))
+
+
+def _judged(task: Task, horizon: Horizon, plan: Plan, converged: bool) -> Optimum:
+    """What a plan comes to."""
+    return Optimum(
+        plan=plan,
+        converged=converged,
+        outside_set=max(
+            target.distance(plan.states[STAGES_A_LEG * leg])
+            for leg, target in enumerate(task.targets, 1)
+        ),
+        outside_corridor_m=_outside_corridors(horizon, plan),
+        energy_wh=_energy_wh(task, plan),
+    )
+
+
+def _horizon(task: Task, substeps: int) -> Horizon:
+    """The whole survey as one horizon: what each leg's stages are asked."""
+    corridors = task.corridor_rows
+    shape = HorizonShape(
+        stages=STAGES_A_LEG * len(task.targets),
+        set_rows=rows_needed([len(target.vertices) for target in task.targets]),
+        corridor_rows=max(map(len, corridors), default=0),
+        substeps=substeps,
+    )
     horizon = Horizon(shape=shape)
     horizon.duration_bounds[:] = (0.01, 3.0)
     horizon.time_weights[:] = 1.0
     horizon.effort_weights[:] = 1e-5
-    for leg, target in enumerate(targets):
-        horizon.require(STAGES_A_LEG * (leg + 1), target.halfspaces, 1e3)
-        if held:
-            for stage in range(STAGES_A_LEG * leg, STAGES_A_LEG * (leg + 1)):
-                horizon.attract(stage, pace_rows(target), Lookahead().hold)
-    guess = _flown(vessel, targets, flight)
-    state = guess.states[0]
-    solution = None
-    # A pull towards the last pace, loosened step by step, leads to the unpulled optimum.
-    for pull in (2.0, 0.2, 0.0):
+    horizon.corridor_penalty = CORRIDOR_PENALTY
+    for leg, target in enumerate(task.targets):
+        begin, end = STAGES_A_LEG * leg, STAGES_A_LEG * (leg + 1)
+        horizon.require(end, target.halfspaces, 1e3)
+        horizon.attract(slice(begin, end), pace_rows(target), Lookahead().hold)
+        for node in range(begin + 1, end + 1) if corridors else ():
+            horizon.confine(node, corridors[leg])
+    return horizon
+
+
+def _descended(solver: Solver, task: Task, horizon: Horizon, guess: Plan) -> tuple[Plan, bool]:
+    """The optimum near a guess, or as near to it as the solver came, and whether it is one."""
+    solved, weather = False, np.array(task.weather.as_tuple())
+    for pull in PULLS:
         horizon.duration_nominal[:] = guess.durations
         horizon.duration_weights[:] = pull
-        solution = solver.solve(state, horizon, np.zeros(4), guess)
-        if solution.solved:
+        solution = solver.solve(guess.states[0], horizon, weather, guess)
+        solved = solution.solved
+        if solved:
             guess = solution.plan
-    plan = guess
-    worst = max(targets[leg].distance(plan.states[STAGES_A_LEG * (leg + 1)]) for leg in range(legs))
-    return plan.duration_s, worst, bool(solution and solution.solved)
+    return guess, solved
 
 
-def _flown(vessel, targets, flight) -> Plan:
-    track = np.array(flight.track)
-    times, states = track[:, 0], track[:, 1:]
-    entries, reached = [0.0], 0
-    for t, z in zip(times, states, strict=True):
-        while reached < len(targets) and targets[reached].contains(z):
-            entries.append(max(t, entries[-1] + 0.1))
-            reached += 1
+def _outside_corridors(horizon: Horizon, plan: Plan) -> float:
+    """How far outside its corridor the plan lies at worst [m]."""
+    rows = horizon.corridors[1:]
+    excess = np.einsum("nri,ni->nr", rows[..., :3], plan.states[1:][:, [0, 1, 3]]) - rows[..., 3]
+    return float(np.max(excess, initial=0.0))
+
+
+def _energy_wh(task: Task, plan: Plan) -> float:
+    """What the drives take for a plan, by momentum theory as in a mission's report."""
+    joules = sum(
+        drive_power_w(task.vessel, thrusts, surge) * seconds
+        for thrusts, surge, seconds in zip(
+            plan.thrusts, plan.states[:-1, 3], plan.durations, strict=True
+        )
+    )
+    return float(joules) / 3600
+
+
+def flown(task: Task, flight: Trial) -> Plan:
+    """A flight that reached every set, on the stages of the legs: a plan to start from."""
+    times, states = flight.track[:, 0], flight.track[:, 1:]
+    entries = [0.0]
+    for event in flight.recorder.of(Reached):
+        entries.append(max(event.elapsed_s, entries[-1] + 0.1))
     moments = np.concatenate(
         [np.linspace(a, b, STAGES_A_LEG, endpoint=False) for a, b in pairwise(entries)]
         + [[entries[-1]]]
     )
     sampled = np.column_stack([np.interp(moments, times, column) for column in states.T])
-    cruise = 0.5 * vessel.surge_drag_n(1.5)
+    cruise = 0.5 * task.vessel.surge_drag_n(1.5)
     return Plan(
         states=sampled,
         thrusts=np.full((len(moments) - 1, 2), cruise),

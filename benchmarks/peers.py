@@ -75,7 +75,7 @@ class SetPoint:
     longest_stage_s: float = 1.0
 
     def propose(self, situation: Situation, shape) -> Proposal:
-        horizon = fixed_steps(shape, self.step_s, self.beta)
+        horizon = fixed_steps(shape, self.step_s, self.beta, shape.stages, self.beta)
         aim = situation.aims[0]
         north, east = aim.centre
         speed = 0.5 * (aim.speed_min_mps + aim.speed_max_mps)
