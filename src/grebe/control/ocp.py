@@ -6,7 +6,7 @@ price is above the multipliers of the hard problem, so that its minimiser is the
 wherever that exists. Everything a rule decides is a parameter; durations are variables
 between bounds that are parameters.
 
-    min  sum_k  w_k D(z_k, C_k) + (beta_k + gamma_k T_k) |F_k / F_max|^2 + theta_k T_k
+    min  sum_k  w_k D(z_k, C_k) + (beta_k + rho_k T_k) |F_k / F_max|^2 + theta_k T_k
          + sum_k eta_k (T_k - T0_k)^2 + sum_k pi_k s_k
     s.t. z_0 = z,  z_{k+1} = f(z_k, F_k, T_k),  A_k (x, y, u)_k <= b_k + s_k,  0 <= s_k
 
