@@ -9,25 +9,25 @@ import click
 
 from grebe.cli import options
 from grebe.control.rules.base import Rule
-from grebe.control.rules.dual import Dual
-from grebe.control.rules.single import Single
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import UsageError
 from grebe.workflow.steering_names import RULES, SOLVERS, rule_named, solver_named
 
-RULES_WITH_WEIGHTS = {"single": Single(), "dual": Dual()}
+WITH_DEFAULTS = {name: kind() for name, kind in RULES.items()}
 WEIGHTS = {
     "epsilon": "From how far off the next set counts (Definition 8)",
     "alpha": "Weight of the squared distance (Eq. 2)",
     "beta": "Weight of the squared thrusts (Eq. 2)",
     "p": "Weight of the current set (Eq. 7)",
     "q": "Weight of the next set (Eq. 7)",
+    "thrift": "What a second of a thruster at full thrust costs beside the second [s]; 0.5 takes "
+    "about a tenth more time for less energy",
 }
 
 
 def _with_defaults(name: str, what: str) -> str:
     """A weight's help: each rule has a default of its own."""
-    told = {rule: getattr(one, name, None) for rule, one in RULES_WITH_WEIGHTS.items()}
+    told = {rule: getattr(one, name, None) for rule, one in WITH_DEFAULTS.items()}
     return f"{what} [{', '.join(f'{k} {v:g}' for k, v in told.items() if v is not None)}]."
 
 
@@ -51,19 +51,13 @@ rule_options = options.together(
         click.option(f"--{name}", type=float, help=_with_defaults(name, what))
         for name, what in WEIGHTS.items()
     ),
-    click.option(
-        "--thrift",
-        type=float,
-        help="What a second of a thruster at full thrust costs beside the second [s]; 0.5 takes "
-        "about a tenth more time for less energy [lookahead 0].",
-    ),
 )
 
 
 def refuse_foreign(rule: str, typed: Mapping[str, Any]) -> None:
     """Raise `UsageError` for a number that was typed and that the rule does not have."""
-    for name in (*WEIGHTS, "thrift"):
-        theirs = [known for known, kind in RULES.items() if hasattr(kind(), name)]
+    for name in WEIGHTS:
+        theirs = [known for known, one in WITH_DEFAULTS.items() if hasattr(one, name)]
         if typed.get(name) is not None and rule in RULES and rule not in theirs:
             have = f"{' and '.join(theirs)} {'have' if len(theirs) > 1 else 'has'} it"
             raise UsageError(f"--{name} is no setting of the rule {rule}; {have}.")
@@ -72,7 +66,7 @@ def refuse_foreign(rule: str, typed: Mapping[str, Any]) -> None:
 def typed_again(run: Mapping[str, Any]) -> str:
     """The options of who steers as they were typed, for a command that is to do the same."""
     options = {"rule": "lookahead", "solver": "fast", "horizon": None, "step_s": None}
-    options |= dict.fromkeys((*WEIGHTS, "thrift"))
+    options |= dict.fromkeys(WEIGHTS)
     typed = {name: run[name] for name, usual in options.items() if run[name] != usual}
     return "".join(f" --{name.removesuffix('_s')} {value}" for name, value in typed.items())
 

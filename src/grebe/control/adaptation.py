@@ -24,7 +24,7 @@ import numpy as np
 
 from grebe.control.correction import Correction, as_modelled
 from grebe.control.flown import Flown
-from grebe.control.misfit import misfit, parameters_of
+from grebe.control.misfit import DRIFT_AT, WEATHER_AT, misfit, parameters_of
 from grebe.control.rollout import pieces_ends
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.motion import parameter_vector
@@ -51,7 +51,7 @@ LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -3.0, -3.0, -0.5, -0.5, -0.05, -0.0
 HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 3.0, 3.0, 0.5, 0.5, 0.05, 0.05])
 PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
 COUNT = len(PRIOR_SD)
-WEATHER, DRIFT, ALL = slice(9, COUNT), slice(13, COUNT), slice(0, COUNT)
+WEATHER, DRIFT, ALL = slice(WEATHER_AT, COUNT), slice(DRIFT_AT, COUNT), slice(0, COUNT)
 # Runge-Kutta steps within the time in which the boat's fastest motion decays.
 STEPS_PER_RATE = 2.5
 ITERATIONS = 6
@@ -161,8 +161,9 @@ class _Problem:
         full = 2 * self.model.thrust_max_n
         return np.array([1.0, 1.0, full, full])
 
-    def _thrusts(self, dead_s: float, lag_s: float) -> Array:
+    def _thrusts(self, numbers: Array) -> Array:
         """Mean thrusts between states; most numbers are probed at the same lateness."""
+        dead_s, lag_s = numbers[6:8].tolist()
         if (dead_s, lag_s) not in self.acted:
             self.acted.clear()
             self.acted[dead_s, lag_s] = self.flown.thrusts(dead_s, lag_s)
@@ -205,19 +206,18 @@ class _Problem:
 
     def residuals(self, numbers: Array) -> Array:
         """What the pieces' ends miss, in standard deviations, and the prior's pull."""
-        dead_s, lag_s = numbers[6:8].tolist()
         return misfit(
             numbers, self.believed, PRIOR_SD, self.boat, self.units, self.flown.times,
-            self.flown.states, self._thrusts(dead_s, lag_s), self.first, self.last,
-            self.per_second, self.end_sd,
+            self.flown.states, self._thrusts(numbers), self.first, self.last, self.per_second,
+            self.end_sd,
         )  # fmt: skip
 
     def _ends(self, numbers: Array, states: Array) -> Array:
         """Where the pieces end that begin at some states, (pieces, 6)."""
-        thrusts = self._thrusts(*numbers[6:8].tolist())
         return pieces_ends(
             parameters_of(numbers, self.boat, self.units), numbers[DRIFT], self.flown.times,
-            states, thrusts, np.exp(numbers[:2]), self.first, self.last, self.per_second,
+            states, self._thrusts(numbers), np.exp(numbers[:2]), self.first, self.last,
+            self.per_second,
         )  # fmt: skip
 
     def solve(

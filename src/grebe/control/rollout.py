@@ -9,7 +9,7 @@ import numpy as np
 
 from grebe.core.copies import put
 from grebe.core.kernels import machine_code
-from grebe.core.motion import advance
+from grebe.core.motion import CE, CN, advance
 
 SUBSTEPS_PER_S = 20.0
 
@@ -39,8 +39,8 @@ def piece_end(p, drift, times, z, thrusts, shares, first, last, per_second):
     """
     q, end, given = p.copy(), np.empty(6), np.empty(2)
     before = times[-1] - 0.5 * (times[first] + times[last])
-    q[11] = p[11] - before * drift[0]
-    q[12] = p[12] - before * drift[1]
+    q[CN] = p[CN] - before * drift[0]
+    q[CE] = p[CE] - before * drift[1]
     for i in range(first, last):
         duration = times[i + 1] - times[i]
         substeps = max(1, int(np.ceil(duration * per_second - 1e-6)))

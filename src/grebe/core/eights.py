@@ -20,6 +20,8 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import lower_builtin, models, register_model, type_callable
 
+from grebe.core.kernels import inlined_machine_code
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -164,3 +166,23 @@ def _place(context: Any, builder: Any, kinds: Any, given: Any) -> Any:
     (_, width) = (builder.extract_value(rows.shape, axis) for axis in range(2))
     first = builder.add(builder.mul(row, width), column)
     return builder.bitcast(builder.gep(rows.data, [first]), _VECTOR.as_pointer())
+
+
+@inlined_machine_code
+def sum_of_four(rows: Array, w0: float, w1: float, w2: float, w3: float) -> Array:
+    """The sum of four rows of eight numbers, each at its weight."""
+    return (w0 * loaded(rows, 0, 0) + w1 * loaded(rows, 1, 0)) + (
+        w2 * loaded(rows, 2, 0) + w3 * loaded(rows, 3, 0)
+    )
+
+
+@inlined_machine_code
+def sum_of_six(
+    rows: Array, w0: float, w1: float, w2: float, w3: float, w4: float, w5: float
+) -> Array:
+    """The sum of six rows of eight numbers, each at its weight."""
+    return (
+        (w0 * loaded(rows, 0, 0) + w1 * loaded(rows, 1, 0))
+        + (w2 * loaded(rows, 2, 0) + w3 * loaded(rows, 3, 0))
+        + (w4 * loaded(rows, 4, 0) + w5 * loaded(rows, 5, 0))
+    )

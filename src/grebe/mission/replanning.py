@@ -128,7 +128,7 @@ class Replanner:
         self._ask("unreachable", note, reached, place, weather)
 
     def watch(
-        self, time_s: float, reached: int, place: Place, weather: Weather, used_wh: float = 0.0
+        self, time_s: float, reached: int, place: Place, weather: Weather, used_wh: float
     ) -> None:
         """Ask for an order for the weather where it has long been another than was planned with,
         and for a shorter sortie where it takes too long, or too much of the battery: `used_wh`

@@ -1,8 +1,8 @@
 """First and second derivatives of Eq. (9) over one stage, written out and compiled.
 
-Positions enter no right-hand side, so sensitivities are taken in the
-seven directions p = (psi, u, v, r, F_1, F_2, T) only. Duration is handled by integrating
-T f over unit time, which makes T a parameter like the thrusts.
+Positions enter no right-hand side, so sensitivities are taken in the seven directions
+p = (psi, u, v, r, F_1, F_2, T) only. Duration is handled by integrating T f over unit time, which
+makes T a parameter like the thrusts.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from grebe.core.copies import put
-from grebe.core.eights import WIDTH, eight, loaded, stored
+from grebe.core.eights import WIDTH, eight, loaded, stored, sum_of_four, sum_of_six
 from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.core.motion import (
     ARM,
@@ -29,7 +29,7 @@ from grebe.core.motion import (
     YVV,
     in_hull_axes,
     motion,
-)  # fmt: skip
+)
 
 
 @machine_code
@@ -175,14 +175,6 @@ def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs
     stored(of_r, sens, 5, 0)
 
 
-@inlined_machine_code
-def _of_four(rows, w0, w1, w2, w3):
-    """The sum of four rows of eight numbers, each at its weight."""
-    return (w0 * loaded(rows, 0, 0) + w1 * loaded(rows, 1, 0)) + (
-        w2 * loaded(rows, 2, 0) + w3 * loaded(rows, 3, 0)
-    )
-
-
 @machine_code
 def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
     """Hessian `hess` (7, 8) of costate * (next state) in p, by the discrete adjoint of RK4; its
@@ -211,21 +203,17 @@ def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
                 for i in range(4):
                     bar[2 + i] += lead * duration * back[stage + 1, i]
             jac, s, point = jacs[index], slopes[index], points[index]
-            pulled = (
-                (bar[0] * loaded(jac, 0, 0) + bar[1] * loaded(jac, 1, 0))
-                + (bar[2] * loaded(jac, 2, 0) + bar[3] * loaded(jac, 3, 0))
-                + (bar[4] * loaded(jac, 4, 0) + bar[5] * loaded(jac, 5, 0))
-            )
+            pulled = sum_of_six(jac, bar[0], bar[1], bar[2], bar[3], bar[4], bar[5])
             stored(pulled, back, stage, 0)
             curvature(p, s[0], s[1], s[2], s[3], bar, curve)
             for i in range(4):
-                row = _of_four(point, curve[i, 0], curve[i, 1], curve[i, 2], curve[i, 3])
+                row = sum_of_four(point, curve[i, 0], curve[i, 1], curve[i, 2], curve[i, 3])
                 stored(duration * row, half, i, 0)
             for i in range(7):
-                row = _of_four(half, point[0, i], point[1, i], point[2, i], point[3, i])
+                row = sum_of_four(half, point[0, i], point[1, i], point[2, i], point[3, i])
                 stored(loaded(hess, i, 0) + row, hess, i, 0)
             own = back[stage]
-            cross = cross + _of_four(point, own[0], own[1], own[2], own[3])
+            cross = cross + sum_of_four(point, own[0], own[1], own[2], own[3])
             cross = cross + eight(0.0, 0.0, 0.0, 0.0, own[4], own[5], 0.0, 0.0)
         for i in range(4):
             for stage in range(4):

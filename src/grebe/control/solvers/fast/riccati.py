@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.core.eights import WIDTH, loaded, stored
+from grebe.core.eights import WIDTH, loaded, stored, sum_of_six
 from grebe.core.kernels import inlined_machine_code, machine_code
 
 NX, NW, NY = 6, 3, 9
@@ -49,27 +49,17 @@ def factorise(hess, terminal, sens, p, gain, chol):
 
 
 @inlined_machine_code
-def _combined(rows, w0, w1, w2, w3, w4, w5):
-    """The sum of six rows of eight numbers, each at its weight."""
-    return (
-        (w0 * loaded(rows, 0, 0) + w1 * loaded(rows, 1, 0))
-        + (w2 * loaded(rows, 2, 0) + w3 * loaded(rows, 3, 0))
-        + (w4 * loaded(rows, 4, 0) + w5 * loaded(rows, 5, 0))
-    )
-
-
-@inlined_machine_code
 def _propagate(hess, sens, p, ahead, whole):
     """Set `whole` to the Hessian of a stage with what comes after it: H + (E, M)' P (E, M)."""
     for i in range(NX):
-        row = _combined(sens, p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5])
+        row = sum_of_six(sens, p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5])
         stored(row, ahead, i, 0)
     for i in range(PLACE):
         stored(loaded(hess, i, PLACE) + loaded(ahead, i, 0), whole, i, PLACE)
         for j in range(PLACE):
             whole[i, j] = hess[i, j] + p[i, j]
     for i in range(NY - PLACE):
-        row = _combined(
+        row = sum_of_six(
             ahead, sens[0, i], sens[1, i], sens[2, i], sens[3, i], sens[4, i], sens[5, i]
         )
         stored(loaded(hess, PLACE + i, PLACE) + row, whole, PLACE + i, PLACE)
@@ -135,9 +125,9 @@ def solve(grad, terminal, sens, c, p, gain, chol, dx, dw, costate):
     for i in range(NX):
         slope[n, i] = terminal[i]
     for k in range(n - 1, -1, -1):
-        ahead = _combined(p[k + 1], c[k, 0], c[k, 1], c[k, 2], c[k, 3], c[k, 4], c[k, 5])
+        ahead = sum_of_six(p[k + 1], c[k, 0], c[k, 1], c[k, 2], c[k, 3], c[k, 4], c[k, 5])
         stored(loaded(slope, k + 1, 0) + ahead, after, 0, 0)
-        row = _combined(
+        row = sum_of_six(
             sens[k], after[0, 0], after[0, 1], after[0, 2], after[0, 3], after[0, 4], after[0, 5]
         )
         stored(loaded(grad, k, PLACE) + row, whole, 0, PLACE)
@@ -150,7 +140,7 @@ def solve(grad, terminal, sens, c, p, gain, chol, dx, dw, costate):
         _back_substituted(whole, chol[k], feed[k])
     _forward(sens, c, gain, feed, dx, dw)
     for k in range(n + 1):
-        row = _combined(p[k], dx[k, 0], dx[k, 1], dx[k, 2], dx[k, 3], dx[k, 4], dx[k, 5])
+        row = sum_of_six(p[k], dx[k, 0], dx[k, 1], dx[k, 2], dx[k, 3], dx[k, 4], dx[k, 5])
         stored(loaded(slope, k, 0) + row, after, 0, 0)
         for i in range(NX):
             costate[k, i] = after[0, i]
