@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -81,12 +81,16 @@ def fitting(
     A generator, for a boat's small computer must not think for long at once: it yields after
     every roll-out of the model and returns what it found.
     """
-    problem = _Problem.of(model, flown)
-    if problem is None:
-        return None
     modelled = as_modelled(model)
     start = _in_weather(model, modelled, weather)
+    problem = _Problem.of(model, flown, start)
+    if problem is None:
+        return None
     plain, plain_cost = yield from problem.solve(start, WEATHER, enough=LEAST_GAIN)
+    if plain_cost >= LEAST_GAIN:
+        # What noise makes of a piece depends on the weather, which is better known now.
+        problem = replace(problem, about=plain)
+        plain, plain_cost = yield from problem.solve(plain, WEATHER, enough=LEAST_GAIN)
     if plain_cost < LEAST_GAIN:
         return None
     best, cost, kept_cost = plain, plain_cost, plain_cost
@@ -122,14 +126,19 @@ def fitted(model: Vessel, flown: Flown, followed: Correction | None = None) -> F
 
 @dataclass(frozen=True, kw_only=True)
 class _Problem:
+    """The pieces `first` to `last` of what was flown. `about`: the numbers with which the noise of
+    estimates is followed through them.
+    """
+
     model: Vessel
     flown: Flown
+    about: Array
     first: NDArray[np.int64]
     last: NDArray[np.int64]
     acted: dict[tuple[float, float], Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, model: Vessel, flown: Flown) -> _Problem | None:
+    def of(cls, model: Vessel, flown: Flown, about: Array) -> _Problem | None:
         """Cut what was flown into pieces; None where there are too few."""
         edges = np.arange(flown.times[0], flown.times[-1], PIECE_S)
         cuts = np.unique(np.searchsorted(flown.times, edges))
@@ -137,7 +146,7 @@ class _Problem:
         whole = flown.times[last] - flown.times[first] < 2 * PIECE_S
         if whole.sum() < FEWEST_PIECES:
             return None
-        return cls(model=model, flown=flown, first=first[whole], last=last[whole])
+        return cls(model=model, flown=flown, about=about, first=first[whole], last=last[whole])
 
     def is_better(self, plain_cost: float, cost: float) -> bool:
         """Whether a boat unlike its model explains far more than weather alone does.
@@ -180,36 +189,41 @@ class _Problem:
         return _numbers(as_modelled(self.model))
 
     @cached_property
-    def end_sd(self) -> Array:
-        """Standard deviations of what the pieces end with, (pieces, 6): `END_SD`, and the noise of
+    def end_covariances(self) -> Array:
+        """Covariances of what the pieces' ends miss, (pieces, 6, 6): `END_SD`, and the noise of
         estimates at a piece's end and, through the motion, at its beginning. A fast hull is turned
-        by the least sway, Eq. (9): an error of 2 cm/s in it ends as one of some degrees.
+        by the least sway through the water, Eq. (9): an error of 2 cm/s in it ends as one of some
+        degrees, and of yaw rate and place with it.
         """
-        states, numbers = self.flown.states, self.believed
-        second = np.abs(states[:-2] - 2 * states[1:-1] + states[2:])
-        noise = 1.4826 * np.median(second, axis=0) / math.sqrt(6)
-        variance = END_SD**2 + noise**2
-        plain = self._ends(numbers, states)
-        spread = np.zeros((len(self.first), 6))
+        states, noise = self.flown.states, self.flown.noise
+        plain = self._ends(self.about, states)
+        covariances = np.tile(np.diag(END_SD**2 + noise**2), (len(self.first), 1, 1))
         for i in range(6):
             moved = states.copy()
             moved[:, i] += noise[i]
-            spread += (self._ends(numbers, moved) - plain) ** 2
-        return np.sqrt(variance + spread)
+            off = self._ends(self.about, moved) - plain
+            covariances += off[:, :, None] * off[:, None, :]
+        return covariances
+
+    @cached_property
+    def whiteners(self) -> Array:
+        """Lower triangles (pieces, 6, 6) that make six independent numbers of a piece's misses."""
+        return np.linalg.inv(np.linalg.cholesky(self.end_covariances))
 
     @cached_property
     def doubt(self) -> float:
         """How much more has to be gained where estimates are noisy: 1 where they are not. A helm
         answers to their errors, and a boat that is steered by them looks like one of other numbers.
         """
-        return math.sqrt(float(np.mean((self.end_sd / END_SD) ** 2)))
+        variances = np.diagonal(self.end_covariances, axis1=1, axis2=2)
+        return math.sqrt(float(np.mean(variances / END_SD**2)))
 
     def residuals(self, numbers: Array) -> Array:
         """What the pieces' ends miss, in standard deviations, and the prior's pull."""
         return misfit(
             numbers, self.believed, PRIOR_SD, self.boat, self.units, self.flown.times,
             self.flown.states, self._thrusts(numbers), self.first, self.last, self.per_second,
-            self.end_sd,
+            self.whiteners,
         )  # fmt: skip
 
     def _ends(self, numbers: Array, states: Array) -> Array:

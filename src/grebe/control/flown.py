@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +31,15 @@ class Flown:
     states: Array
     order_times: Array
     impulses: Array
+
+    @cached_property
+    def noise(self) -> Array:
+        """Standard deviations of the estimates' white noise, (6,), told by their second
+        differences, for a boat's own motion hardly bends from one estimate to the next; by their
+        median, for single estimates may jump.
+        """
+        bend = np.abs(self.states[:-2] - 2 * self.states[1:-1] + self.states[2:])
+        return (1.4826 / math.sqrt(6)) * np.quantile(bend, 0.5, axis=0)
 
     def thrusts(self, dead_s: float, lag_s: float) -> Array:
         """Mean thrusts that acted between successive states, (n - 1, 2) [N]."""

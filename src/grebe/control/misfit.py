@@ -41,12 +41,13 @@ def parameters_of(numbers, boat, units):
 @machine_code
 def misfit(
     numbers, believed, prior_sd, boat, units, times, states, thrusts, first, last, per_second,
-    end_sd,
+    whiteners,
 ):  # fmt: skip
-    """What the ends of the pieces `first` to `last` miss, in standard deviations `end_sd` (k, 6),
-    and how far `numbers` are from `believed`: (6 k + 15,), as pseudo-Huber residuals, of which a
-    single one, an estimate that jumps, does not decide. `thrusts` (n - 1, 2) are those that acted
-    between `states` (n, 6) if thrusters give what they are told.
+    """What the ends of the pieces `first` to `last` miss, made independent and of unit variance by
+    lower triangles `whiteners` (k, 6, 6), and how far `numbers` are from `believed`: (6 k + 15,),
+    as pseudo-Huber residuals, of which a single one, an estimate that jumps, does not decide.
+    `thrusts` (n - 1, 2) are those that acted between `states` (n, 6) if thrusters give what they
+    are told.
     """
     p = parameters_of(numbers, boat, units)
     drift, angle = numbers[DRIFT_AT:], -numbers[COMPASS]
@@ -59,7 +60,9 @@ def misfit(
         piece_end(p, drift, times, z, thrusts, shares, first[k], last[k], per_second)
         _turn(states[last[k]], angle, cos, sin, end)
         for i in range(6):
-            out[6 * k + i] = (z[i] - end[i]) / end_sd[k, i]
+            out[6 * k + i] = 0.0
+            for j in range(i + 1):
+                out[6 * k + i] += whiteners[k, i, j] * (z[j] - end[j])
     pulls = 6 * len(first)
     for i in range(len(numbers)):
         out[pulls + i] = (numbers[i] - believed[i]) / prior_sd[i]
