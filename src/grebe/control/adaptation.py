@@ -208,7 +208,8 @@ class _Problem:
     @cached_property
     def whiteners(self) -> Array:
         """Lower triangles (pieces, 6, 6) that make six independent numbers of a piece's misses."""
-        return np.linalg.inv(np.linalg.cholesky(self.end_covariances))
+        whole = np.linalg.inv(np.linalg.cholesky(self.end_covariances))
+        return whole.astype(np.float64, copy=False)
 
     @cached_property
     def doubt(self) -> float:

@@ -22,6 +22,7 @@ from grebe.control.flown import Flown
 from grebe.control.observer import Observer
 from grebe.control.rollout import SUBSTEPS_PER_S
 from grebe.control.slow_thrusters import SlowThrusters
+from grebe.control.state_filter import StateFilter
 from grebe.core.dynamics import Weather
 from grebe.core.events import State
 from grebe.core.motion import advance, parameter_vector
@@ -76,6 +77,8 @@ class Tracker:
         self.correction = self._modelled
         self._corrects = corrects
         self._observer = Observer(model, by_sway=holds_motion) if observes else None
+        # The thrusts that would predict a boat which holds a motion are not known.
+        self._filter = StateFilter() if observes and not holds_motion else None
         self._orders: deque[_Order] = deque()
         self._seen: deque[tuple[float, State]] = deque()
         self._work: Generator[None, None, Found | None] | None = None
@@ -188,11 +191,15 @@ class Tracker:
         return self._corrects and self._advance_work(time_s)
 
     def ahead(self, time_s: float, now_s: float, state: State) -> State:
-        """Return the state that an order of now will meet, from the righted one at `time_s`."""
+        """Return the state that an order of now will meet, from the righted estimate at `time_s`,
+        the last that was seen.
+        """
         until_s = now_s + self.correction.dead_s
+        if self._filter is not None:
+            state = self._filter.filtered(state)
         if until_s - time_s < LEAST_AGE_S or not self._orders:
             return state
-        p = parameter_vector(self.vessel, np.array(self.weather.as_tuple()))
+        p = self._parameters()
         z, out = np.array(state), np.empty(6)
         for begins_s, ends_s, thrusts in self._acting(time_s, until_s):
             substeps = max(2, math.ceil((ends_s - begins_s) * SUBSTEPS_PER_S))
@@ -247,12 +254,22 @@ class Tracker:
             port = sum((b - a) * f[0] for a, b, f in pieces) / seconds
             starboard = sum((b - a) * f[1] for a, b, f in pieces) / seconds
             thrusts = (port, starboard)
-        self._observer.update(self.righted(start), thrusts, self.righted(end), seconds)
+        pair = self.righted(start), thrusts, self.righted(end), seconds
+        self._observer.update(*pair)
+        if self._filter is not None:
+            substeps = max(2, math.ceil(seconds * SUBSTEPS_PER_S))
+            self._filter.see(self._parameters(), *pair, substeps)
+
+    def _parameters(self) -> Array:
+        """The numbers of the equations of motion, of the boat and the weather as they are known."""
+        return parameter_vector(self.vessel, np.array(self.weather.as_tuple()))
 
     def _forget(self) -> None:
         """After a gap nothing of before can be joined to what comes."""
         self._seen.clear()
         self._work = None
+        if self._filter is not None:
+            self._filter.forget()
 
     def _advance_work(self, time_s: float) -> bool:
         """Go on with the search for a correction; whether it has ended with another one."""

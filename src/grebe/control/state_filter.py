@@ -1,0 +1,177 @@
+"""The state as estimates and the model tell it together, where estimates are noisy.
+
+A plan that begins at every estimate as it is answers its noise: half of a boat's thrust may go
+into it, for the least sway through the water turns a fast hull. An extended Kalman filter (Simon
+2006, ch. 13) weighs what the model predicts from one estimate to the next against the estimate;
+how far the boat has come and turned tells its velocities too.
+
+How noisy estimates are is learned from them. Let g be what an estimate differs by from what was
+predicted from the one before. White noise of variance R is in two successive g with opposite signs,
+and makes their covariance -F R, F how the prediction changes with what it begins with; errors of
+the model last, and make it positive. What is left of the variance of g, beyond R + F R F', is the
+model's. Estimates that are exact, or that an autopilot has filtered already, show no noise, and are
+taken as they come.
+"""
+
+# Kernels do not annotate their parameters: numba infers the types when it compiles them.
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.copies import put
+from grebe.core.events import State
+from grebe.core.kernels import machine_code
+from grebe.core.motion import advance
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# Over what time the noise is learned, and from how much of it on it is believed [s].
+MEMORY_S, LEAST_S = 15.0, 4.0
+# Standard deviations up to which noise is none: position [m], heading [rad], velocities [m/s] and
+# yaw rate [rad/s]; and what is taken for the noise, at least, of what shows none beside others.
+NOTHING = np.array([0.01, 0.01, 0.005, 0.005, 0.005, 0.005])
+LEAST = np.array([1e-3, 1e-3, 5e-4, 1e-3, 1e-3, 1e-3])
+# The model's own variance of velocities from one estimate to the next is at least this share of the
+# noise's: no model is so good that estimates tell nothing.
+LEAST_SHARE = 0.05
+# What the means of half a minute miss by chance, as a share of the noise in a surprise. Of positions
+# and headings that is not put down to the model: it is never wrong about how velocities add up.
+CHANCE = 0.2
+# Of how much noise is left in the next prediction, at least: of a hull that stops at once none is.
+LEAST_LEFT = 0.3
+PROBE = 1e-5
+# What is kept of surprises: the last, their mean square, and the mean product of successive ones.
+LAST, SQUARE, PRODUCT = 0, 1, 2
+
+
+class StateFilter:
+    """Follows the state of one boat. `variances` (6,): of the noise that estimates were last taken
+    to have; nothing where they are taken as they come.
+    """
+
+    def __init__(self) -> None:
+        self.variances = np.zeros(6)
+        self._surprises = np.zeros((3, 6))
+        self._state, self._covariance = np.zeros(6), np.zeros((6, 6))
+        self._seconds = 0.0
+        self._filters = self._follows = False
+
+    def forget(self) -> None:
+        """After a gap the next estimate is taken as it comes; how noisy they are stays known."""
+        self._follows = False
+
+    def see(
+        self,
+        parameters: Array,
+        before: State,
+        thrusts: tuple[float, float],
+        after: State,
+        seconds: float,
+        substeps: int,
+    ) -> None:
+        """Take a pair of estimates into account that lie `seconds` apart under `thrusts`, of a boat
+        and weather of these `parameters` (15,).
+        """
+        told = np.array(thrusts), np.array(after), seconds, substeps
+        share = max(1.0 - math.exp(-seconds / MEMORY_S), seconds / (self._seconds + seconds))
+        self._seconds += seconds
+        noisy = _learn(parameters, np.array(before), *told, share, self._surprises)
+        self._filters = noisy and self._seconds >= LEAST_S
+        if not self._filters:
+            self._follows = False
+            return
+        if not self._follows:
+            self._state[:], self._covariance[:] = before, np.diag(NOTHING**2)
+            self._follows = True
+        _weigh(
+            parameters, self._state, self._covariance, *told, self._surprises, self.variances
+        )  # fmt: skip
+
+    def filtered(self, state: State) -> State:
+        """Return what is believed of the last estimate."""
+        if not self._follows:
+            return state
+        north, east, heading, surge, sway, yaw_rate = self._state.tolist()
+        return north, east, heading, surge, sway, yaw_rate
+
+
+@machine_code
+def _learn(parameters, before, thrusts, after, seconds, substeps, share, surprises):
+    """Take what an estimate surprises by into the means `surprises` (3, 6), of which it is a
+    `share`; whether they tell of noise.
+    """
+    predicted, noisy = np.empty(6), False
+    advance(parameters, before, thrusts, seconds, substeps, predicted)
+    for i in range(6):
+        now = after[i] - predicted[i]
+        surprises[SQUARE, i] += share * (now * now - surprises[SQUARE, i])
+        surprises[PRODUCT, i] += share * (now * surprises[LAST, i] - surprises[PRODUCT, i])
+        surprises[LAST, i] = now
+        noisy = noisy or -surprises[PRODUCT, i] > NOTHING[i] ** 2
+    return noisy
+
+
+@machine_code
+def _weigh(
+    parameters, state, covariance, thrusts, after, seconds, substeps, surprises, variances
+):  # fmt: skip
+    """One step of the filter: `state` (6,), `covariance` (6, 6) and the `variances` (6,) of the
+    estimates' noise, in place.
+    """
+    predicted, slopes = np.empty(6), np.empty((6, 6))
+    _predict(parameters, state, thrusts, seconds, substeps, predicted, slopes)
+    for i in range(6):
+        left = max(slopes[i, i], LEAST_LEFT)
+        variances[i] = max(-surprises[PRODUCT, i] / left, LEAST[i] ** 2)
+    passed = slopes @ covariance @ slopes.T
+    for i in range(6):
+        of_noise = variances[i]
+        for j in range(6):
+            of_noise += slopes[i, j] * slopes[i, j] * variances[j]
+        if i < 3:
+            passed[i, i] += max(surprises[SQUARE, i] - (1.0 + CHANCE) * of_noise, 0.0)
+        else:
+            passed[i, i] += max(surprises[SQUARE, i] - of_noise, LEAST_SHARE * variances[i])
+    gain = np.empty(6)
+    # One after the other, for their errors are independent.
+    for k in range(6):
+        surprise, variance = after[k] - predicted[k], passed[k, k] + variances[k]
+        for i in range(6):
+            gain[i] = passed[i, k] / variance
+            predicted[i] += gain[i] * surprise
+        for i in range(6):
+            for j in range(6):
+                covariance[i, j] = passed[i, j] - gain[i] * passed[k, j]
+        for i in range(6):
+            for j in range(6):
+                passed[i, j] = 0.5 * (covariance[i, j] + covariance[j, i])
+    put(state, predicted)
+    for i in range(6):
+        put(covariance[i], passed[i])
+
+
+@machine_code
+def _predict(parameters, state, thrusts, seconds, substeps, predicted, slopes):
+    """The state after some time, and its derivatives (6, 6) by the one before. The boat moves alike
+    wherever it is.
+    """
+    advance(parameters, state, thrusts, seconds, substeps, predicted)
+    moved, end = state.copy(), np.empty(6)
+    for j in range(6):
+        if j < 2:
+            for i in range(6):
+                slopes[i, j] = 1.0 if i == j else 0.0
+            continue
+        moved[j] += PROBE
+        advance(parameters, moved, thrusts, seconds, substeps, end)
+        moved[j] = state[j]
+        for i in range(6):
+            slopes[i, j] = (end[i] - predicted[i]) / PROBE
