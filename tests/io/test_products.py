@@ -15,8 +15,8 @@ import pytest
 import rasterio
 import shapely
 from click.testing import CliRunner
-from compliance_checker.runner import CheckSuite, ComplianceChecker
 from conftest import ENTRY, FRAME, OXYGEN, TEMPERATURE
+from netcdf_checks import CREDITS, NOT_KNOWN, told_of
 from rasterio.warp import transform
 from rio_cogeo.cogeo import cog_validate
 
@@ -44,19 +44,6 @@ WATER = shapely.Polygon([(0, 0), (100, 0), (100, 60), (0, 100)]).difference(
     shapely.box(40, 30, 60, 50)
 )
 PROFILE = read_profile(None)
-CREDITS = {
-    "creator_name": "Jane Doe",
-    "creator_email": "jane@lake.example",
-    "creator_url": "https://lake.example",
-    "institution": "Lake Institute",
-    "project": "Lakes",
-    "acknowledgement": "the ferryman",
-    "publisher_name": "Lake Institute",
-    "publisher_email": "data@lake.example",
-    "publisher_url": "https://lake.example/data",
-    "license": "CC-BY-4.0",
-    "naming_authority": "example.lake",
-}
 
 
 def made(shift=0.0, seed=0, settings=None):
@@ -80,34 +67,8 @@ def test_the_checkers_of_cf_and_acdd_accept_the_netcdf(oxygen, tmp_path):
     key = oxygen.quantity.key
     entry = replace(ENTRY, comment="c", credits=CREDITS)
     write_netcdf(path, [oxygen], FRAME, entry, {key: fields}, {key: oxygen.draws(3)})
-    CheckSuite.load_all_available_checkers()
-    passed, errors = ComplianceChecker.run_checker(
-        str(path), ["cf:1.8"], 0, "strict", output_filename=str(tmp_path / "cf.txt"),
-        output_format="text",
-    )  # fmt: skip
-    assert passed, (tmp_path / "cf.txt").read_text()
-    assert not errors
-    ComplianceChecker.run_checker(
-        str(path), ["acdd:1.3"], 0, "normal", output_filename=str(tmp_path / "acdd.json"),
-        output_format="json",
-    )  # fmt: skip
-    found = json.loads((tmp_path / "acdd.json").read_text())["acdd:1.3"]
-    told = [
-        text
-        for weight in ("high_priorities", "medium_priorities")
-        for result in found[weight]
-        for text in result["msgs"]
-    ]
-    # No name of the CF table is a probability; how deep the sonde hangs is not known.
-    assert sorted(told) == sorted(
-        [
-            "standard_name",
-            "geospatial_vertical_min not present",
-            "geospatial_vertical_max not present",
-            "geospatial_vertical_positive not present",
-            "geospatial_bounds_vertical_crs not present",
-        ]
-    )
+    # No name of the CF table is a probability.
+    assert sorted(told_of(path)) == sorted(["standard_name", *NOT_KNOWN])
     with netCDF4.Dataset(path) as file:
         assert file[f"{key}_draw"].shape == (3, *oxygen.mean.shape)
         concern = file[f"{key}_concern_1"][:].filled(np.nan)

@@ -16,6 +16,7 @@ FLAGS = {
     "columns": "--column",
     "core": "--core",
     "energy_wh": "--wh",
+    "every_s": "--every",
     "feature": "--feature",
     "force": "--force",
     "goal": "--goal",

@@ -52,6 +52,13 @@ mapping_options = options.together(
         "place as it was measured]",
     ),
     click.option(
+        "--every",
+        "every_s",
+        type=options.Minutes(),
+        help="Besides a movie of what changed: a map every so many minutes of the survey. The "
+        "other maps are of its middle then, or of --moment.",
+    ),
+    click.option(
         "--scale",
         type=click.Choice(tuple(SCALES)),
         help="Map the quantity itself, or its logarithm with asymmetric intervals.  [default: the "
@@ -91,6 +98,7 @@ REPEATED = {
     "method": "--method",
     "variogram": "--variogram",
     "moment": "--moment",
+    "every_s": "--every",
     "scale": "--scale",
     "drift": "--drift",
     "inflows": "--inflow",
@@ -121,6 +129,8 @@ def asked_again(ctx: click.Context) -> str:
 def _as_written(name: str, value: Any) -> str:
     if name == "moment" and isinstance(value, float):
         return datetime.fromtimestamp(value, UTC).isoformat().replace("+00:00", "Z")
+    if name == "every_s":
+        return f"{value / 60:g}"
     if name == "inflows":
         return ",".join(f"{one:.10g}" for one in value)
     return str(value)

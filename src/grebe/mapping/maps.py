@@ -16,7 +16,7 @@ from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.change import Change, fit_change, no_change
 from grebe.mapping.grid import Grid
-from grebe.mapping.kriging import distinct
+from grebe.mapping.joining import distinct
 from grebe.mapping.method_choice import Best, best_of
 from grebe.mapping.methods.base import Domain, Method, Readings
 from grebe.mapping.methods.choice import ByShore, Choice

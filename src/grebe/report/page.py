@@ -20,6 +20,7 @@ from grebe.report import canvas, map_figures, mission_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure
 from grebe.report.data import ReportData
 from grebe.report.method_text import after_number, method_text, significant
+from grebe.report.movie_figures import movie_figure
 from grebe.report.tables import area_classes, measured_quantities, moment_text, stations
 from grebe.report.texts import Texts, texts_of
 from grebe.report.thresholds import Profile, Threshold, read_profile
@@ -68,6 +69,8 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
             for one in data.maps
         ],
         bathymetry=_bathymetry(data, texts),
+        movies=_movies(data, texts),
+        untold=_untold(data, texts),
         methods=[method_text(data, one, texts) for one in data.maps],
         hatched=[map_figures.is_hatched(one) for one in data.maps],
         classes=[_classes(one, texts) for one in data.maps],
@@ -234,6 +237,29 @@ def _method_name(one: QuantityMap, t: Texts) -> str:
 
 def _citation(data: ReportData, t: Texts) -> str:
     return t("citation", version=data.meta.get("software_version", ""))
+
+
+def _movies(data: ReportData, t: Texts) -> list[tuple[str, str]]:
+    """What each movie shows, and its picture."""
+    return [
+        (
+            t(
+                "movie_text",
+                label=one.still.quantity.label_in(t.language),
+                count=len(one.times_s),
+                minutes=t.number(f"{float(one.times_s[1] - one.times_s[0]) / 60:g}"),
+            ),
+            _embed(movie_figure(data.survey, one, t)),
+        )
+        for one in data.movies or ()
+    ]
+
+
+def _untold(data: ReportData, t: Texts) -> str:
+    """The quantities of which there is no movie, though it was asked for."""
+    shown = {one.still.quantity.key for one in data.movies or ()}
+    still = [one.quantity for one in data.maps if one.quantity.key not in shown]
+    return ", ".join(inline(one.label_in(t.language)) for one in still)
 
 
 def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 import shapely
@@ -137,6 +137,17 @@ class Field(Protocol):
 
         Validation asks for one for every fold, so it may be coarser than this field.
         """
+        ...
+
+
+@runtime_checkable
+class Timed(Protocol):
+    """A field that knows how the water differs from one moment to another. A field that does not
+    need not have this.
+    """
+
+    def at_moments(self, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
+        """Mean and standard deviation of the signal, (m,) each, at each moment (k,) [unix s]."""
         ...
 
 
