@@ -49,6 +49,7 @@ FLAGS = {
     "harbours": "--harbour",
     "sortie": "--sortie",
     "starts": "--start",
+    "together": "--together",
     "threshold": "--threshold",
     "sortie_battery_wh": "--battery",
     "sortie_minutes": "--sortie-minutes",

@@ -24,6 +24,7 @@ from grebe.workflow.maps import (
     map_numbers,
     map_survey,
     movie_note,
+    together_notes,
     write_maps,
 )
 
@@ -101,6 +102,8 @@ def _map_one(file: Path, out: Path, asked: dict[str, Any], again: str, *, as_jso
     for text in data.left_out:
         output.note(f"left out: {text}")
     for text in change_notes(data.maps):
+        output.note(f"note: {text}")
+    for text in together_notes(data.maps, settings.together):
         output.note(f"note: {text}")
     if (text := movie_note(data)) is not None:
         output.note(f"note: {text}")

@@ -7,14 +7,13 @@ is solved once, and each moment adds a level and its own uncertainty.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.core.errors import InputError
-from grebe.mapping.methods.base import Timed
+from grebe.mapping.methods.base import field_at_moments
 from grebe.mapping.quantity_map import QuantityMap, known_sd, possible, sd_with
 from grebe.mapping.threads import one_blas_thread
 
@@ -69,7 +68,7 @@ def movie_of(still: QuantityMap, moments_s: Array) -> Movie:
     grid, readings, scale = still.grid, still.readings, still.scale
     nodes = grid.nodes
     with one_blas_thread():
-        found = _at_moments(still, nodes, moments_s)
+        found = field_at_moments(still.field, nodes, moments_s)
     means: list[Array] = []
     sds: list[Array] = []
     for moment_s, (of_place, field_sd) in zip(moments_s.tolist(), found, strict=True):
@@ -81,12 +80,3 @@ def movie_of(still: QuantityMap, moments_s: Array) -> Movie:
         means.append(grid.spread(possible(level, still.quantity, read)))
         sds.append(grid.spread(scale.sd(mean, sd)))
     return Movie(still=still, times_s=moments_s, means=np.array(means), sds=np.array(sds))
-
-
-def _at_moments(
-    still: QuantityMap, nodes: Array, moments_s: Array
-) -> Sequence[tuple[Array, Array]]:
-    """Mean and standard deviation of the field at each moment, without the slow change."""
-    if isinstance(still.field, Timed):
-        return still.field.at_moments(nodes, moments_s)
-    return [(still.field.mean(nodes), still.field.sd(nodes))] * len(moments_s)

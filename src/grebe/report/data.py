@@ -113,6 +113,9 @@ def gather(
     mapper = Mapper(survey.water, make_grid(survey.water, resolution_m), settings)
     corrected = samples.with_values(corrected_values(samples, lags))
     maps, left_out = map_all(mapper, corrected, survey_file.quantities, on_mapped)
+    movies = None
+    if moments is not None:
+        movies = [movie_of(one, moments) for one in maps if is_told(one)]
     return ReportData(
         survey=survey,
         meta=meta,
@@ -123,6 +126,6 @@ def gather(
         events=survey_file.events(),
         maps=maps,
         left_out=left_out,
-        movies=() if moments is None else [movie_of(one, moments) for one in maps if is_told(one)],
+        movies=movies,
         lags=lags,
     )

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from grebe.core.quantity import inline
 from grebe.mapping.methods.base import Model
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
@@ -32,6 +33,7 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
             reason=model.reason,
         ),
     ]
+    said += _together(data, one, t)
     lag = data.lags.get(one.quantity.key)
     if lag is not None:
         said.append(
@@ -67,6 +69,23 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
             ends = {"least": t.number(f"{least:.2f}"), "most": t.number(f"{most:.2f}")}
             said.append(t("unrest", **ends))
     return " ".join(said)
+
+
+def _together(data: ReportData, one: QuantityMap, t: Texts) -> list[str]:
+    """What other quantities' readings have brought."""
+    told = one.model.companions
+    if told is None:
+        return []
+    names = ", ".join(
+        t(
+            "companion",
+            name=inline(data.quantities.known(key).label_in(t.language)),
+            correlation=t.number(f"{correlation:.2f}"),
+        )
+        for key, correlation in zip(told.names, told.correlations, strict=True)
+    )
+    return [t("together" if told.heeded else "not_together", names=names,
+              share=t.share(told.spared))]  # fmt: skip
 
 
 def _changed(one: QuantityMap, t: Texts) -> list[str]:

@@ -219,6 +219,31 @@ def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
     return notes
 
 
+def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list[str]:
+    """What mapping some quantities together has brought, in a sentence each."""
+    labels = {one.quantity.key: inline(one.quantity.label) for one in maps}
+    notes: list[str] = []
+    for one in maps:
+        if one.quantity.key not in together:
+            continue
+        name, told = one.quantity.label, one.model.companions
+        if told is None:
+            notes.append(f"{name}: mapped alone, for land or too few readings are between")
+            continue
+        with_ = " and ".join(
+            f"{labels.get(key, key)} (correlation {correlation:.2f})"
+            for key, correlation in zip(told.names, told.correlations, strict=True)
+        )
+        notes.append(
+            f"{name}: mapped together with {with_}, which takes {told.spared:.0%} off the median "
+            "standard deviation"
+            if told.heeded
+            else f"{name}: mapped alone, for {with_} tells next to nothing that its own readings "
+            "do not"
+        )
+    return notes
+
+
 def _change_numbers(one: QuantityMap) -> dict[str, Any]:
     change = one.change
     unseen = change.unseen_sd
@@ -261,6 +286,7 @@ def map_numbers(one: QuantityMap) -> dict[str, Any]:
                 for name, value in model.standard_errors.items()
             },
         },
+        "together": vars(model.companions) if model.companions else None,
         "change": _change_numbers(one),
         "validation": vars(validation) if validation else None,
     }
