@@ -11,6 +11,7 @@ from grebe.mapping.methods.base import Model
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.report.data import ReportData
+from grebe.report.reasons import reason_in
 from grebe.report.texts import Texts
 
 
@@ -23,14 +24,14 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
             words if words in t.table else "method_other",
             label=one.method.label,
             samples=one.samples,
-            reason=one.reason,
+            reason=_because(one.reason, t),
         ),
         t(
             "model",
             text=covariance_text(model, t, one.quantity.unit if one.scale is LINEAR else ""),
             nugget=_squared(model.nugget, one, t),
             sill="-" if model.sill is None else _squared(model.sill, one, t),
-            reason=model.reason,
+            reason=_because(model.reason, t),
         ),
     ]
     said += _together(data, one, t)
@@ -71,6 +72,12 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
     return " ".join(said)
 
 
+def _because(reason: str, t: Texts) -> str:
+    """A reason as a sentence of the language holds it."""
+    told = reason_in(reason, t)
+    return t("because", reason=told) if told else ""
+
+
 def _together(data: ReportData, one: QuantityMap, t: Texts) -> list[str]:
     """What other quantities' readings have brought."""
     told = one.model.companions
@@ -100,7 +107,7 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
     elif change.gain or change.lag_gain:
         said.append(t("change_untold"))
     if change.lag_s:
-        said.append(t("late", lag=f"{change.lag_s:g}"))
+        said.append(t("late", lag=t.number(f"{change.lag_s:g}")))
     if one.is_of_moment:
         moment = datetime.fromtimestamp(change.moment_s, UTC)
         said.append(t("of_moment", moment=f"{moment:%Y-%m-%d %H:%M} UTC"))
