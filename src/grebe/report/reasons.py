@@ -46,7 +46,7 @@ def _whole(text: str, t: Texts) -> str | None:
     """The text of the first template that fits a reason; None where none does."""
     for one in t["reasons"]:
         names = _BRACES.findall(one["said"])
-        pattern = "(.+?)".join(map(re.escape, _BRACES.split(one["said"])[::2]))
+        pattern = "([^;]+?)".join(map(re.escape, _BRACES.split(one["said"])[::2]))
         fits = re.fullmatch(pattern, text)
         if fits is not None:
             held = zip(names, fits.groups(), strict=True)
