@@ -17,6 +17,7 @@ import shapely
 from click.testing import CliRunner
 from conftest import ENTRY, FRAME, OXYGEN, TEMPERATURE
 from netcdf_checks import CREDITS, NOT_KNOWN, told_of
+from pystac.validation.stac_validator import JsonSchemaSTACValidator
 from rasterio.warp import transform
 from rio_cogeo.cogeo import cog_validate
 
@@ -331,7 +332,7 @@ def test_the_item_beside_the_maps_is_what_a_catalogue_takes_in(tmp_path):
         Asset(path=tmp_path / "ph.tif", title="pH", bands=[("mean", ""), ("sd", "")]),
         Asset(path=tmp_path / "map.nc", title="all quantities"),
     ]
-    write_stac_item(tmp_path / "item.json", entry, assets, {"proj:epsg": None})
+    write_stac_item(tmp_path / "item.json", entry, assets, {"proj:code": None})
     item = pystac.Item.from_file(str(tmp_path / "item.json"))
     assert item.bbox == list(outline.bounds)
     assert item.properties["license"] == CREDITS["license"]
@@ -340,6 +341,32 @@ def test_the_item_beside_the_maps_is_what_a_catalogue_takes_in(tmp_path):
     assert shapely.geometry.shape(item.geometry).exterior.is_ccw
     assert item.assets["ph.tif"].media_type == pystac.MediaType.COG
     assert item.assets["map.nc"].get_absolute_href() == str(tmp_path / "map.nc")
+
+
+def test_the_item_keeps_to_the_schema_of_the_specification(simulated_survey, tmp_path):
+    """By the schemas of STAC 1.1.0 that pystac brings, for a whole set of maps; and what the
+    projection extension, whose schema is on the net alone, asks for.
+    """
+    out = tmp_path / "maps"
+    run("map", simulated_survey[0], "--out", out, "--resolution", "8", "--json")
+    item = json.loads((out / "item.json").read_text())
+    validator = JsonSchemaSTACValidator()
+    validator.validate_core(item, pystac.STACObjectType.ITEM, "1.1.0")
+    for broken in ({"bbox": None}, {"geometry": 3}, {"assets": {"a": {}}}, {"id": ""}):
+        with pytest.raises(pystac.STACValidationError):
+            validator.validate_core(item | broken, pystac.STACObjectType.ITEM, "1.1.0")
+    told = item["properties"]
+    assert told["proj:code"] is None
+    assert told["proj:wkt2"].startswith("PROJCRS")
+    rasters = [name for name in item["assets"] if name.endswith(".tif")]
+    assert rasters
+    for name in rasters:
+        with rasterio.open(out / name) as file:
+            assert told["proj:shape"] == list(file.shape)
+            assert told["proj:transform"] == pytest.approx(list(file.transform)[:6])
+            bands = [one["name"] for one in item["assets"][name]["bands"]]
+            assert len(bands) == file.count
+    assert {out / name for name in item["assets"]} <= set(out.iterdir())
 
 
 def test_credits_that_are_not_texts_are_refused_by_name(tmp_path):

@@ -163,7 +163,7 @@ def _projection(data: ReportData) -> dict[str, Any]:
 
     grid = data.maps[0].grid
     return {
-        "proj:epsg": None,
+        "proj:code": None,
         "proj:wkt2": CRS.from_user_input(data.survey.frame.definition).to_wkt(),
         "proj:shape": [len(grid.north), len(grid.east)],
         "proj:transform": list(affine(grid)),
