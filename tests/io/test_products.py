@@ -15,8 +15,9 @@ import pytest
 import rasterio
 import shapely
 from click.testing import CliRunner
-from compliance_checker.runner import CheckSuite, ComplianceChecker
 from conftest import ENTRY, FRAME, OXYGEN, TEMPERATURE
+from netcdf_checks import CREDITS, NOT_KNOWN, told_of
+from pystac.validation.stac_validator import JsonSchemaSTACValidator
 from rasterio.warp import transform
 from rio_cogeo.cogeo import cog_validate
 
@@ -44,19 +45,6 @@ WATER = shapely.Polygon([(0, 0), (100, 0), (100, 60), (0, 100)]).difference(
     shapely.box(40, 30, 60, 50)
 )
 PROFILE = read_profile(None)
-CREDITS = {
-    "creator_name": "Jane Doe",
-    "creator_email": "jane@lake.example",
-    "creator_url": "https://lake.example",
-    "institution": "Lake Institute",
-    "project": "Lakes",
-    "acknowledgement": "the ferryman",
-    "publisher_name": "Lake Institute",
-    "publisher_email": "data@lake.example",
-    "publisher_url": "https://lake.example/data",
-    "license": "CC-BY-4.0",
-    "naming_authority": "example.lake",
-}
 
 
 def made(shift=0.0, seed=0, settings=None):
@@ -80,34 +68,8 @@ def test_the_checkers_of_cf_and_acdd_accept_the_netcdf(oxygen, tmp_path):
     key = oxygen.quantity.key
     entry = replace(ENTRY, comment="c", credits=CREDITS)
     write_netcdf(path, [oxygen], FRAME, entry, {key: fields}, {key: oxygen.draws(3)})
-    CheckSuite.load_all_available_checkers()
-    passed, errors = ComplianceChecker.run_checker(
-        str(path), ["cf:1.8"], 0, "strict", output_filename=str(tmp_path / "cf.txt"),
-        output_format="text",
-    )  # fmt: skip
-    assert passed, (tmp_path / "cf.txt").read_text()
-    assert not errors
-    ComplianceChecker.run_checker(
-        str(path), ["acdd:1.3"], 0, "normal", output_filename=str(tmp_path / "acdd.json"),
-        output_format="json",
-    )  # fmt: skip
-    found = json.loads((tmp_path / "acdd.json").read_text())["acdd:1.3"]
-    told = [
-        text
-        for weight in ("high_priorities", "medium_priorities")
-        for result in found[weight]
-        for text in result["msgs"]
-    ]
-    # No name of the CF table is a probability; how deep the sonde hangs is not known.
-    assert sorted(told) == sorted(
-        [
-            "standard_name",
-            "geospatial_vertical_min not present",
-            "geospatial_vertical_max not present",
-            "geospatial_vertical_positive not present",
-            "geospatial_bounds_vertical_crs not present",
-        ]
-    )
+    # No name of the CF table is a probability.
+    assert sorted(told_of(path)) == sorted(["standard_name", *NOT_KNOWN])
     with netCDF4.Dataset(path) as file:
         assert file[f"{key}_draw"].shape == (3, *oxygen.mean.shape)
         concern = file[f"{key}_concern_1"][:].filled(np.nan)
@@ -370,7 +332,7 @@ def test_the_item_beside_the_maps_is_what_a_catalogue_takes_in(tmp_path):
         Asset(path=tmp_path / "ph.tif", title="pH", bands=[("mean", ""), ("sd", "")]),
         Asset(path=tmp_path / "map.nc", title="all quantities"),
     ]
-    write_stac_item(tmp_path / "item.json", entry, assets, {"proj:epsg": None})
+    write_stac_item(tmp_path / "item.json", entry, assets, {"proj:code": None})
     item = pystac.Item.from_file(str(tmp_path / "item.json"))
     assert item.bbox == list(outline.bounds)
     assert item.properties["license"] == CREDITS["license"]
@@ -379,6 +341,32 @@ def test_the_item_beside_the_maps_is_what_a_catalogue_takes_in(tmp_path):
     assert shapely.geometry.shape(item.geometry).exterior.is_ccw
     assert item.assets["ph.tif"].media_type == pystac.MediaType.COG
     assert item.assets["map.nc"].get_absolute_href() == str(tmp_path / "map.nc")
+
+
+def test_the_item_keeps_to_the_schema_of_the_specification(simulated_survey, tmp_path):
+    """By the schemas of STAC 1.1.0 that pystac brings, for a whole set of maps; and what the
+    projection extension, whose schema is on the net alone, asks for.
+    """
+    out = tmp_path / "maps"
+    run("map", simulated_survey[0], "--out", out, "--resolution", "8", "--json")
+    item = json.loads((out / "item.json").read_text())
+    validator = JsonSchemaSTACValidator()
+    validator.validate_core(item, pystac.STACObjectType.ITEM, "1.1.0")
+    for broken in ({"bbox": None}, {"geometry": 3}, {"assets": {"a": {}}}, {"id": ""}):
+        with pytest.raises(pystac.STACValidationError):
+            validator.validate_core(item | broken, pystac.STACObjectType.ITEM, "1.1.0")
+    told = item["properties"]
+    assert told["proj:code"] is None
+    assert told["proj:wkt2"].startswith("PROJCRS")
+    rasters = [name for name in item["assets"] if name.endswith(".tif")]
+    assert rasters
+    for name in rasters:
+        with rasterio.open(out / name) as file:
+            assert told["proj:shape"] == list(file.shape)
+            assert told["proj:transform"] == pytest.approx(list(file.transform)[:6])
+            bands = [one["name"] for one in item["assets"][name]["bands"]]
+            assert len(bands) == file.count
+    assert {out / name for name in item["assets"]} <= set(out.iterdir())
 
 
 def test_credits_that_are_not_texts_are_refused_by_name(tmp_path):

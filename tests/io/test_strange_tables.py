@@ -111,6 +111,27 @@ def test_a_date_with_am_and_pm_has_the_month_first_in_america(path: Path) -> Non
         read(path, HEADER, *lines)
 
 
+def test_a_record_that_goes_over_midnight_tells_day_from_month(path: Path) -> None:
+    def lines(first: str, second: str) -> list[str]:
+        clocks = [f"{first} 11:{50 + k}:00 PM" for k in range(10)]
+        clocks += [f"{second} 12:{k:02d}:00 AM" for k in range(10)]
+        return [f"{clock},{44.4 + 1e-5 * k},-69.6,20,7" for k, clock in enumerate(clocks)]
+
+    for dates, begun in (
+        (("03/07/20", "04/07/20"), "2020-07-03T23:50:00"),
+        (("07/03/20", "07/04/20"), "2020-07-03T23:50:00"),
+    ):
+        track = read(path, HEADER, *lines(*dates))
+        assert track.times is not None
+        assert np.datetime64(int(track.times[0]), "s") == np.datetime64(begun)
+        assert np.ptp(track.times) == 19 * 60
+        assert any("goes on over midnight" in note for note in track.notes)
+    # Outings on the first of each month, or on days that follow: nobody can tell.
+    monthly = [f"0{k}/0{m}/20 10:00:00 AM,44.4,-69.6,20,7" for m in (3, 4, 5, 6) for k in (1,)]
+    with pytest.raises(InputError, match="may be day and month"):
+        read(path, HEADER, *monthly)
+
+
 def test_appended_files_with_marks_and_trailing_commas_are_one(path: Path) -> None:
     rows = [row(k, 20 + k, 7) for k in range(20)]
     for first, again in (

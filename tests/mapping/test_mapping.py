@@ -15,7 +15,8 @@ from grebe.core.samples import Flag, Samples
 from grebe.io.export.netcdf import write_netcdf
 from grebe.mapping.covariance import KINDS, CovarianceModel
 from grebe.mapping.grid import make_grid
-from grebe.mapping.kriging import krige, merge_places
+from grebe.mapping.joining import merge_places
+from grebe.mapping.kriging import krige
 from grebe.mapping.maps import Mapper, map_all
 from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import Kriging

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from grebe.mapping.calibration import Calibration, for_few
 from grebe.mapping.covariance import KINDS, CovarianceModel, Fleeting, correlations, slopes
 from grebe.mapping.grid import make_grid
-from grebe.mapping.kriging import EXACT_LIMIT, Passing, krige
+from grebe.mapping.joining import EXACT_LIMIT
+from grebe.mapping.kriging import Moments, Passing, krige, krige_moments
 from grebe.mapping.methods.averaged import Averaged
 from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import Kriging
@@ -136,6 +137,29 @@ def test_kriging_in_place_and_time_is_the_solution_of_the_whole_system():
     variance += missing**2 / (ones @ np.linalg.solve(system, ones))
     assert np.allclose(found.mean, expected, atol=1e-6)
     assert np.allclose(found.variance, variance, atol=1e-6)
+
+
+@pytest.mark.parametrize("every", [2, 1])
+def test_several_moments_are_solved_as_each_by_itself(every):
+    """As one system, and by tiles."""
+    readings, *_ = drawn(8)
+    some = slice(None, None, every)
+    at, values, times = readings.positions[some], readings.values[some], readings.times[some]
+    targets = np.random.default_rng(2).uniform(0, 100, (2_500, 2))
+    moments = np.array([0.0, 411.0, 900.0])
+    several = krige_moments(
+        at, values, targets, SPACE, Moments(fleeting=FLEETING, at_samples=times, at=moments)
+    )
+    assert len(several) == 3
+    assert (len(at) > EXACT_LIMIT) == (every == 1)
+    for moment, found in zip(moments, several, strict=True):
+        passing = Passing(
+            fleeting=FLEETING, at_samples=times, at_targets=np.full(len(targets), moment),
+            share=np.ones(len(targets)),
+        )  # fmt: skip
+        alone = krige(at, values, targets, SPACE, passing=passing)
+        assert np.allclose(found.mean, alone.mean, atol=1e-9)
+        assert np.allclose(found.variance, alone.variance, atol=1e-9)
 
 
 def test_a_fit_tells_what_passes_differ_by():

@@ -39,6 +39,7 @@ class MapTask:
     draws: int = 0
     profile: Path | None = None
     credits_file: Path | None = None
+    every_s: float | None = None
 
     def folder_of(self, file: Path) -> Path:
         """Where the maps of a survey file go."""
@@ -50,7 +51,7 @@ class MapTask:
         try:
             with SurveyFile.open(file) as survey_file:
                 profile = read_profile(self.profile, BUILTIN.extended(survey_file.quantities))
-            data = map_survey(file, self.settings, self.resolution_m)
+            data = map_survey(file, self.settings, self.resolution_m, every_s=self.every_s)
             write_maps(data, folder, profile, self.draws, self.credits_file)
         except GrebeError as error:
             return Mapped(file=file, folder=folder, error=str(error))

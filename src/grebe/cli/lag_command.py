@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from grebe.cli import options, output
+from grebe.core.quantity import Quantity
 from grebe.mapping.lag import LagEstimate
 from grebe.workflow.lags import compare_runs
 
@@ -23,14 +24,16 @@ def command(first: Path, second: Path, as_json: bool) -> None:
     For each quantity the delay and time constant that bring the runs closest, and whether
     that is worth a correction: no lag explains what the water itself did between the runs.
     """
-    found = compare_runs(first, second)
+    found, quantities = compare_runs(first, second)
     advised = " ".join(
         f"--lag {key}={one.lag.delay_s:g},{one.lag.tau_s:g}"
         for key, one in found.items()
         if one.advised
     )
     output.result(
-        {key: _row(one, as_json=as_json) for key, one in found.items()},
+        {key: _numbers(one) for key, one in found.items()}
+        if as_json
+        else dict(_row(quantities.known(key), one) for key, one in found.items()),
         as_json=as_json,
         next_command=f"grebe check {first} {advised}"
         if advised
@@ -38,11 +41,15 @@ def command(first: Path, second: Path, as_json: bool) -> None:
     )
 
 
-def _row(one: LagEstimate, *, as_json: bool) -> Any:
-    if as_json:
-        return asdict(one) | {"gain": one.gain, "advised": one.advised}
+def _numbers(one: LagEstimate) -> dict[str, Any]:
+    return asdict(one) | {"gain": one.gain, "advised": one.advised}
+
+
+def _row(quantity: Quantity, one: LagEstimate) -> tuple[str, str]:
+    """The quantity's name, and what was found of it in its unit."""
+    unit = f" {quantity.unit}" if quantity.unit else ""
     verdict = "worth correcting" if one.advised else "not worth correcting"
-    return (
+    return quantity.label, (
         f"delay {one.lag.delay_s:g} s, time constant {one.lag.tau_s:g} s: rms difference "
-        f"{one.before:.3g} -> {one.after:.3g}, {verdict}"
+        f"{one.before:.3g} -> {one.after:.3g}{unit}, {verdict}"
     )

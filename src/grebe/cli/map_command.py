@@ -18,7 +18,15 @@ from grebe.io.store import SurveyFile
 from grebe.mapping.drift import linear
 from grebe.report.thresholds import read_profile
 from grebe.workflow.files import filled_folder, make_folder
-from grebe.workflow.maps import NETCDF_NAME, change_notes, map_numbers, map_survey, write_maps
+from grebe.workflow.maps import (
+    NETCDF_NAME,
+    change_notes,
+    map_numbers,
+    map_survey,
+    movie_note,
+    together_notes,
+    write_maps,
+)
 
 
 @click.command(name="map")
@@ -53,7 +61,7 @@ def command(
     **asked: Any,
 ) -> None:
     """Map every quantity of FILE: map.nc (CF NetCDF), contours.gpkg, and a Cloud Optimized
-    GeoTIFF and a picture each.
+    GeoTIFF and a picture each; with --every movie.nc besides.
 
     With --many each FILE is mapped to a folder of its own name; what is mapped already is passed
     over, so that the same command goes on where it was cut off.
@@ -68,6 +76,7 @@ def command(
             draws=asked["draws"],
             profile=asked["profile"],
             credits_file=asked["credits_file"],
+            every_s=asked["every_s"],
         )
         _map_many(files, task, engine_of(workers, scheduler), force=force, as_json=as_json)
         return
@@ -88,11 +97,15 @@ def _map_one(file: Path, out: Path, asked: dict[str, Any], again: str, *, as_jso
         mapped = sum(one.mapped for one in survey_file.quantities.values())
         thresholds = read_profile(asked["profile"], BUILTIN.extended(survey_file.quantities))
     with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
-        data = map_survey(file, settings, asked["resolution_m"], countdown.update)
+        data = map_survey(file, settings, asked["resolution_m"], countdown.update, asked["every_s"])
     written = write_maps(data, out, thresholds, asked["draws"], asked["credits_file"])
     for text in data.left_out:
         output.note(f"left out: {text}")
     for text in change_notes(data.maps):
+        output.note(f"note: {text}")
+    for text in together_notes(data.maps, settings.together):
+        output.note(f"note: {text}")
+    if (text := movie_note(data)) is not None:
         output.note(f"note: {text}")
     output.result(
         {

@@ -28,6 +28,15 @@ from grebe.mapping.methods.choice import (
 from grebe.mapping.scale import SCALES
 from grebe.mapping.variogram import ESTIMATORS
 
+
+def _keys(
+    _ctx: click.Context, _param: click.Parameter, value: str | tuple[str, ...] | None
+) -> tuple[str, ...]:
+    if isinstance(value, tuple):
+        return value
+    return tuple(one.strip() for one in (value or "").split(",") if one.strip())
+
+
 mapping_options = options.together(
     click.option(
         "--resolution", "resolution_m", type=float, help="Spacing of the map's nodes [m]."
@@ -50,6 +59,20 @@ mapping_options = options.together(
         help="Map the water of one moment of the survey (ISO 8601, or middle): what changed "
         "everywhere meanwhile, and the sensors' lag, are estimated and taken out.  [default: each "
         "place as it was measured]",
+    ),
+    click.option(
+        "--every",
+        "every_s",
+        type=options.Minutes(),
+        help="Besides a movie of what changed: a map every so many minutes of the survey. The "
+        "other maps are of its middle then, or of --moment.",
+    ),
+    click.option(
+        "--together",
+        metavar="KEY,KEY...",
+        callback=_keys,
+        help="Map these quantities each by the readings of the others too (cokriging): a few "
+        "of one by the many of another that goes with it.",
     ),
     click.option(
         "--scale",
@@ -91,6 +114,8 @@ REPEATED = {
     "method": "--method",
     "variogram": "--variogram",
     "moment": "--moment",
+    "every_s": "--every",
+    "together": "--together",
     "scale": "--scale",
     "drift": "--drift",
     "inflows": "--inflow",
@@ -121,6 +146,10 @@ def asked_again(ctx: click.Context) -> str:
 def _as_written(name: str, value: Any) -> str:
     if name == "moment" and isinstance(value, float):
         return datetime.fromtimestamp(value, UTC).isoformat().replace("+00:00", "Z")
+    if name == "every_s":
+        return f"{value / 60:g}"
+    if name == "together":
+        return ",".join(value)
     if name == "inflows":
         return ",".join(f"{one:.10g}" for one in value)
     return str(value)
@@ -132,6 +161,7 @@ def settings_with(asked: dict[str, Any], drift: DriftFunction | None) -> MapSett
     more: dict[str, Any] = {
         "shore_depth_sd_m": asked["shore_depth_sd_m"],
         "moment": asked["moment"],
+        "together": asked["together"],
         "scale": SCALES.get(asked["scale"]),
     }
     given = {"estimator": asked["estimator"], "drift": drift}

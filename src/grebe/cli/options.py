@@ -49,6 +49,24 @@ class Pair(click.ParamType):
         return first, second
 
 
+class Minutes(click.ParamType):
+    """A time in minutes, as seconds."""
+
+    name = "MINUTES"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Parse; anything but a number above 0 is a usage error."""
+        try:
+            minutes = float(value)
+        except ValueError:
+            minutes = math.nan
+        if not (math.isfinite(minutes) and minutes > 0):
+            self.fail(f"{value!r} is no number of minutes above 0.", param, ctx)
+        return 60.0 * minutes
+
+
 class Moment(click.ParamType):
     """A moment in ISO 8601, UTC where it names no zone, as unix seconds; or the word middle."""
 

@@ -51,7 +51,7 @@ def command(
     with SurveyFile.open(file) as survey_file:
         thresholds = read_profile(profile, BUILTIN.extended(survey_file.quantities))
         settings = map_settings(asked, survey_file.survey)
-        data = gather(survey_file, asked["resolution_m"], settings)
+        data = gather(survey_file, asked["resolution_m"], settings, every_s=asked["every_s"])
     write_report(path, data, thresholds, language)
     printed: dict[str, str] = {}
     if pdf:

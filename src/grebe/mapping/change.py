@@ -91,6 +91,17 @@ class Change:
         sd = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         return np.interp(times, self.times, self.mean), np.interp(times, self.times, sd)
 
+    def seen_from(self, moment_s: float) -> Change:
+        """The same change relative to another moment [unix s], at which it is 0 then."""
+        there = np.array([np.interp(moment_s, self.times, one) for one in np.eye(len(self.times))])
+        less = np.eye(len(self.times)) - there
+        return replace(
+            self,
+            moment_s=moment_s,
+            mean=self.mean - there @ self.mean,
+            covariance=less @ self.covariance @ less.T,
+        )
+
     def placed(self, readings: Readings) -> Readings:
         """The readings where the sensor took them."""
         if readings.times is None or not self.lag_s:

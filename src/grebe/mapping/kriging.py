@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from grebe.mapping.covariance import CovarianceModel, Fleeting
+from grebe.mapping.joining import EXACT_LIMIT, distinct, joined
 from grebe.mapping.tiles import tiles
 
 if TYPE_CHECKING:
@@ -26,18 +27,11 @@ if TYPE_CHECKING:
 
 # Up to so many samples a system is solved whole; beyond, means alone up to so many more, and all
 # of it where the product of the samples' square and the targets is small.
-EXACT_LIMIT, MEAN_LIMIT, LITTLE_WORK = 400, 3_000, 5e8
+MEAN_LIMIT, LITTLE_WORK = 3_000, 5e8
 NEIGHBOURS = 150
 TARGETS_AT_ONCE = 2000
 # The trend is estimated once for the whole water, from at most so many samples.
 MOST_FOR_TREND = 500
-# Two samples nearer than this in place and time are one: without a nugget they would make the
-# system singular.
-SAME_PLACE_M, SAME_TIME_S = 0.01, 0.01
-# Beyond the exact limit, samples within which the signal varies by less than this share of the
-# sill, and than this share of the noise, are joined to one; but by the third share of the sill at
-# least, and more of them where there would still be too many.
-JOINED_SHARE, JOINED_NOISE, JOINED_LEAST, MOST_PLACES = 0.01, 1.0, 1e-4, 60_000
 # Added to the diagonal, of the sill: what keeps a smooth covariance positive in doubles.
 JITTER = 1e-9
 
@@ -79,6 +73,17 @@ class Passing:
     share: Array
 
 
+@dataclass(frozen=True, kw_only=True)
+class Moments:
+    """A fleeting part of the signal that all places share: the times of the samples (n,), and the
+    moments (k,) for which the signal is asked [s].
+    """
+
+    fleeting: Fleeting
+    at_samples: Array
+    at: Array
+
+
 def krige(
     positions: Array,
     values: Array,
@@ -97,11 +102,41 @@ def krige(
     `extra_variance` (n,) of each value is besides the nugget. With `passing` the signal is of place
     and of time.
     """
+    return _krige(positions, values, targets, model, neighbours, drift, extra_variance, passing)[0]
+
+
+def krige_moments(
+    positions: Array,
+    values: Array,
+    targets: Array,
+    model: CovarianceModel,
+    moments: Moments,
+    drift: Drift | None = None,
+    extra_variance: Array | None = None,
+) -> list[Estimate]:
+    """As `krige`, an estimate for each of several moments. What is of the place is factorised and
+    solved once for all of them.
+    """
+    return _krige(positions, values, targets, model, None, drift, extra_variance, moments)
+
+
+def _krige(
+    positions: Array,
+    values: Array,
+    targets: Array,
+    model: CovarianceModel,
+    neighbours: int | None,
+    drift: Drift | None,
+    extra_variance: Array | None,
+    passing: Passing | Moments | None,
+) -> list[Estimate]:
+    """One estimate for each moment, or one alone."""
     if len(values) == 0 or not (np.isfinite(positions).all() and np.isfinite(values).all()):
         raise ValueError("kriging needs at least one sample, and finite ones")
     if model.sill == 0 and drift is None and passing is None:
         spread = np.full(len(targets), model.nugget / len(values))
-        return Estimate(mean=np.repeat(values.mean(axis=0)[None], len(targets), 0), variance=spread)
+        level = np.repeat(values.mean(axis=0)[None], len(targets), 0)
+        return [Estimate(mean=level, variance=spread)]
     functions = np.ones((len(values), 1))
     there = np.ones((len(targets), 1))
     if drift is not None:
@@ -113,7 +148,9 @@ def krige(
     table = np.column_stack([values, functions, extra, times])
     once = distinct(positions, table)
     positions, table = positions[once], table[once]
-    positions, table, counts = _joined(positions, table, model, passing)
+    positions, table, counts = joined(
+        positions, table, model, None if passing is None else passing.fleeting
+    )
     columns, extra, times = table[:, :-2], table[:, -2], table[:, -1]
     functions, there = _scaled(columns[:, count:], there)
     samples = _Samples(
@@ -126,9 +163,12 @@ def krige(
     )
     asked = _Targets(positions=model.isotropic(targets), functions=there, passing=passing)
     trend = _trend(samples, model)
-    mean, variance = _estimated(samples, trend, asked, model, neighbours)
-    mean = mean[:, 0] if values.ndim == 1 else mean
-    return Estimate(mean=mean, variance=np.maximum(variance, 0.0))
+    means, variances = _estimated(samples, trend, asked, model, neighbours)
+    means = means[..., 0] if values.ndim == 1 else means
+    return [
+        Estimate(mean=mean, variance=np.maximum(variance, 0.0))
+        for mean, variance in zip(means, variances, strict=True)
+    ]
 
 
 def _estimated(
@@ -138,16 +178,17 @@ def _estimated(
     model: CovarianceModel,
     neighbours: int | None,
 ) -> tuple[Array, Array]:
-    """Mean (m, c) and variance (m,) at the targets, by one system or by tiles."""
+    """Means (k, m, c) and variances (k, m) at the targets, by one system or by tiles."""
     n, m = len(samples.noise), len(targets.positions)
     by_all = neighbours is None and n <= MEAN_LIMIT
     if neighbours is None:
         neighbours = n if _whole_is_little(n, m) else NEIGHBOURS
     if neighbours >= n:
         return _solve(samples, trend, targets, model)
-    mean, variance = np.empty((m, samples.values.shape[1])), np.empty(m)
+    mean = np.empty((targets.moments, m, samples.values.shape[1]))
+    variance = np.empty(mean.shape[:2])
     for members, near in tiles(samples.positions, targets.positions, neighbours):
-        mean[members], variance[members] = _solve(
+        mean[:, members], variance[:, members] = _solve(
             samples.part(near), trend, targets.part(members), model
         )
     if by_all:
@@ -196,11 +237,16 @@ class _Targets:
 
     positions: Array
     functions: Array
-    passing: Passing | None
+    passing: Passing | Moments | None
+
+    @property
+    def moments(self) -> int:
+        """How many moments are asked for."""
+        return len(self.passing.at) if isinstance(self.passing, Moments) else 1
 
     def part(self, chosen: NDArray[np.int64] | slice) -> _Targets:
         passing = self.passing
-        if passing is not None:
+        if isinstance(passing, Passing):
             passing = replace(
                 passing, at_targets=passing.at_targets[chosen], share=passing.share[chosen]
             )
@@ -209,12 +255,20 @@ class _Targets:
         )
 
     def covariance(self, samples: _Samples, model: CovarianceModel) -> Array:
-        """Covariance (n, m) of the samples' signal with that of the targets."""
+        """Covariance (n, m) of the samples' signal with that of the targets, but for what these
+        share.
+        """
         found = model.between(samples.positions, self.positions)
-        if self.passing is not None:
+        if isinstance(self.passing, Passing):
             passing = self.passing
             found += passing.share * passing.fleeting.covariance(samples.times, passing.at_targets)
         return found
+
+    def shared(self, samples: _Samples) -> Array:
+        """Covariance (n, k) of the samples' signal with what all targets share at each moment."""
+        if not isinstance(self.passing, Moments):
+            return np.zeros((len(samples.noise), 1))
+        return self.passing.fleeting.covariance(samples.times, self.passing.at)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,73 +297,6 @@ def _trend(samples: _Samples, model: CovarianceModel) -> _Trend:
     )
 
 
-def _joined(
-    positions: Array, columns: Array, model: CovarianceModel, passing: Passing | None
-) -> tuple[Array, Array, Array]:
-    """Samples merged to few enough places, as `merge_places` gives them; the last of the `columns`
-    is the time, and what is of other times is not merged where that tells.
-    """
-    merged = merge_places(positions, columns, SAME_PLACE_M, _turns(columns, passing, 0.0))
-    if len(merged[0]) <= EXACT_LIMIT or model.sill == 0:
-        return merged
-    sizes = np.geomspace(SAME_PLACE_M, model.range_m, 200)
-    lost = 1 - model.covariance(sizes) / model.sill
-    share = min(JOINED_SHARE, max(JOINED_NOISE * model.nugget / model.sill, JOINED_LEAST))
-    size = float(sizes[max(int(np.searchsorted(lost, share)) - 1, 0)]) * model.ratio
-    turns = _turns(columns, passing, share * model.sill)
-    merged = merge_places(positions, columns, size, turns)
-    while len(merged[0]) > MOST_PLACES:
-        size *= np.sqrt(2)
-        merged = merge_places(positions, columns, size, turns)
-    return merged
-
-
-def _turns(columns: Array, passing: Passing | None, lost: float) -> NDArray[np.int64] | None:
-    """Samples of one turn (n,) differ in time by so little that the fleeting part varies by no
-    more than a variance of `lost`.
-    """
-    if passing is None or passing.fleeting.variance <= lost:
-        return None
-    fleeting, times = passing.fleeting, columns[:, -1]
-    length_s = -fleeting.memory_s * np.log1p(-lost / fleeting.variance)
-    return np.floor((times - times.min()) / max(float(length_s), SAME_TIME_S)).astype(np.int64)
-
-
-def distinct(positions: Array, columns: Array) -> NDArray[np.int64]:
-    """The rows to keep where some repeat the same reading at the same place, the first of each in
-    its order: one reading, recorded for several sets that overlap there.
-    """
-    table = np.column_stack([positions, columns])
-    _, once = np.unique(table, axis=0, return_index=True)
-    return np.sort(once)
-
-
-def merge_places(
-    positions: Array,
-    columns: Array,
-    size_m: float = SAME_PLACE_M,
-    turns: NDArray[np.int64] | None = None,
-) -> tuple[Array, Array, Array]:
-    """Average samples of one place, and of one of the `turns` (n,) where these are given; return
-    their mean positions and `columns` (n,) or (n, p), and how many each stands for.
-    """
-    table = np.column_stack([positions, columns])
-    cells = np.round((table[:, :2] - table[:, :2].min(axis=0)) / size_m).astype(np.int64)
-    key = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
-    if turns is not None:
-        _, key = np.unique(np.column_stack([key, turns]), axis=0, return_inverse=True)
-        key = np.asarray(key).ravel()
-    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    counts = np.bincount(inverse).astype(float)
-    if len(first) == len(table):
-        means, counts = table[first], np.ones(len(first))
-    else:
-        sums = [np.bincount(inverse, column) for column in table.T]
-        means = np.column_stack(sums) / counts[:, None]
-    merged = means[:, 2:]
-    return means[:, :2], merged[:, 0] if columns.ndim == 1 else merged, counts
-
-
 def _scaled(functions: Array, there: Array) -> tuple[Array, Array]:
     """Drift functions of mean 0 and size 1 at the samples, the constant apart."""
     shift, size = functions.mean(axis=0), functions.std(axis=0)
@@ -321,14 +308,18 @@ def _scaled(functions: Array, there: Array) -> tuple[Array, Array]:
 def _solve(
     samples: _Samples, trend: _Trend, targets: _Targets, model: CovarianceModel
 ) -> tuple[Array, Array]:
-    """Mean (m, c) and variance (m,) at the targets."""
+    """Means (k, m, c) and variances (k, m) at the targets.
+
+    What the targets share at a moment adds one column to each of their covariances with the
+    samples, so that it takes a product, and no solution, for each.
+    """
     factor = samples.factor(model)
     residual = samples.values - samples.functions @ trend.coefficients
-    both = np.column_stack([residual, samples.functions])
-    white = solve_triangular(factor, both, lower=True, check_finite=False)
-    data, basis = np.split(white, [residual.shape[1]], axis=1)
-    count = len(targets.positions)
-    mean, variance = np.empty((count, data.shape[1])), np.empty(count)
+    columns = np.column_stack([residual, samples.functions, targets.shared(samples)])
+    white = solve_triangular(factor, columns, lower=True, check_finite=False)
+    count, width = len(targets.positions), residual.shape[1]
+    data, basis, shared = np.split(white, [width, width + samples.functions.shape[1]], axis=1)
+    mean, variance = np.empty((targets.moments, count, width)), np.empty((targets.moments, count))
     whole = model.sill + (0.0 if samples.fleeting is None else samples.fleeting.variance)
     for start in range(0, count, TARGETS_AT_ONCE):
         part = slice(start, start + TARGETS_AT_ONCE)
@@ -337,24 +328,29 @@ def _solve(
             factor, asked.covariance(samples, model), lower=True, check_finite=False,
             overwrite_b=True,
         )  # fmt: skip
-        missing = asked.functions.T - basis.T @ near
-        missing = solve_triangular(trend.information, missing, lower=True)
-        mean[part] = near.T @ data + asked.functions @ trend.coefficients
-        variance[part] = whole - np.sum(near**2, axis=0) + np.sum(missing**2, axis=0)
+        lacking = asked.functions.T - basis.T @ near
+        of_place = near.T @ data + asked.functions @ trend.coefficients
+        left = whole - np.sum(near**2, axis=0)
+        for i, then in enumerate(shared.T):
+            missing = lacking - (basis.T @ then)[:, None]
+            missing = solve_triangular(trend.information, missing, lower=True)
+            mean[i, part] = of_place + then @ data
+            variance[i, part] = left - 2 * (then @ near) - then @ then
+            variance[i, part] += np.sum(missing**2, axis=0)
     return mean, variance
 
 
 def _mean(samples: _Samples, trend: _Trend, targets: _Targets, model: CovarianceModel) -> Array:
-    """Mean (m, c) at the targets from all samples, which takes one factorisation."""
+    """Means (k, m, c) at the targets from all samples, which takes one factorisation."""
     residual = samples.values - samples.functions @ trend.coefficients
     weights = cho_solve((samples.factor(model).T, False), residual, check_finite=False)
     mean = targets.functions @ trend.coefficients
     mean += model.carried(samples.positions, weights, targets.positions)
     passing = targets.passing
-    if passing is not None:
+    if isinstance(passing, Passing):
         course = passing.fleeting.carried(samples.times, weights, passing.at_targets)
         mean += passing.share[:, None] * course
-    return mean
+    return mean + (targets.shared(samples).T @ weights)[:, None]
 
 
 def _whole_is_little(samples: int, targets: int) -> bool:

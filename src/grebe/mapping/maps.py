@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Literal
@@ -16,12 +16,13 @@ from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.change import Change, fit_change, no_change
 from grebe.mapping.grid import Grid
-from grebe.mapping.kriging import distinct
+from grebe.mapping.joining import distinct
 from grebe.mapping.method_choice import Best, best_of
 from grebe.mapping.methods.base import Domain, Method, Readings
-from grebe.mapping.methods.choice import ByShore, Choice
+from grebe.mapping.methods.choice import ByShore, Choice, Straight
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.shore import WithShore
+from grebe.mapping.methods.together import Together
 from grebe.mapping.noise import noise_variance
 from grebe.mapping.quantity_map import QuantityMap, known_sd, possible, water_sd
 from grebe.mapping.scale import LINEAR, Scale, scale_of
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.floating]
+
+# Other quantities' readings, by their keys.
+Beside = Sequence[tuple[str, Readings]]
 
 FEWEST_SAMPLES = 10
 # Units whose zero is a convention: twice as much means nothing.
@@ -48,7 +52,8 @@ class MapSettings:
     what changed everywhere and without the sensor's lag; None leaves each place as it was
     measured. `scale`: that on which a quantity is mapped; None takes the logarithm of what is
     positive and skewed. `shore_depth_sd_m`: the depth of the water is taken as zero along the
-    shore, with this standard deviation [m]; None says nothing of the shore.
+    shore, with this standard deviation [m]; None says nothing of the shore. `together`: the keys
+    of quantities each of which is mapped by the readings of the others too.
     """
 
     method: Method | tuple[Method, ...] | None = None
@@ -57,11 +62,17 @@ class MapSettings:
     moment: float | Literal["middle"] | None = None
     scale: Scale | None = None
     shore_depth_sd_m: float | None = None
+    together: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         sd = self.shore_depth_sd_m
         if sd is not None and not (np.isfinite(sd) and sd > 0):
             raise InputError(f"shore_depth_sd_m must be above 0 m, not {sd}.")
+        if self.together and len(set(self.together)) < 2:
+            raise InputError(
+                f"To map quantities together takes two, not {self.together[0]} alone.",
+                settings=("together",),
+            )
 
     def methods(self, readings: Readings, domain: Domain) -> tuple[tuple[Method, ...], str]:
         """The methods to try on some readings, and why these."""
@@ -89,9 +100,11 @@ class Mapper:
         values: Array,
         flags: NDArray[np.int64],
         times: Array | None = None,
+        beside: Beside = (),
     ) -> QuantityMap:
         """Map one quantity from its samples; those flagged suspect or failed stay out of it.
-        Without `times` (n,) [unix s] nothing is known of changes during the survey.
+        Without `times` (n,) [unix s] nothing is known of changes during the survey. `beside` are
+        the readings of others that it is mapped together with, as `companion` gives them.
 
         Raises `InputError` when fewer than `FEWEST_SAMPLES` good samples are left.
         """
@@ -101,31 +114,50 @@ class Mapper:
             raise InputError(
                 f"{quantity.label}: {int(good.sum())} good samples; a map needs {FEWEST_SAMPLES}."
             )
-        once = distinct(positions[good], values[good])
-        readings = Readings(
-            positions=positions[good][once],
-            values=values[good][once],
-            times=None if times is None else times[good][once],
-        )
+        readings = _readings(positions, values, times, good)
         flagged = int((present & ~good).sum())
         with one_blas_thread():
             try:
-                return self._mapped(quantity, readings, flagged)
+                return self._mapped(quantity, readings, flagged, beside)
             except ValueError as error:
                 raise InputError(f"{quantity.label}: {error}.") from None
 
-    def _mapped(self, quantity: Quantity, readings: Readings, flagged: int) -> QuantityMap:
-        moment = self.settings.moment
-        if moment is not None and readings.times is None:
-            raise ValueError("a map of one moment needs the times of the samples")
+    def companion(
+        self, quantity: Quantity, samples: Samples, times: Array | None
+    ) -> Readings | None:
+        """The readings of a quantity that others are mapped together with, on its scale and brought
+        to the map's moment; None where too few are good, or all are the same.
+        """
+        good = samples.usable(quantity.key)
+        values = samples.values[quantity.key]
+        if good.sum() < FEWEST_SAMPLES or np.ptp(values[good]) == 0:
+            return None
         is_bed = quantity.key == WATER_DEPTH
+        return self._prepared(quantity, _readings(samples.positions, values, times, good), is_bed)[
+            0
+        ]
+
+    def _prepared(
+        self, quantity: Quantity, readings: Readings, is_bed: bool
+    ) -> tuple[Readings, Scale, Change]:
+        """Readings on their scale, brought to the map's moment where it has one."""
         may_be_log = quantity.unit not in INTERVAL_UNITS
         scale = self._scale(readings, is_bed=is_bed, may_be_log=may_be_log)
         readings = replace(readings, values=scale.forward(readings.values))
         change = self._change(readings, is_bed=is_bed)
-        if moment is not None:
+        if self.settings.moment is not None:
             readings = replace(change.reduced(change.placed(readings)), moment_s=change.moment_s)
-        found, reason = self._best(readings, scale, is_bed=is_bed)
+        return readings, scale, change
+
+    def _mapped(
+        self, quantity: Quantity, readings: Readings, flagged: int, beside: Beside
+    ) -> QuantityMap:
+        moment = self.settings.moment
+        if moment is not None and readings.times is None:
+            raise ValueError("a map of one moment needs the times of the samples")
+        is_bed = quantity.key == WATER_DEPTH
+        readings, scale, change = self._prepared(quantity, readings, is_bed)
+        found, reason = self._best(readings, scale, beside, is_bed=is_bed)
         micro_sd = _micro_sd(found, readings, scale, quantity.resolution)
         nodes = self.grid.nodes
         mean = found.field.mean(nodes)
@@ -147,7 +179,7 @@ class Mapper:
             is_of_moment=moment is not None,
             readings=readings,
             field=found.field,
-            method=found.method,
+            method=_used(found),
             reason=reason,
             model=found.model,
             validation=found.validation,
@@ -165,9 +197,19 @@ class Mapper:
             return no_change(readings)
         return self.settings.change(readings, None if moment == "middle" else moment)
 
-    def _best(self, readings: Readings, scale: Scale, *, is_bed: bool) -> tuple[Best, str]:
+    def _best(
+        self, readings: Readings, scale: Scale, beside: Beside, *, is_bed: bool
+    ) -> tuple[Best, str]:
         """The method that predicts best, and why it was among those tried."""
-        methods, reason = self.settings.methods(readings, self._domain)
+        # A quantity of few readings leaves it to those of the others whether land lies between.
+        densest = max((readings, *(one for _, one in beside)), key=len)
+        methods, reason = self.settings.methods(densest, self._domain)
+        if beside:
+            # What is told together is told along straight lines: not where land lies between.
+            methods = tuple(
+                Together(beside=tuple(beside), alone=one) if isinstance(one, Straight) else one
+                for one in methods
+            )
         if is_bed and self.settings.shore_depth_sd_m is not None:
             sd = self.settings.shore_depth_sd_m
             methods = tuple(WithShore(method=one, sd=sd) for one in methods)
@@ -188,6 +230,28 @@ class Mapper:
         if asked is not LINEAR and float(readings.values.min()) <= 0:
             raise ValueError("the logarithm needs readings above 0, and there are others")
         return asked
+
+
+def _readings(
+    positions: Array, values: Array, times: Array | None, good: NDArray[np.bool_]
+) -> Readings:
+    """The good ones of some samples, each once."""
+    once = distinct(positions[good], values[good])
+    return Readings(
+        positions=positions[good][once],
+        values=values[good][once],
+        times=None if times is None else times[good][once],
+    )
+
+
+def _used(found: Best) -> Method:
+    """The method that the field is of: a quantity that its companions tell nothing of is mapped
+    alone.
+    """
+    told = found.model.companions
+    if isinstance(found.method, Together) and told is not None and not told.heeded:
+        return found.method.alone
+    return found.method
 
 
 def _micro_sd(found: Best, readings: Readings, scale: Scale, resolution: float) -> float:
@@ -215,6 +279,27 @@ def _refuse_moment(moment: float | Literal["middle"] | None, times: Array) -> No
         )
 
 
+def _refuse_together(together: Sequence[str], samples: Samples, quantities: Quantities) -> None:
+    for key in together:
+        if key not in quantities or not samples.measured(key):
+            measured = [one for one in quantities if samples.measured(one)]
+            raise InputError(
+                f"{key} was not measured, to be mapped together with others; there are "
+                f"{', '.join(measured)}.",
+                settings=("together",),
+            )
+
+
+def _beside(
+    mapper: Mapper, samples: Samples, quantities: Quantities, key: str, times: Array | None
+) -> Beside:
+    """The readings of the quantities that one is mapped together with."""
+    together = mapper.settings.together
+    others = [one for one in dict.fromkeys(together) if one != key and key in together]
+    found = [(one, mapper.companion(quantities[one], samples, times)) for one in others]
+    return [(one, readings) for one, readings in found if readings is not None]
+
+
 def map_all(
     mapper: Mapper,
     samples: Samples,
@@ -224,9 +309,11 @@ def map_all(
     """Map every quantity that can be mapped; return the maps and why others are left out.
 
     `on_done` is told after each quantity how many are done, and of how many. Raises `InputError`
-    where a moment is asked for in which nobody measured.
+    where a moment is asked for in which nobody measured, or a quantity together with others that
+    was not measured.
     """
     _refuse_moment(mapper.settings.moment, samples.times)
+    _refuse_together(mapper.settings.together, samples, quantities)
     if mapper.settings.moment == "middle" and len(samples):
         # The survey's own, the same for all quantities, whatever is flagged of each.
         middle = float(samples.times.min() + samples.times.max()) / 2
@@ -247,6 +334,7 @@ def map_all(
                         samples.values[key],
                         samples.flags[key],
                         times,
+                        _beside(mapper, samples, quantities, key, times),
                     )
                 )
             else:

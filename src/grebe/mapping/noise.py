@@ -26,8 +26,7 @@ def noise_variance(positions: Array, values: Array, nugget: float) -> float:
     From second differences of samples that follow each other closely, which a gradient does not
     touch. Where there are too few, all of the nugget is taken for noise.
     """
-    steps = np.hypot(*np.diff(positions, axis=0).T)
-    close = (steps[:-1] <= NEAR_M) & (steps[1:] <= NEAR_M)
+    close = _close(positions)
     if close.sum() < FEWEST_TRIPLES:
         return nugget
     second = (values[:-2] - 2 * values[1:-1] + values[2:])[close]
@@ -38,12 +37,22 @@ def median_noise_variance(positions: Array, values: Array) -> float:
     """Variance of the sensor's noise by the median of the same second differences, which outliers
     do not move; those of all samples where too few follow each other closely.
     """
-    steps = np.hypot(*np.diff(positions, axis=0).T)
-    close = (steps[:-1] <= NEAR_M) & (steps[1:] <= NEAR_M)
+    close = _close(positions)
     if close.sum() < FEWEST_TRIPLES:
         close = np.ones(len(values) - 2, dtype=bool)
     second = np.abs(values[:-2] - 2 * values[1:-1] + values[2:])[close]
     return max(float((1.4826 * np.median(second)) ** 2 / 6), rounding_variance(values))
+
+
+def tell_noise(positions: Array) -> bool:
+    """Whether enough samples follow each other closely to tell the noise by themselves."""
+    return bool(_close(positions).sum() >= FEWEST_TRIPLES)
+
+
+def _close(positions: Array) -> NDArray[np.bool_]:
+    """Which three samples (n - 2,) in a row see the same water."""
+    steps = np.hypot(*np.diff(positions, axis=0).T)
+    return (steps[:-1] <= NEAR_M) & (steps[1:] <= NEAR_M)
 
 
 def rounding_variance(values: Array) -> float:

@@ -26,7 +26,12 @@ def water_sd(field: Field, calibration: Calibration, micro_sd: float, places: Ar
     """Standard deviation (n,) of the water at places (n, 2), on the field's scale: the field's, as
     far as left-out readings say it can be trusted, and what varies within metres.
     """
-    return np.hypot(calibration.factor(places) * field.sd(places), micro_sd)
+    return sd_with(field.sd(places), calibration, micro_sd, places)
+
+
+def sd_with(field_sd: Array, calibration: Calibration, micro_sd: float, places: Array) -> Array:
+    """As `water_sd`, of a field whose standard deviation (n,) at the places is known."""
+    return np.hypot(calibration.factor(places) * field_sd, micro_sd)
 
 
 def possible(mean: Array, quantity: Quantity, values: Array) -> Array:

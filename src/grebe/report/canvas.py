@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
 from matplotlib.transforms import offset_copy
 
 from grebe.core.survey import Survey
@@ -21,6 +22,8 @@ from grebe.io.atomic_write import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from grebe.report.texts import Texts
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION = (
     "#000000",
@@ -55,6 +58,29 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
     wrapped.__doc__ = draw.__doc__
     return wrapped
+
+
+class _Numbers(ScalarFormatter):
+    """The numbers of an axis as a language writes them."""
+
+    def __init__(self, texts: Texts) -> None:
+        super().__init__()
+        self._texts = texts
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return self._texts.number(super().__call__(x, pos))
+
+    def get_offset(self) -> str:
+        return self._texts.number(super().get_offset())
+
+
+def localise(figure: Figure, texts: Texts) -> Figure:
+    """Write the numbers of all axes, colour bars' too, as a language does."""
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if type(axis.get_major_formatter()) is ScalarFormatter:
+                axis.set_major_formatter(_Numbers(texts))
+    return figure
 
 
 def draw_water(axes: Axes, survey: Survey) -> None:

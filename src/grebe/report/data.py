@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,13 +20,15 @@ from grebe.io.store import Progress, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
 from grebe.mapping.lag import Lag, corrected_values
 from grebe.mapping.maps import Mapper, MapSettings, map_all
+from grebe.mapping.movie import Movie, is_told, moments_of, movie_of
 from grebe.mapping.quantity_map import QuantityMap
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportData:
     """A survey with what was measured and the maps of it; `left_out` says why others are none,
-    `lags` which sensors' readings were put back to where they were true.
+    `movies` are None where none were asked for, and else those that the samples tell; `lags` say
+    which sensors' readings were put back to where they were true.
     """
 
     survey: Survey
@@ -38,6 +40,7 @@ class ReportData:
     events: Sequence[LogEntry]
     maps: Sequence[QuantityMap]
     left_out: Sequence[str]
+    movies: Sequence[Movie] | None = None
     lags: Mapping[str, Lag] = field(default_factory=dict[str, Lag])
 
     @cached_property
@@ -85,8 +88,13 @@ def gather(
     resolution_m: float | None = None,
     settings: MapSettings | None = None,
     on_mapped: Callable[[int, int], None] | None = None,
+    every_s: float | None = None,
 ) -> ReportData:
-    """Read a survey file and map its samples; `on_mapped` is told how many quantities are done."""
+    """Read a survey file and map its samples; `on_mapped` is told how many quantities are done.
+
+    With `every_s` there are movies of what changed, a map every so many seconds, and the maps are
+    of one moment: the middle, if no other is stated.
+    """
     samples = survey_file.samples()
     survey, meta, lags = survey_file.survey, survey_file.meta(), survey_file.lags()
     settings = settings or MapSettings()
@@ -96,9 +104,18 @@ def gather(
             "is known along it; leave the depth of the shore out.",
             settings=("shore_depth_sd_m",),
         )
+    moments = None
+    if every_s is not None and len(samples):
+        moments = moments_of(samples.times, every_s)
+        settings = replace(
+            settings, moment="middle" if settings.moment is None else settings.moment
+        )
     mapper = Mapper(survey.water, make_grid(survey.water, resolution_m), settings)
     corrected = samples.with_values(corrected_values(samples, lags))
     maps, left_out = map_all(mapper, corrected, survey_file.quantities, on_mapped)
+    movies = None
+    if moments is not None:
+        movies = [movie_of(one, moments) for one in maps if is_told(one)]
     return ReportData(
         survey=survey,
         meta=meta,
@@ -109,5 +126,6 @@ def gather(
         events=survey_file.events(),
         maps=maps,
         left_out=left_out,
+        movies=movies,
         lags=lags,
     )

@@ -6,10 +6,12 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from grebe.core.quantity import inline
 from grebe.mapping.methods.base import Model
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.report.data import ReportData
+from grebe.report.reasons import reason_in
 from grebe.report.texts import Texts
 
 
@@ -22,16 +24,17 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
             words if words in t.table else "method_other",
             label=one.method.label,
             samples=one.samples,
-            reason=one.reason,
+            reason=_because(one.reason, t),
         ),
         t(
             "model",
             text=covariance_text(model, t, one.quantity.unit if one.scale is LINEAR else ""),
             nugget=_squared(model.nugget, one, t),
             sill="-" if model.sill is None else _squared(model.sill, one, t),
-            reason=model.reason,
+            reason=_because(model.reason, t),
         ),
     ]
+    said += _together(data, one, t)
     lag = data.lags.get(one.quantity.key)
     if lag is not None:
         said.append(
@@ -69,6 +72,29 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
     return " ".join(said)
 
 
+def _because(reason: str, t: Texts) -> str:
+    """A reason as a sentence of the language holds it."""
+    told = reason_in(reason, t)
+    return t("because", reason=told) if told else ""
+
+
+def _together(data: ReportData, one: QuantityMap, t: Texts) -> list[str]:
+    """What other quantities' readings have brought."""
+    told = one.model.companions
+    if told is None:
+        return []
+    names = ", ".join(
+        t(
+            "companion",
+            name=inline(data.quantities.known(key).label_in(t.language)),
+            correlation=t.number(f"{correlation:.2f}"),
+        )
+        for key, correlation in zip(told.names, told.correlations, strict=True)
+    )
+    return [t("together" if told.heeded else "not_together", names=names,
+              share=t.share(told.spared))]  # fmt: skip
+
+
 def _changed(one: QuantityMap, t: Texts) -> list[str]:
     """How the water changed during the survey, how late the sensor was, and what was done of it."""
     change, said = one.change, list[str]()
@@ -81,7 +107,7 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
     elif change.gain or change.lag_gain:
         said.append(t("change_untold"))
     if change.lag_s:
-        said.append(t("late", lag=f"{change.lag_s:g}"))
+        said.append(t("late", lag=t.number(f"{change.lag_s:g}")))
     if one.is_of_moment:
         moment = datetime.fromtimestamp(change.moment_s, UTC)
         said.append(t("of_moment", moment=f"{moment:%Y-%m-%d %H:%M} UTC"))

@@ -110,7 +110,8 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
     low = min(one.speed_min_mps for one in cells)
     high = max(one.speed_max_mps for one in cells)
     speed.axhspan(low, high, color=SKY, alpha=0.3, lw=0,
-                  label=texts("window_label", low=f"{low:g}", high=f"{high:g}"))  # fmt: skip
+                  label=texts("window_label", low=texts.number(f"{low:g}"),
+                              high=texts.number(f"{high:g}")))  # fmt: skip
     boats = track.each_boat()
     for k, one in enumerate(boats):
         label = texts["surge"] if k == 0 else None

@@ -20,6 +20,8 @@ from grebe.report import canvas, map_figures, mission_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure
 from grebe.report.data import ReportData
 from grebe.report.method_text import after_number, method_text, significant
+from grebe.report.movie_figures import movie_figure
+from grebe.report.reasons import left_out_in
 from grebe.report.tables import area_classes, measured_quantities, moment_text, stations
 from grebe.report.texts import Texts, texts_of
 from grebe.report.thresholds import Profile, Threshold, read_profile
@@ -52,22 +54,25 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         survey=data.survey,
         t=texts,
         finding=_finding(data, texts),
+        left_out=[left_out_in(one, data.quantities, texts) for one in data.left_out],
         alerts=_alerts(concerns, texts),
         facts=_facts(data, texts),
         rows=[_row(one, texts) for one in data.maps],
         concerns=concerns,
         profile=profile,
         track_picture=_embed(
-            mission_figures.track_figure(data.survey, data.track, data.samples, texts)
+            mission_figures.track_figure(data.survey, data.track, data.samples, texts), texts
         ),
-        series_picture=_embed(mission_figures.series_figure(data.survey, data.track, texts))
+        series_picture=_embed(mission_figures.series_figure(data.survey, data.track, texts), texts)
         if len(data.track) and data.survey.targets
         else "",
         maps=[
-            (one, _embed(map_figures.quantity_figure(data, one, profile.of(one), texts)))
+            (one, _embed(map_figures.quantity_figure(data, one, profile.of(one), texts), texts))
             for one in data.maps
         ],
         bathymetry=_bathymetry(data, texts),
+        movies=_movies(data, texts),
+        untold=_untold(data, texts),
         methods=[method_text(data, one, texts) for one in data.maps],
         hatched=[map_figures.is_hatched(one) for one in data.maps],
         classes=[_classes(one, texts) for one in data.maps],
@@ -210,8 +215,8 @@ def _paragraph(data: ReportData, t: Texts) -> str:
         "paragraph",
         name=data.survey.name,
         area=t.number(f"{data.survey.water.area / 1e4:.2f}"),
-        lat=f"{data.survey.frame.origin_lat_deg:.4f}",
-        lon=f"{data.survey.frame.origin_lon_deg:.4f}",
+        lat=t.number(f"{data.survey.frame.origin_lat_deg:.4f}"),
+        lon=t.number(f"{data.survey.frame.origin_lon_deg:.4f}"),
         first=moment_text(float(samples.times.min())),
         last=moment_text(float(samples.times.max())),
         vessel=t["a_boat"] if vessel is None else t("a_vessel", vessel=vessel.name),
@@ -236,6 +241,29 @@ def _citation(data: ReportData, t: Texts) -> str:
     return t("citation", version=data.meta.get("software_version", ""))
 
 
+def _movies(data: ReportData, t: Texts) -> list[tuple[str, str]]:
+    """What each movie shows, and its picture."""
+    return [
+        (
+            t(
+                "movie_text",
+                label=one.still.quantity.label_in(t.language),
+                count=len(one.times_s),
+                minutes=t.number(f"{float(one.times_s[1] - one.times_s[0]) / 60:g}"),
+            ),
+            _embed(movie_figure(data.survey, one, t), t),
+        )
+        for one in data.movies or ()
+    ]
+
+
+def _untold(data: ReportData, t: Texts) -> str:
+    """The quantities of which there is no movie, though it was asked for."""
+    shown = {one.still.quantity.key for one in data.movies or ()}
+    still = [one.quantity for one in data.maps if one.quantity.key not in shown]
+    return ", ".join(inline(one.label_in(t.language)) for one in still)
+
+
 def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:
     """What a map of depths says of the lake in a sentence, and its hypsographic curve."""
     lakes = [lake for one in data.maps if (lake := bathymetry_of(one, data.survey)) is not None]
@@ -249,7 +277,7 @@ def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:
                 area=t.number(f"{lake.area_m2 / 1e4:.2f}"),
                 where=t["within_hull"] if data.is_of_track else "",
             ),
-            _embed(hypsographic_figure(lake, t)),
+            _embed(hypsographic_figure(lake, t), t),
         )
         for lake in lakes
     ]
@@ -283,14 +311,14 @@ def _measured(data: ReportData, t: Texts) -> list[tuple[str, str]]:
         (t["sensors"], meta.get("sensors", unknown)),
         (t["positions"], meta.get("positions", unknown)),
         (t["water"], meta.get("water", unknown)),
-        (t["crs"], t("crs_text", lat=f"{frame.origin_lat_deg:.6f}",
-                     lon=f"{frame.origin_lon_deg:.6f}")),
+        (t["crs"], t("crs_text", lat=t.number(f"{frame.origin_lat_deg:.6f}"),
+                     lon=t.number(f"{frame.origin_lon_deg:.6f}"))),
         (t["software"], f"Grebe {meta.get('software_version', '')}"),
         (t["configuration"], meta.get("configuration_hash", "")[:12]),
         (t["survey_id"], f"{meta.get('survey_id', '')}, {meta.get('created', '')}"),
     ]  # fmt: skip
 
 
-def _embed(figure: Figure) -> str:
-    encoded = base64.b64encode(canvas.png_bytes(figure)).decode("ascii")
+def _embed(figure: Figure, t: Texts) -> str:
+    encoded = base64.b64encode(canvas.png_bytes(canvas.localise(figure, t))).decode("ascii")
     return f"data:image/png;base64,{encoded}"

@@ -24,7 +24,7 @@ from grebe.core.quantity import Quantity
 from grebe.core.samples import Flag
 from grebe.io.store import SurveyFile
 from grebe.mapping.grid import make_grid
-from grebe.mapping.kriging import distinct
+from grebe.mapping.joining import distinct
 from grebe.mapping.lag import corrected_values
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.base import Readings

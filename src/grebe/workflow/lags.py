@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.errors import InputError
+from grebe.core.quantities import Quantities
 from grebe.core.samples import Samples
 from grebe.io.store import SurveyFile
 from grebe.mapping.lag import LagEstimate, Pass, estimate_lag
@@ -18,13 +19,14 @@ if TYPE_CHECKING:
 LONGEST_APART_S = 6 * 3600.0
 
 
-def compare_runs(first: Path, second: Path) -> dict[str, LagEstimate]:
-    """Return, for each quantity that both surveys have, the lag that brings their runs closest.
+def compare_runs(first: Path, second: Path) -> tuple[dict[str, LagEstimate], Quantities]:
+    """Return, for each quantity that both surveys have, the lag that brings their runs closest; and
+    the quantities by their keys.
 
     Raises `InputError` where the runs lie too far apart, in time or in place.
     """
     with SurveyFile.open(first) as one, SurveyFile.open(second) as other:
-        frame = one.survey.frame
+        frame, quantities = one.survey.frame, one.quantities
         runs = one.samples(), other.samples()
         elsewhere = frame.to_local(other.survey.frame.to_wgs84(runs[1].positions))
     runs = runs[0], runs[1].moved(elsewhere)
@@ -45,7 +47,7 @@ def compare_runs(first: Path, second: Path) -> dict[str, LagEstimate]:
             raise InputError(f"{first} and {second}: {error}.") from None
     if not found:
         raise InputError(f"{first} and {second} have no quantity in common.")
-    return found
+    return found, quantities
 
 
 def _pass(run: Samples, key: str) -> Pass:

@@ -11,10 +11,12 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import InputError
+from grebe.core.quantity import inline
 from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.export.contours import write_contours
 from grebe.io.export.geotiff import affine, write_geotiff
 from grebe.io.export.netcdf import write_netcdf
+from grebe.io.export.netcdf_movie import write_movie_netcdf
 from grebe.io.export.stac import ITEM_NAME, Asset, write_stac_item
 from grebe.io.readers.credits import read_credits
 from grebe.io.store import SurveyFile
@@ -24,13 +26,15 @@ from grebe.mapping.stamps import usual_step_s
 from grebe.report import canvas, map_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure, write_hypsography
 from grebe.report.data import ReportData, gather
+from grebe.report.movie_figures import movie_figure
+from grebe.report.texts import texts_of
 from grebe.report.thresholds import Profile
 from grebe.workflow.files import make_folder
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-NETCDF_NAME = "map.nc"
+NETCDF_NAME, MOVIE_NAME = "map.nc", "movie.nc"
 
 
 def map_survey(
@@ -38,13 +42,15 @@ def map_survey(
     settings: MapSettings | None = None,
     resolution_m: float | None = None,
     on_mapped: Callable[[int, int], None] | None = None,
+    every_s: float | None = None,
 ) -> ReportData:
     """Map every quantity that a survey file has samples of; `maps` holds them by their order.
 
-    `on_mapped` is told how many quantities are done, and of how many.
+    `on_mapped` is told how many quantities are done, and of how many. With `every_s` there are
+    `movies` of them too, a map every so many seconds.
     """
     with SurveyFile.open(file) as survey_file:
-        return gather(survey_file, resolution_m, settings, on_mapped)
+        return gather(survey_file, resolution_m, settings, on_mapped, every_s)
 
 
 def write_maps(
@@ -78,6 +84,7 @@ def write_maps(
         canvas.save(map_figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
         written += [out / f"{key}.tif", out / f"{key}.png"]
         written += _write_bathymetry(data, one, out)
+    written += _write_movies(data, out, entry)
     write_stac_item(out / ITEM_NAME, entry, _assets(data, written, concerns), _projection(data))
     # Last, for where it lies the maps are complete.
     write_netcdf(written[0], data.maps, frame, entry, concerns, drawn)
@@ -94,11 +101,44 @@ def _write_bathymetry(data: ReportData, one: QuantityMap, out: Path) -> list[Pat
     return written
 
 
+def _write_movies(data: ReportData, out: Path, entry: CatalogueEntry) -> list[Path]:
+    if not data.movies:
+        return []
+    written = [out / MOVIE_NAME]
+    write_movie_netcdf(written[0], data.movies, data.survey.frame, entry)
+    for one in data.movies:
+        path = out / f"{one.still.quantity.key}_movie.png"
+        canvas.save(movie_figure(data.survey, one, texts_of("en")), path)
+        written.append(path)
+    return written
+
+
+def movie_note(data: ReportData) -> str | None:
+    """Why there is no movie of some maps, in a sentence; None where there is one of each, or none
+    was asked for.
+    """
+    if data.movies is None:
+        return None
+    shown = {one.still.quantity.key for one in data.movies}
+    still = [one.quantity.label for one in data.maps if one.quantity.key not in shown]
+    if not still:
+        return None
+    return (
+        f"no movie of {', '.join(map(inline, still))}: the samples do not tell that the water "
+        "changed during the survey, and its maps of all moments would be the same"
+    )
+
+
 def _assets(
     data: ReportData, written: Sequence[Path], concerns: Mapping[str, Mapping[str, object]]
 ) -> list[Asset]:
     """The files of a set of maps, with what is in the bands of its rasters."""
-    titles = {"map": "all quantities", "contours": "contours", "hypsography": "hypsography"}
+    titles = {
+        "map": "all quantities",
+        "movie": "what changed, moment by moment",
+        "contours": "contours",
+        "hypsography": "hypsography",
+    }
     by_key = {one.quantity.key: one.quantity for one in data.maps}
     ends = {one.quantity.key: tuple(one.interval95) for one in data.maps}
     made: list[Asset] = []
@@ -109,7 +149,10 @@ def _assets(
             unit = quantity.unit
             bands = [(name, unit) for name in ("mean", "sd", *ends[path.stem])]
             bands += [(name, "1") for name in concerns[path.stem]]
-        title = titles.get(path.stem, path.stem) if quantity is None else quantity.label
+        filmed = by_key.get(path.stem.removesuffix("_movie"))
+        title = quantity.label if quantity else titles.get(path.stem, path.stem)
+        if filmed is not None and quantity is None:
+            title = f"{filmed.label}, moment by moment"
         made.append(Asset(path=path, title=title, bands=bands))
     return made
 
@@ -120,7 +163,7 @@ def _projection(data: ReportData) -> dict[str, Any]:
 
     grid = data.maps[0].grid
     return {
-        "proj:epsg": None,
+        "proj:code": None,
         "proj:wkt2": CRS.from_user_input(data.survey.frame.definition).to_wkt(),
         "proj:shape": [len(grid.north), len(grid.east)],
         "proj:transform": list(affine(grid)),
@@ -176,6 +219,31 @@ def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
     return notes
 
 
+def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list[str]:
+    """What mapping some quantities together has brought, in a sentence each."""
+    labels = {one.quantity.key: inline(one.quantity.label) for one in maps}
+    notes: list[str] = []
+    for one in maps:
+        if one.quantity.key not in together:
+            continue
+        name, told = one.quantity.label, one.model.companions
+        if told is None:
+            notes.append(f"{name}: mapped alone, for land or too few readings are between")
+            continue
+        with_ = " and ".join(
+            f"{labels.get(key, key)} (correlation {correlation:.2f})"
+            for key, correlation in zip(told.names, told.correlations, strict=True)
+        )
+        notes.append(
+            f"{name}: mapped together with {with_}, which takes {told.spared:.0%} off the median "
+            "standard deviation"
+            if told.heeded
+            else f"{name}: mapped alone, for {with_} tells next to nothing that its own readings "
+            "do not"
+        )
+    return notes
+
+
 def _change_numbers(one: QuantityMap) -> dict[str, Any]:
     change = one.change
     unseen = change.unseen_sd
@@ -218,6 +286,7 @@ def map_numbers(one: QuantityMap) -> dict[str, Any]:
                 for name, value in model.standard_errors.items()
             },
         },
+        "together": vars(model.companions) if model.companions else None,
         "change": _change_numbers(one),
         "validation": vars(validation) if validation else None,
     }

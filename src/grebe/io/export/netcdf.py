@@ -156,6 +156,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap, beside: Sequence[str]
             "interpolation_scale": one.scale.name,
             "sample_count": np.int32(one.samples),
             "moment": _moment(one),
+            **_companions(one),
             **_worth(one),
         }
     )
@@ -216,6 +217,15 @@ def _moment(one: QuantityMap) -> str:
             f"{one.changed_by:.3g} during the survey"
         )
     return "each place as it was measured"
+
+
+def _companions(one: QuantityMap) -> dict[str, str]:
+    """What a map was made together with."""
+    told = one.model.companions
+    if told is None or not told.heeded:
+        return {}
+    pairs = zip(told.names, told.correlations, strict=True)
+    return {"together_with": ", ".join(f"{name} (correlation {r:.2f})" for name, r in pairs)}
 
 
 def standard_named(standard_name: str, modifier: str = "") -> dict[str, str]:

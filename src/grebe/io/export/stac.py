@@ -1,6 +1,6 @@
 """Write the STAC item of a set of maps: what a spatial catalogue takes in.
 
-STAC 1.0.0, with the projection and raster extensions; the assets lie beside the item.
+STAC 1.1.0, with the projection extension; the assets lie beside the item.
 """
 
 from __future__ import annotations
@@ -17,10 +17,7 @@ from grebe.io.atomic_write import write_text_whole
 from grebe.io.export.catalogue import CatalogueEntry, time_text
 
 ITEM_NAME = "item.json"
-EXTENSIONS = (
-    "https://stac-extensions.github.io/projection/v1.1.0/schema.json",
-    "https://stac-extensions.github.io/raster/v1.1.0/schema.json",
-)
+EXTENSIONS = ("https://stac-extensions.github.io/projection/v2.0.0/schema.json",)
 MEDIA = {
     ".tif": ("image/tiff; application=geotiff; profile=cloud-optimized", "data"),
     ".nc": ("application/netcdf", "data"),
@@ -62,7 +59,7 @@ def write_stac_item(
     west, south, east, north = entry.outline.bounds
     item = {
         "type": "Feature",
-        "stac_version": "1.0.0",
+        "stac_version": "1.1.0",
         "stac_extensions": list(EXTENSIONS),
         "id": entry.identifier,
         "geometry": shapely.geometry.mapping(shapely.geometry.polygon.orient(entry.outline)),
@@ -84,7 +81,7 @@ def _asset(one: Asset) -> dict[str, Any]:
         "roles": [role],
     }
     if one.bands:
-        made["raster:bands"] = [
+        made["bands"] = [
             {"name": name, "description": name, **({"unit": unit} if unit else {})}
             for name, unit in one.bands
         ]

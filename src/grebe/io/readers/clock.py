@@ -7,6 +7,7 @@ told, that is said.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
@@ -37,6 +38,9 @@ FAR_S = 366 * DAY_S
 FEW = 0.1
 # From a row to the next a spreadsheet's days go on by less than this [days].
 LARGEST_STEP_DAYS = 0.1
+# From a row to the next the clock of a record without a pause goes on by less than the first; read
+# in the wrong order of day and month it goes over midnight by more than the second [s].
+GOING_ON_S, LEAP_S = 3_600.0, 20 * DAY_S
 # A clock that is set goes back by less than this [s]; the end of summer time by an hour.
 JITTER_S = 600.0
 # Dates as they are written; the order of day and month is judged by the whole column.
@@ -208,6 +212,12 @@ def _written(
     doubtful = rivals and any(_parsed(text, best) != _parsed(text, rivals[0]) for text in probe)
     if not doubtful:
         return [_parsed(text, best) for text in texts], []
+    going_on = _going_on(texts, [best, *rivals])
+    if going_on is not None:
+        return [_parsed(text, going_on) for text in texts], [
+            f"{texts[0]!r} and the like: of the two orders of day and month the one by which the "
+            "record goes on over midnight"
+        ]
     one = _months_first([best, *rivals]) if _is_american(zone) else None
     if one is None:
         raise InputError(
@@ -219,6 +229,25 @@ def _written(
         f"{texts[0]!r} and the like: taken as month and day, as American clocks with AM and PM "
         "have it"
     ]
+
+
+def _going_on(texts: Sequence[str], forms: Sequence[str]) -> str | None:
+    """Of formats that read a column alike the one by which it goes on from row to row, where by the
+    others it jumps: a clock goes over midnight to the next day, not to the next month.
+    """
+    longest = [_longest_gap(texts, form) for form in forms]
+    going = [form for form, gap in zip(forms, longest, strict=True) if gap <= GOING_ON_S]
+    jumping = [gap for gap in longest if gap >= LEAP_S]
+    if not going or len(going) + len(jumping) < len(forms) or not jumping:
+        return None
+    return None if any(_other_order(going[0], form) for form in going) else going[0]
+
+
+def _longest_gap(texts: Sequence[str], form: str) -> float:
+    """The longest step between two rows that a format reads [s]."""
+    read = [moment for text in texts if (moment := _parsed(text, form)) is not None]
+    steps = [abs((b - a).total_seconds()) for a, b in itertools.pairwise(read)]
+    return max(steps, default=0.0)
 
 
 def _is_american(zone: tzinfo | None) -> bool:

@@ -7,6 +7,7 @@ weights by left-out readings follow whichever model swings least there, not else
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -61,8 +62,12 @@ class AveragedField:
 
     def sd(self, places: Array) -> Array:
         """See `Field`; what the fields differ by is in it."""
-        own = np.mean([one.sd(places) ** 2 for one in self.fields], axis=0)
-        return np.sqrt(own + np.var([one.mean(places) for one in self.fields], axis=0))
+        return _mixed([(one.mean(places), one.sd(places)) for one in self.fields])[1]
+
+    def at_moments(self, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
+        """See `Timed`."""
+        found = [one.at_moments(places, moments_s) for one in self.fields]
+        return [_mixed(of_fields) for of_fields in zip(*found, strict=True)]
 
     def draws(self, places: Array, count: int, seed: int) -> Array:
         """See `Field`: from one field after the other."""
@@ -76,6 +81,12 @@ class AveragedField:
         """See `Field`."""
         given = tuple(one.given(readings) for one in self.fields)
         return AveragedField(fields=given, model=self.model)
+
+
+def _mixed(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Mean and standard deviation of what is equally likely to be any of some (mean, sd)."""
+    means, sds = (np.array(one) for one in zip(*found, strict=True))
+    return means.mean(axis=0), np.sqrt((sds**2).mean(axis=0) + means.var(axis=0))
 
 
 def averaged(fields: tuple[KrigingField, ...]) -> AveragedField:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 import shapely
@@ -82,6 +82,19 @@ class Domain:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Companions:
+    """The quantities by whose readings another one is mapped: their `names`, their `correlations`
+    with it, and by which share of the standard deviation of the median place they make it surer.
+    Where they are not `heeded` it is mapped alone.
+    """
+
+    names: tuple[str, ...]
+    correlations: tuple[float, ...]
+    spared: float
+    heeded: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class Model:
     """What a field is made of, as reports and files print it.
 
@@ -89,7 +102,8 @@ class Model:
     the covariance's own parameter and `practical_range_m` where 95 % of the correlation is gone,
     None where a method knows no such thing. `ratio` of the ranges across and along `angle_deg`
     (clockwise from north). `semivariance` is the model's curve over distance [m], `empirical`
-    what it was held to. `passing` is what passes differ by; of a mean of several `parts` are these.
+    what it was held to. `companions` are other quantities that were mapped together with it.
+    `passing` is what passes differ by; of a mean of several `parts` are these.
     """
 
     kind: str
@@ -102,6 +116,7 @@ class Model:
     angle_deg: float = 0.0
     passing: Fleeting | None = None
     parts: tuple[Model, ...] = ()
+    companions: Companions | None = None
     reason: str = field(default="", compare=False)
     standard_errors: Mapping[str, float] = field(default_factory=dict[str, float], compare=False)
     semivariance: Callable[[Array], Array] | None = field(default=None, compare=False)
@@ -138,6 +153,24 @@ class Field(Protocol):
         Validation asks for one for every fold, so it may be coarser than this field.
         """
         ...
+
+
+@runtime_checkable
+class Timed(Protocol):
+    """A field that knows how the water differs from one moment to another. A field that does not
+    need not have this.
+    """
+
+    def at_moments(self, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
+        """Mean and standard deviation of the signal, (m,) each, at each moment (k,) [unix s]."""
+        ...
+
+
+def field_at_moments(field: Field, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
+    """As `Timed` has it, of any field: one that does not know of moments is the same at all."""
+    if isinstance(field, Timed):
+        return field.at_moments(places, moments_s)
+    return [(field.mean(places), field.sd(places))] * len(moments_s)
 
 
 class Method(Protocol):

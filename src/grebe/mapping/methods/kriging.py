@@ -12,7 +12,7 @@ import numpy as np
 from grebe.mapping.covariance import CovarianceModel, Fleeting
 from grebe.mapping.drift import DriftFunction
 from grebe.mapping.grid import Grid
-from grebe.mapping.kriging import Drift, Estimate, Passing, krige
+from grebe.mapping.kriging import Drift, Estimate, Moments, Passing, krige, krige_moments
 from grebe.mapping.likelihood import fit_reml
 from grebe.mapping.methods.base import Domain, Model, Readings
 from grebe.mapping.simulation import circulant_fields
@@ -130,6 +130,23 @@ class KrigingField:
         """See `Field`."""
         return self._estimate(places).sd
 
+    def at_moments(self, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
+        """See `Timed`."""
+        if self.fleeting is None:
+            return [(self.mean(places), self.sd(places))] * len(moments_s)
+        readings, extra = self.readings, self.readings.extra_sd
+        assert readings.times is not None
+        found = krige_moments(
+            readings.positions,
+            readings.values,
+            places,
+            self.covariance,
+            Moments(fleeting=self.fleeting, at_samples=readings.times, at=moments_s),
+            drift=self._drift(places),
+            extra_variance=None if extra is None else extra**2,
+        )
+        return [(one.mean, one.sd) for one in found]
+
     def given(self, readings: Readings) -> KrigingField:
         """See `Field`."""
         return KrigingField(
@@ -177,19 +194,21 @@ class KrigingField:
         return self._last[0][1]
 
     def _krige(self, values: Array, places: Array) -> Estimate:
-        at, extra = self.readings.positions, self.readings.extra_sd
-        drift = None
-        if self.drift is not None:
-            drift = Drift(at_samples=self.drift(at), at_targets=self.drift(places))
+        extra = self.readings.extra_sd
         return krige(
-            at,
+            self.readings.positions,
             values,
             places,
             self.covariance,
-            drift=drift,
+            drift=self._drift(places),
             extra_variance=None if extra is None else extra**2,
             passing=None if self.fleeting is None else self._passing(self.fleeting, places),
         )
+
+    def _drift(self, places: Array) -> Drift | None:
+        if self.drift is None:
+            return None
+        return Drift(at_samples=self.drift(self.readings.positions), at_targets=self.drift(places))
 
     def _passing(self, fleeting: Fleeting, places: Array) -> Passing:
         """What of the fleeting part holds at some places."""

@@ -1,0 +1,244 @@
+"""Cokriging as a method: a quantity by its own readings and by those of others.
+
+It pays where one is sparse and another that goes with it is dense. Of quantities that were read at
+the same places, with the same shape of covariance, the others tell nothing that a quantity's own
+readings do not (Wackernagel 2003, chapter 25), and it is mapped alone: so it is too where the
+likelihood is not clearly for their sharing anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from grebe.mapping.coregionalisation import Cokriging, Coregionalisation, Observed
+from grebe.mapping.coregionalisation_fit import KIND, fit_coregionalisation
+from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.joining import merge_places
+from grebe.mapping.methods.averaged import Averaged
+from grebe.mapping.methods.base import (
+    Companions,
+    Domain,
+    Field,
+    Method,
+    Model,
+    Readings,
+    field_at_moments,
+)
+from grebe.mapping.simulation import circulant_fields
+from grebe.mapping.variogram import EmpiricalVariogram, fit_variogram
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# Samples of a quantity are joined to so many places at most, from this size on [m].
+MOST_PLACES, JOINED_M = 500, 0.5
+# A share of the standard deviation that is no gain; and at so many places it is looked at.
+NO_GAIN, LOOKED_AT = 0.02, 300
+# How near a kept reading is the same one [m].
+SAME_M = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Together:
+    """Ordinary cokriging under a linear model of coregionalisation of two structures.
+
+    `beside`: the other quantities' readings by their names, each on a scale of its own; `alone`:
+    how the quantity is mapped where they tell nothing.
+    """
+
+    beside: tuple[tuple[str, Readings], ...]
+    alone: Method = field(default_factory=Averaged)
+
+    key = "cokriging"
+    label = "Cokriging"
+
+    def fit(self, readings: Readings, domain: Domain) -> Field:
+        """See `Method`. `ValueError` where a quantity does not vary."""
+        several = (readings, *(one for _, one in self.beside))
+        fitted = fit_coregionalisation(several)
+        made = TogetherField(
+            covariance=fitted.model,
+            model=self._described(fitted.model, readings),
+            readings=readings,
+            beside=several[1:],
+            whole=readings.positions,
+            domain=domain,
+        )
+        spared = made.spared() if fitted.is_shared else 0.0
+        told = self._companions(fitted.model, spared)
+        if told.heeded:
+            return replace(made, model=replace(made.model, companions=told))
+        return LoneField(field=self.alone.fit(readings, domain), companions=told)
+
+    def _companions(self, covariance: Coregionalisation, spared: float) -> Companions:
+        return Companions(
+            names=tuple(name for name, _ in self.beside),
+            correlations=tuple(
+                covariance.correlation(0, i) for i in range(1, len(self.beside) + 1)
+            ),
+            spared=spared,
+            heeded=spared > NO_GAIN,
+        )
+
+    def _described(self, covariance: Coregionalisation, readings: Readings) -> Model:
+        reach = covariance.practical_range_m(0)
+        nugget, sill = float(covariance.nuggets[0]), float(covariance.whole[0, 0])
+
+        def semivariance(distance: Array) -> Array:
+            return nugget + sill - covariance.covariance(0, distance)
+
+        return Model(
+            kind="two exponential",
+            text=f"two exponential structures, practical range {reach:.0f} m",
+            nugget=nugget,
+            sill=sill,
+            practical_range_m=reach,
+            reason="ranges, noise and what the quantities share by the posterior mode under priors",
+            semivariance=semivariance,
+            empirical=_shown(readings),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TogetherField:
+    """The signal of the first of some quantities, given the readings of all. `whole` (n, 2) is
+    where it was read before any reading was left out.
+    """
+
+    covariance: Coregionalisation
+    model: Model
+    readings: Readings
+    beside: tuple[Readings, ...]
+    whole: Array
+    domain: Domain
+    # The last places and their estimate: mean and sd come from one solution.
+    _last: list[tuple[Array, Array, Array]] = field(
+        default_factory=list[tuple["Array", "Array", "Array"]], init=False, repr=False
+    )
+
+    def mean(self, places: Array) -> Array:
+        """See `Field`."""
+        return self._estimate(places)[1]
+
+    def sd(self, places: Array) -> Array:
+        """See `Field`."""
+        return np.sqrt(self._estimate(places)[2])
+
+    def given(self, readings: Readings) -> TogetherField:
+        """See `Field`. Where the quantity's own readings are left out the others' are too, as if
+        the boat had not been there: each goes with the nearest.
+        """
+        kept = KDTree(readings.positions).query(self.whole)[0] <= SAME_M
+        tree = KDTree(self.whole)
+        beside = tuple(one.part(kept[tree.query(one.positions)[1]]) for one in self.beside)
+        return replace(self, readings=readings, beside=beside)
+
+    def spared(self) -> float:
+        """By which share of the median place's standard deviation the other quantities make the
+        map surer.
+        """
+        nodes = self.domain.grid.nodes
+        some = nodes[:: -(-len(nodes) // LOOKED_AT)]
+        together = np.sqrt(self._solved().estimate(some, 0)[1])
+        alone = np.sqrt(replace(self, beside=())._solved().estimate(some, 0)[1])
+        return float(1 - np.median(together) / np.median(alone))
+
+    def draws(self, places: Array, count: int, seed: int) -> Array:
+        """Free fields whose error at the readings is taken away by cokriging."""
+        observed, rng = self._observed(), np.random.default_rng(seed)
+        seen, there = self._free(observed, places, count, rng)
+        noise = rng.normal(0.0, np.sqrt(observed.noise), seen.shape)
+        lack = replace(observed, values=(observed.values - seen - noise).T)
+        return there + Cokriging(lack, self.covariance).estimate(places, 0)[0].T
+
+    def _free(
+        self, observed: Observed, places: Array, count: int, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Signals before any reading: of each quantity where it was observed (count, n), and of the
+        first at the places (count, m).
+        """
+        n, at = len(observed.of), np.vstack([observed.positions, places])
+        seen, there = np.zeros((count, n)), np.zeros((count, len(places)))
+        for sill, reach in zip(self.covariance.sills, self.covariance.ranges_m, strict=True):
+            unit = CovarianceModel(kind=KIND, sill=1.0, range_m=reach, nugget=0.0)
+            size, vectors = np.linalg.eigh(sill)
+            for factor in (vectors * np.sqrt(np.maximum(size, 0.0))).T:
+                _, free = circulant_fields(unit, self.domain.grid, at, count, rng, 2)
+                seen += factor[observed.of] * free[:, :n]
+                there += factor[0] * free[:, n:]
+        return seen, there
+
+    def _estimate(self, places: Array) -> tuple[Array, Array, Array]:
+        if not (self._last and np.array_equal(self._last[0][0], places)):
+            self._last[:] = [(places.copy(), *self._solved().estimate(places, 0))]
+        return self._last[0]
+
+    def _solved(self) -> Cokriging:
+        return Cokriging(self._observed(), self.covariance)
+
+    def _observed(self) -> Observed:
+        """The readings of all, those of one quantity joined where there are too many."""
+        several = (self.readings, *self.beside)
+        joined = [_joined(one, float(self.covariance.nuggets[i])) for i, one in enumerate(several)]
+        positions, values, noise = (np.concatenate(column) for column in zip(*joined, strict=True))
+        of = np.repeat(np.arange(len(joined)), [len(one[0]) for one in joined])
+        return Observed(positions=positions, values=values, of=of, noise=noise)
+
+
+def _shown(readings: Readings) -> EmpiricalVariogram | None:
+    """The variogram that the report draws, where there are pairs enough for one."""
+    try:
+        return fit_variogram(readings.positions, readings.values, "matheron").empirical
+    except ValueError:
+        return None
+
+
+def _joined(readings: Readings, nugget: float) -> tuple[Array, Array, Array]:
+    """Places, their means, and the noise variance of each."""
+    extra = np.zeros(len(readings)) if readings.extra_sd is None else readings.extra_sd**2
+    columns = np.column_stack([readings.values, extra])
+    at, means, counts = merge_places(readings.positions, columns)
+    size = JOINED_M
+    while len(at) > MOST_PLACES:
+        at, means, counts = merge_places(readings.positions, columns, size)
+        size *= np.sqrt(2)
+    return at, means[:, 0], (nugget + means[:, 1]) / counts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoneField:
+    """The field of a quantity that its companions tell nothing of."""
+
+    field: Field
+    companions: Companions
+
+    @property
+    def model(self) -> Model:
+        """See `Field`."""
+        return replace(self.field.model, companions=self.companions)
+
+    def mean(self, places: Array) -> Array:
+        """See `Field`."""
+        return self.field.mean(places)
+
+    def sd(self, places: Array) -> Array:
+        """See `Field`."""
+        return self.field.sd(places)
+
+    def draws(self, places: Array, count: int, seed: int) -> Array:
+        """See `Field`."""
+        return self.field.draws(places, count, seed)
+
+    def given(self, readings: Readings) -> Field:
+        """See `Field`."""
+        return self.field.given(readings)
+
+    def at_moments(self, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
+        """See `Timed`."""
+        return field_at_moments(self.field, places, moments_s)

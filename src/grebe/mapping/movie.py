@@ -1,0 +1,82 @@
+"""Maps of one quantity at several moments of a survey: a movie of the water.
+
+By the models of `grebe.mapping.change` and `grebe.mapping.methods.passes` the water is a field of
+the place and what all places share at a time. So a movie is made of one map: what is of the place
+is solved once, and each moment adds a level and its own uncertainty.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.errors import InputError
+from grebe.mapping.methods.base import field_at_moments
+from grebe.mapping.quantity_map import QuantityMap, known_sd, possible, sd_with
+from grebe.mapping.threads import one_blas_thread
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+FEWEST_MOMENTS, MOST_MOMENTS = 2, 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movie:
+    """The maps of one quantity at k moments, `times_s` (k,) [unix s]: `means` and `sds` of the
+    water (k, rows, columns), NaN on land. `still` is the map that they are made of.
+    """
+
+    still: QuantityMap
+    times_s: Array
+    means: Array
+    sds: Array
+
+
+def moments_of(times: Array, every_s: float) -> Array:
+    """The moments (k,) [unix s] of a movie from the first of the samples' `times` (n,) on.
+
+    Raises `InputError` where there would be too few or too many.
+    """
+    if not (np.isfinite(every_s) and every_s > 0):
+        raise InputError(
+            f"A movie needs some time between its maps, not {every_s / 60:g} minutes.",
+            settings=("every_s",),
+        )
+    first, last = float(times.min()), float(times.max())
+    count = int((last - first) / every_s + 1e-9) + 1
+    if not FEWEST_MOMENTS <= count <= MOST_MOMENTS:
+        raise InputError(
+            f"A map every {every_s / 60:g} minutes makes {count} of a survey of "
+            f"{(last - first) / 60:.0f} minutes; a movie has {FEWEST_MOMENTS} to {MOST_MOMENTS}.",
+            settings=("every_s",),
+        )
+    return first + every_s * np.arange(count)
+
+
+def is_told(one: QuantityMap) -> bool:
+    """Whether the samples tell how a quantity changed: without that a movie stands still."""
+    return one.is_of_moment and one.change.is_heeded
+
+
+def movie_of(still: QuantityMap, moments_s: Array) -> Movie:
+    """The maps at some moments (k,) [unix s], by the field of a map of one moment."""
+    grid, readings, scale = still.grid, still.readings, still.scale
+    nodes = grid.nodes
+    with one_blas_thread():
+        found = field_at_moments(still.field, nodes, moments_s)
+    means: list[Array] = []
+    sds: list[Array] = []
+    for moment_s, (of_place, field_sd) in zip(moments_s.tolist(), found, strict=True):
+        since = still.change.at(np.array([moment_s]))[0]
+        mean, read = of_place + since, scale.back(readings.values + since)
+        sd = sd_with(field_sd, still.calibration, still.micro_sd, nodes)
+        sd = np.hypot(sd, still.change.seen_from(moment_s).sd_near(readings, nodes))
+        level = scale.mean(mean, known_sd(sd, readings))
+        means.append(grid.spread(possible(level, still.quantity, read)))
+        sds.append(grid.spread(scale.sd(mean, sd)))
+    return Movie(still=still, times_s=moments_s, means=np.array(means), sds=np.array(sds))

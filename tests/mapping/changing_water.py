@@ -1,0 +1,39 @@
+"""Readings of made water that changes while a boat sails lanes over it."""
+
+import numpy as np
+import shapely
+
+from grebe.mapping.change import earlier
+from grebe.mapping.methods.base import Readings
+
+SIDE, SPACING, SPEED = 120.0, 10.0, 1.0
+WATER = shapely.box(0, 0, SIDE, SIDE)
+
+
+def lanes():
+    """There and back along lanes, then across them: (n, 2) places a metre apart, and times [s]."""
+    way = []
+    for k, east in enumerate(np.arange(5.0, SIDE, SPACING)):
+        north = np.arange(2.0, SIDE - 1)
+        way += [(n, east) for n in (north if k % 2 == 0 else north[::-1])]
+    for k, north in enumerate((30.0, 60.0, 90.0)):
+        east = np.arange(2.0, SIDE - 1)
+        way += [(north, e) for e in (east[::-1] if k % 2 == 0 else east)]
+    places = np.array(way)
+    return places, np.arange(len(places)) / SPEED
+
+
+def waves(places, seed):
+    """A smooth random field of variance 1 and waves of some 40 to 120 m."""
+    rng = np.random.default_rng(seed)
+    waves = rng.normal(0, 2 * np.pi / 80, (60, 2))
+    phases = rng.uniform(0, 2 * np.pi, 60)
+    return np.sqrt(2 / 60) * np.cos(places @ waves.T + phases).sum(axis=1)
+
+
+def read(seed, drift=0.0, lag_s=0.0):
+    places, times = lanes()
+    rng = np.random.default_rng([seed, 1])
+    at = earlier(times, places, lag_s) if lag_s else places
+    values = waves(at, seed) + drift * (times / times[-1] - 0.5) + rng.normal(0, 0.03, len(times))
+    return Readings(positions=places, values=values, times=1.6e9 + times)
