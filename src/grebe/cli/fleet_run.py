@@ -23,7 +23,7 @@ from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, Progress, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
-from grebe.workflow.fleets import FleetReport, FleetRun
+from grebe.workflow.fleets import ExtensionOf, FleetReport, FleetRun
 from grebe.workflow.instruments import of_fleet
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import steered_by
@@ -75,19 +75,17 @@ def run_fleet(
     benches: Mapping[int | None, Bench],
     replans: bool,
     closures: Callable[[], Closures | None],
+    extends: ExtensionOf | None,
 ) -> FleetReport:
     """Sail a fleet's survey; `urls` are one link for all boats, or one for each, `benches` the
-    instruments of some; `closures` makes what closes areas to one of its missions.
+    instruments of some; `closures` makes what closes areas to one of its missions, `extends` what
+    says where it goes on.
     """
     rule, solver, world = how
     fleet = survey_file.survey.fleet
     assert fleet is not None
-    links = list(urls) * (fleet.boats if len(urls) == 1 else 1)
-    if len(links) != fleet.boats:
-        raise UsageError(f"{fleet.boats} boats need {fleet.boats} --link, in their order.")
+    links = _links_of(urls, fleet.boats)
     simulated = all(link == SIMULATED for link in links)
-    if len(urls) == 1 and not simulated:
-        raise UsageError(f"Give a --link for each of the {fleet.boats} boats, in their order.")
 
     def boat_at(boat: int, departure: Departure) -> BoatLink:
         harbour = Harbour(world=replace(world, boat=boat), confirm=output.confirmation(yes=yes))
@@ -117,9 +115,21 @@ def run_fleet(
         on_ready=ready,
         instruments=of_fleet(benches, fleet.boats),
         replans=replans,
+        extends=extends,
     ).run(now, resume=resume, force=force)
     check_samples(survey_file)
     return report
+
+
+def _links_of(urls: Sequence[str], boats: int) -> list[str]:
+    """The link of each boat; one for all is the simulated world's alone."""
+    if len(urls) == 1 and urls[0] == SIMULATED:
+        return [SIMULATED] * boats
+    if len(urls) == 1:
+        raise UsageError(f"Give a --link for each of the {boats} boats, in their order.")
+    if len(urls) != boats:
+        raise UsageError(f"{boats} boats need {boats} --link, in their order.")
+    return list(urls)
 
 
 def fleet_numbers(report: FleetReport) -> dict[str, Any]:

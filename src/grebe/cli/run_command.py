@@ -153,7 +153,7 @@ def command(
         before = survey_file.progress().reached if goes_on else 0
         _keep(run, survey_file)
         if survey_file.survey.fleet is not None and sortie is None:
-            _refuse_for_fleets(run, live=live)
+            _refuse_for_fleets(live=live)
             _sail_fleet(
                 survey_file, urls, run, now, bar, benches,
                 resume=resume, force=force, as_json=as_json,
@@ -242,6 +242,7 @@ def _run(
     _say_which(departure, survey_file)
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
     closures = _closures_of(run, survey_file)
+    onward = onward_of(run, survey_file)
     with live_view(survey_file, wanted=live) as ears:
 
         def ready(mission: Mission) -> None:
@@ -258,7 +259,7 @@ def _run(
             now,
             _mission_settings(run, now, survey_file, departure.spent),
             replans=run["replans"],
-            extends=onward_of(run, survey_file),
+            extends=onward and onward(None),
             listeners=[
                 ProgressMeter(bar.update),
                 Alarm(output.note),
@@ -296,7 +297,7 @@ def _sail_fleet(
     report = run_fleet(
         survey_file, urls, _settings(run), settings, now, bar,
         yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
-        closures=lambda: _closures_of(run, survey_file),
+        closures=lambda: _closures_of(run, survey_file), extends=onward_of(run, survey_file),
     )  # fmt: skip
     ahead = f"grebe map {survey_file.path} --out maps"
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
@@ -330,12 +331,10 @@ def _say_which(departure: Departure, survey_file: SurveyFile) -> None:
         )
 
 
-def _refuse_for_fleets(run: dict[str, Any], *, live: bool) -> None:
+def _refuse_for_fleets(*, live: bool) -> None:
     """What one boat can, and a fleet cannot yet."""
-    asked = {"--live": live, "--adaptive": run["adaptive_key"] is not None}
-    for flag, given in asked.items():
-        if given:
-            raise UsageError(f"{flag} works for one boat only; run its part with --sortie.")
+    if live:
+        raise UsageError("--live works for one boat only; run its part with --sortie.")
 
 
 def _closures_of(run: dict[str, Any], survey_file: SurveyFile) -> Closures | None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from scipy.stats import norm
 
 from grebe.core.dynamics import CALM
@@ -23,7 +25,7 @@ from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.mapping.sequential import sequential
 from grebe.mapping.threads import one_blas_thread
-from grebe.planning.adapt import Worth, chosen_places
+from grebe.planning.adapt import Worth, chosen_places, once_read
 from grebe.planning.mesh import mesh_water, target_footprint
 from grebe.planning.place_ways import PlaceWays, place_ways
 from grebe.planning.region import water_of
@@ -54,7 +56,8 @@ NOWHERE_SD = 4.0
 @dataclass(frozen=True, kw_only=True)
 class Adapted:
     """The revision that goes on where it pays, with the root mean square of the map's standard
-    deviation before and as it is expected after, weighted by what matters.
+    deviation before and as it is expected after, weighted by what matters; after with what others
+    have announced.
     """
 
     revision: PlanRevision
@@ -68,28 +71,35 @@ def adapted(
     revision: PlanRevision,
     samples: Samples,
     quantities: Quantities,
-    reached: int,
-    place: tuple[float, float],
+    halfway: Halfway,
     wish: Wish,
+    *,
+    announced: Sequence[Array] = (),
+    closed: Sequence[shapely.Polygon] = (),
 ) -> Adapted:
-    """Return where a survey of which `reached` targets are reached goes on from a place.
+    """Return where a survey, or its boat's sortie, goes on that has come halfway.
 
-    Raises `InputError` where what was measured makes no map, and `PlanError` where the time is too
-    short for any place.
+    `announced` are the ways (k, 2) along which other boats are going to read: this one reads where
+    they do not. It keeps out of what is `closed`. Raises `InputError` where what was
+    measured makes no map, and `PlanError` where the time is too short for any place.
     """
-    settings, vessel = survey.settings, survey.vessel
+    place, sortie = halfway.place, halfway.sortie
+    settings, vessel = survey.settings, survey.vessel_of(sortie.boat if sortie else 1)
     if settings is None or vessel is None or survey.outcome is None:
         raise PlanError("Only a planned survey can go on; plan it first.")
     if wish.quantity not in samples.values:
         raise InputError(f"The survey has no quantity {wish.quantity!r}.")
     open_ = _open_water(survey, revision.highest_seq)
+    if closed:
+        open_ = open_.closing(closed, place)
     places = np.array([target.set.centre for target in open_.targets])
     window = (settings.speed_min_mps, settings.speed_max_mps)
     travel = travel_of(vessel, window, settings.weather)
     pace = 1 / float(np.mean(travel.slowness))
     worth = _worth(survey, samples, quantities, places, wish, open_.cell_m / pace)
     ways = place_ways(places, open_.cell_m, open_.water)
-    route, left, sails_s = _best_route(worth, ways, open_, travel, place, wish)
+    ahead = once_read(worth, ways, announced)
+    route, left, sails_s = _best_route(ahead, ways, open_, travel, place, wish)
     before, after = (_weighted_sd(one, worth.weights) for one in (np.diag(worth.covariance), left))
     # New ways around land are numbered after all the places that could be gone to.
     known = max(target.seq for target in open_.targets)
@@ -97,7 +107,7 @@ def adapted(
         _numbered(revision, known),
         survey,
         open_,
-        Halfway(reached=reached, place=place),
+        halfway,
         route,
         vessel=vessel,
         weather=settings.weather or CALM,

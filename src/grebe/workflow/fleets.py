@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -13,7 +13,7 @@ import shapely
 
 from grebe.core.errors import PlanError, UsageError
 from grebe.core.events import EndReason
-from grebe.core.revision import PlanRevision, Sortie
+from grebe.core.revision import PlanRevision, Sortie, as_planned, survey_of
 from grebe.core.survey import Pose
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
@@ -22,7 +22,7 @@ from grebe.mission.departure import Departure, prepare
 from grebe.mission.lookout import Lookout
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
-from grebe.mission.replanning import KeptPlan, Replanner
+from grebe.mission.replanning import Extension, KeptPlan, Replanner
 from grebe.mission.rota import InTurn, Rota
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.settings import MissionSettings
@@ -35,6 +35,8 @@ from grebe.workflow.run import HelmOf, as_known_to, counting, no_long_pauses, pi
 
 # The link of a boat, by its number and whence it departs.
 FleetAt = Callable[[int, Departure], BoatLink]
+# Where a boat goes on that has done its part, by what says which boats still sail.
+ExtensionOf = Callable[[Callable[[], Collection[int]]], Extension]
 # How long missions have for their last words when all is stopped [s].
 LAST_WORDS_S = 0.5
 # Ends after which a boat sails no more; another takes what it has left.
@@ -78,10 +80,16 @@ class _Together:
         self.plan = KeptPlan(revision=file.revision, keep=self._keep)
         self._file = file
         self._busy = set(boats)
+        self._sailing = set(boats)
 
     def _keep(self, revision: PlanRevision) -> None:
         with self.lock:
             self._file.append_revision(revision)
+
+    def sailing(self) -> set[int]:
+        """The boats whose missions are not over."""
+        with self.lock:
+            return set(self._sailing)
 
     def others_sail(self, boat: int) -> bool:
         """Whether others still sail when this boat has done its part."""
@@ -105,6 +113,8 @@ class _Together:
                 self.rota.leave(boat)
                 self.traffic.leave(boat)
                 self.others_sail(boat)
+                with self.lock:
+                    self._sailing.discard(boat)
 
         threads = [
             threading.Thread(target=sail, args=pair, daemon=True) for pair in missions.items()
@@ -132,7 +142,8 @@ class FleetRun:
     the clock's: they then act in turn. `watches` hear of the events of each boat; `instruments`
     are sondes apart from a boat, by its number. With `replans` a boat's rest is planned anew where
     a target is out of reach, the current another or its sortie late; without it as well where an
-    area is closed.
+    area is closed. With `extends` each boat goes on once it has done its part, and does that once:
+    what it takes over from one that dropped out it sails, and ends.
     """
 
     survey_file: SurveyFile
@@ -144,6 +155,8 @@ class FleetRun:
     on_ready: Callable[[int, Mission], None] | None = None
     instruments: Mapping[int, Instruments] = field(default_factory=dict[int, Instruments])
     replans: bool = False
+    extends: ExtensionOf | None = None
+    _gone_on: set[int] = field(default_factory=set[int])
     _closed: tuple[shapely.Polygon, ...] = ()
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
@@ -238,22 +251,25 @@ class FleetRun:
             lookout=Lookout(traffic=together.traffic, boat=boat),
             stands_by=lambda: together.others_sail(boat),
             instruments=self.instruments.get(boat),
-            replanner=self._replanner(sortie, known, together.plan),
+            replanner=self._replanner(sortie, known, together),
         )
         if self.on_ready is not None:
             self.on_ready(boat, mission)
         return mission
 
-    def _replanner(self, sortie: Sortie, departure: Departure, plan: KeptPlan) -> Replanner:
+    def _replanner(self, sortie: Sortie, departure: Departure, together: _Together) -> Replanner:
+        goes_on = self.extends is not None and sortie.boat not in self._gone_on
+        self._gone_on.add(sortie.boat)
         return Replanner(
             survey=self.survey_file.survey,
-            plan=plan,
+            plan=together.plan,
             vessel=departure.vessel,
             helm_of=pilot_of(departure, self.helm_of),
             sortie=sortie.number,
             spent_s=departure.spent.seconds,
             waits=self.shares_time,
             heeds=self.replans,
+            extends=self.extends(together.sailing) if self.extends and goes_on else None,
         )
 
     def _departure(self, sortie: Sortie, now: datetime) -> Departure:
@@ -314,7 +330,9 @@ class FleetRun:
         weather = survey.settings.weather if survey.settings else None
         if weather is None:
             raise PlanError("The survey does not say for which weather it was planned.")
-        open_ = open_water(survey, water_of(survey))
+        # Where boats had gone on to of themselves need not be taken over: it was not planned.
+        planned = survey_of(survey, as_planned(self.survey_file.revisions()))
+        open_ = open_water(planned, water_of(survey))
         return replanned(
             revision,
             survey,
