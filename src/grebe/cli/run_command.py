@@ -153,9 +153,8 @@ def command(
         before = survey_file.progress().reached if goes_on else 0
         _keep(run, survey_file)
         if survey_file.survey.fleet is not None and sortie is None:
-            _refuse_for_fleets(live=live)
             _sail_fleet(
-                survey_file, urls, run, now, bar, benches,
+                survey_file, urls, run, now, bar, benches, live,
                 resume=resume, force=force, as_json=as_json,
             )  # fmt: skip
             return
@@ -263,7 +262,7 @@ def _run(
             listeners=[
                 ProgressMeter(bar.update),
                 Alarm(output.note),
-                *([] if ears is None else [ears.telling.hear]),
+                *([] if ears is None else [ears.hear]),
                 *([] if closures is None else [closures]),
             ],
             on_ready=ready,
@@ -287,6 +286,7 @@ def _sail_fleet(
     now: datetime,
     bar: output.MissionBar,
     benches: Mapping[int | None, Bench],
+    live: bool,
     *,
     resume: bool,
     force: bool,
@@ -294,11 +294,13 @@ def _sail_fleet(
 ) -> None:
     """Sail all boats of a fleet as `run` has it, and say what came of it."""
     settings = _mission_settings(run, now, survey_file)
-    report = run_fleet(
-        survey_file, urls, _settings(run), settings, now, bar,
-        yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
-        closures=lambda: _closures_of(run, survey_file), extends=onward_of(run, survey_file),
-    )  # fmt: skip
+    onward = onward_of(run, survey_file)
+    with live_view(survey_file, wanted=live) as ears:
+        report = run_fleet(
+            survey_file, urls, _settings(run), settings, now, bar,
+            yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
+            closures=lambda: _closures_of(run, survey_file), extends=onward, ears=ears,
+        )  # fmt: skip
     ahead = f"grebe map {survey_file.path} --out maps"
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
     explain(report, survey_file.path)
@@ -329,12 +331,6 @@ def _say_which(departure: Departure, survey_file: SurveyFile) -> None:
             f"{departure.spent.seconds / 60:.0f} min since its harbour, which count; where the "
             "battery was changed, say what it holds by --battery-wh"
         )
-
-
-def _refuse_for_fleets(*, live: bool) -> None:
-    """What one boat can, and a fleet cannot yet."""
-    if live:
-        raise UsageError("--live works for one boat only; run its part with --sortie.")
 
 
 def _closures_of(run: dict[str, Any], survey_file: SurveyFile) -> Closures | None:
