@@ -84,8 +84,14 @@ function paintBoat(context: Context, boat: Boat, sight: Sight, inks: Inks): void
   context.lineWidth = 5;
   context.strokeStyle = inks.halo;
   context.stroke(hull);
-  context.fillStyle = boat.aside ? inks.track : inks.boat;
+  // One that is not looked at is an outline.
+  context.fillStyle = boat.aside ? inks.halo : inks.boat;
   context.fill(hull);
+  if (boat.aside) {
+    context.lineWidth = 2;
+    context.strokeStyle = inks.boat;
+    context.stroke(hull);
+  }
   context.rotate(-boat.heading_rad);
   if (boat.number !== undefined) paintNumber(context, boat.number, inks);
   context.restore();

@@ -23,10 +23,13 @@ export function Boats({ stream }: { stream: Stream }): JSX.Element | null {
           aria-pressed={boat === chosen}
           onClick={() => stream.choose(boat)}
         >
-          <span class="value-name">{t("boatNumber", { n: boat })}</span>
+          <span class="value-name">
+            {t("boatNumber", { n: boat })}
+            {status.state && ` · ${t(`state_${status.state}`)}`}
+          </span>
           <span class="value-read">
-            {status.targets ? `${status.reached ?? 0}/${status.targets}` : "–"}
-            <span class="unit"> {status.state ? t(`state_${status.state}`) : ""}</span>
+            {status.targets ? `${status.reached ?? 0}/${status.targets}` : "–"}{" "}
+            <span class="unit">{t("cells")}</span>
           </span>
         </button>
       ))}
