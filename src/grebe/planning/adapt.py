@@ -88,7 +88,10 @@ def chosen_places(
             if chosen.length_m < before - 1e-9:
                 continue
             break
-        best = int(np.argmax(np.where(allowed, chosen.gains(at) / price_s, -np.inf)))
+        # To some there may be no way: they cost without end, and are not allowed.
+        worth_each = np.full(len(allowed), -np.inf)
+        np.divide(chosen.gains(at), price_s, out=worth_each, where=allowed)
+        best = int(np.argmax(worth_each))
         chosen.take(best, int(at[best]))
         open_[best] = False
         if len(chosen.route) % SHORTENED_EACH == 0:

@@ -246,7 +246,7 @@ def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
             "boats": [
                 {
                     "boat": k,
-                    "status": {},
+                    "status": _of_part(file, k),
                     **_of_boat(survey, track.of_boat(k), samples.of_boat(k), shown),
                 }
                 for k in boats
@@ -254,6 +254,16 @@ def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
             "events": [_event(one) for one in file.events()[-LOG_LINES:]],
             "status": _status(file, max(track.times, default=None)),
         }
+
+
+def _of_part(file: SurveyFile, boat: int) -> dict[str, int]:
+    """How far a boat of a fleet is with what is its own."""
+    progress = file.progress()
+    own = [sortie for sortie in file.revision.sorties if sortie.boat == boat]
+    return {
+        "reached": sum(progress.reached_in(sortie) for sortie in own),
+        "targets": sum(len(sortie) for sortie in own),
+    }
 
 
 def _of_boat(

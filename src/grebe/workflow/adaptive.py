@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -42,6 +43,9 @@ if TYPE_CHECKING:
 
 # Places that can be gone to, about so many; a target is drawn in to this share of its cell.
 PLACES, CORE = 900, 0.6
+# What the shore leaves of a cell is no place to go to where its target is narrower [m]: boats went
+# round and round splinters of a hand's breadth.
+NARROWEST_M = 1.0
 # The time is used from so much on, in so many trials.
 FULL, FITTINGS = 0.93, 5
 # The sampler's interval [s]; and how far apart readings on the way are that tell different things,
@@ -171,24 +175,29 @@ def _numbered(revision: PlanRevision, known: int) -> PlanRevision:
 
 
 def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
-    """Places all over the water, each a small target with a number of its own."""
+    """Places all over the water, each a small target with a number of its own; those that are too
+    narrow to be hit are none.
+    """
     assert survey.settings is not None
     water = water_of(survey)
     cell_m = math.sqrt(water.area / PLACES)
     cells = mesh_water(water, cell_m)
     rings = [target_footprint(ring) for ring in rings_of([cell.footprint for cell in cells])]
-    sets = [
-        TargetSet(
-            vertices=drawn_in(ring, CORE),
-            speed_min_mps=survey.settings.speed_min_mps,
-            speed_max_mps=survey.settings.speed_max_mps,
-        )
-        for ring in rings
-    ]
-    whole = polygons_of(rings).tolist()
+    drawn = [drawn_in(ring, CORE) for ring in rings]
+    wide = ~shapely.is_empty(shapely.buffer(polygons_of(drawn), -0.5 * NARROWEST_M))
+    kept = list(zip(itertools.compress(drawn, wide), polygons_of(rings)[wide], strict=True))
     targets = tuple(
-        Target(seq=highest_seq + i, kind="cell", set=one, cell=cell)
-        for i, (one, cell) in enumerate(zip(sets, whole, strict=True), 1)
+        Target(
+            seq=highest_seq + i,
+            kind="cell",
+            set=TargetSet(
+                vertices=ring,
+                speed_min_mps=survey.settings.speed_min_mps,
+                speed_max_mps=survey.settings.speed_max_mps,
+            ),
+            cell=cell,
+        )
+        for i, (ring, cell) in enumerate(kept, 1)
     )
     return OpenWater(water=water, targets=targets, cell_m=cell_m)
 
