@@ -26,6 +26,7 @@ from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, LinkError, StoppedError, UsageError
 from grebe.core.events import EndReason
 from grebe.core.quantities import BUILTIN, Quantities
+from grebe.core.survey import Survey
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
@@ -256,7 +257,7 @@ def _run(
             boat_at if ears is None else ears.beside(boat_at),
             steered_by(rule, solver),
             now,
-            _mission_settings(run, now, survey_file, departure.spent),
+            _settings_for(run, now, survey_file.survey, departure.spent),
             replans=run["replans"],
             extends=onward and onward(None),
             listeners=[
@@ -293,7 +294,7 @@ def _sail_fleet(
     as_json: bool,
 ) -> None:
     """Sail all boats of a fleet as `run` has it, and say what came of it."""
-    settings = _mission_settings(run, now, survey_file)
+    settings = _mission_settings(run, now)
     onward = onward_of(run, survey_file)
     with live_view(survey_file, wanted=live) as ears:
         report = run_fleet(
@@ -306,16 +307,25 @@ def _sail_fleet(
     explain(report, survey_file.path)
 
 
-def _mission_settings(
-    run: dict[str, Any], now: datetime, survey_file: SurveyFile, spent: Spent = NOTHING
-) -> MissionSettings:
-    safety = kept_by_plan(safety_of(run, now), survey_file.survey, spent)
+def _mission_settings(run: dict[str, Any], now: datetime) -> MissionSettings:
+    """The settings as they were typed: what the plan's sorties are made for is not in them yet."""
     # A battery that is named now is the one that is in the boat now, and full.
     used = 0.0 if run["fresh"] else None
     return MissionSettings(
         sampling=InSets() if run["in_sets_only"] else InWindow(),
-        safety=replace(safety, used_wh=used),
+        safety=replace(safety_of(run, now), used_wh=used),
     )
+
+
+def _settings_for(
+    run: dict[str, Any], now: datetime, survey: Survey, spent: Spent
+) -> MissionSettings:
+    """The settings of one boat, which has `spent` so much of the plan's battery and time; a battery
+    that is named now has its time before it as well.
+    """
+    settings = _mission_settings(run, now)
+    spent = NOTHING if run["fresh"] else spent
+    return replace(settings, safety=kept_by_plan(settings.safety, survey, spent))
 
 
 def _say_which(departure: Departure, survey_file: SurveyFile) -> None:

@@ -31,7 +31,16 @@ from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
-from grebe.workflow.run import HelmOf, as_known_to, counting, no_long_pauses, pilot_of, say_first
+from grebe.workflow.run import (
+    HelmOf,
+    as_known_to,
+    counting,
+    no_long_pauses,
+    pilot_of,
+    say_first,
+    spent_as_said,
+)  # fmt: skip
+from grebe.workflow.sorties import kept_by_plan
 
 # The link of a boat, by its number and whence it departs.
 FleetAt = Callable[[int, Departure], BoatLink]
@@ -156,7 +165,8 @@ class FleetRun:
     instruments: Mapping[int, Instruments] = field(default_factory=dict[int, Instruments])
     replans: bool = False
     extends: ExtensionOf | None = None
-    _gone_on: set[int] = field(default_factory=set[int])
+    _sailed: set[int] = field(default_factory=set[int])
+    _shut: set[int] = field(default_factory=set[int])
     _closed: tuple[shapely.Polygon, ...] = ()
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
@@ -183,7 +193,7 @@ class FleetRun:
         while rounds := self._next_round(lost):
             done = self._sail(rounds, now)
             missions += done
-            fallen = {boat for boat, _, report in done if report.ended in LOST}
+            fallen = self._fallen(done)
             lost |= fallen
             stopped = any(one.ended in (EndReason.STOPPED, EndReason.FAILED) for *_, one in done)
             if stopped or not self._hand_over(fallen, lost):
@@ -193,12 +203,39 @@ class FleetRun:
             missions=tuple(missions), reached=progress.reached, targets=len(progress.reached_at)
         )
 
+    def _fallen(self, done: list[tuple[int, int, MissionReport]]) -> set[int]:
+        """The boats that sail no more. One that came home because nothing of its sortie is open any
+        more is not lost: it has done what there was.
+        """
+        fallen: set[int] = set()
+        for boat, number, report in done:
+            if report.ended is EndReason.CAME_HOME and self._closed and self._is_shut(number):
+                self._shut.add(number)
+            elif report.ended in LOST:
+                fallen.add(boat)
+        return fallen
+
+    def _is_shut(self, number: int) -> bool:
+        """Whether nothing that a sortie has left can be gone to, for it is closed."""
+        file = self.survey_file
+        sortie = file.revision.sortie(number)
+        ends = file.track_ends(sortie.boat)
+        assert ends is not None
+        place = (ends[1].state[0], ends[1].state[1])
+        reached = file.progress().reached_in(sortie)
+        try:
+            self._replanned(sortie, reached, place, self._vessel_of(sortie.boat))
+        except PlanError:
+            return True
+        return False
+
     def _next_round(self, lost: set[int]) -> dict[int, Sortie]:
         """The next sortie of each boat that sails, by the boat's number."""
         progress = self.survey_file.progress()
         found: dict[int, Sortie] = {}
         for one in self.survey_file.revision.sorties:
-            if progress.reached_in(one) < len(one) and one.boat not in lost:
+            left = progress.reached_in(one) < len(one) and one.number not in self._shut
+            if left and one.boat not in lost:
                 found.setdefault(one.boat, one)
         return found
 
@@ -242,7 +279,7 @@ class FleetRun:
             helm,
             InTurn(link, together.rota, boat) if self.shares_time else link,
             SharedRecorder(SurveyRecorder(self.survey_file, boat), together.lock),
-            counting(self.settings, departure),
+            self._settings_of(boat, departure),
             quantities=departure.quantities,
             listeners=[*guards, *self.watches(boat)],
             started=departure.started,
@@ -258,8 +295,8 @@ class FleetRun:
         return mission
 
     def _replanner(self, sortie: Sortie, departure: Departure, together: _Together) -> Replanner:
-        goes_on = self.extends is not None and sortie.boat not in self._gone_on
-        self._gone_on.add(sortie.boat)
+        goes_on = self.extends is not None and sortie.boat not in self._sailed
+        self._sailed.add(sortie.boat)
         return Replanner(
             survey=self.survey_file.survey,
             plan=together.plan,
@@ -272,9 +309,20 @@ class FleetRun:
             extends=self.extends(together.sailing) if self.extends and goes_on else None,
         )
 
+    def _settings_of(self, boat: int, departure: Departure) -> MissionSettings:
+        """What a boat sails with: the plan's battery and time less what it has spent; a battery
+        that was named for this run is the one with which it sets out first.
+        """
+        settings, survey = self.settings, self.survey_file.survey
+        if boat in self._sailed:
+            settings = replace(settings, safety=replace(settings.safety, used_wh=None))
+        kept = kept_by_plan(settings.safety, survey, departure.spent)
+        return counting(replace(settings, safety=kept), departure)
+
     def _departure(self, sortie: Sortie, now: datetime) -> Departure:
         resume = self.survey_file.track_ends(sortie.boat) is not None
-        return prepare(self.survey_file, now, resume=resume, sortie=sortie.number)
+        departure = prepare(self.survey_file, now, resume=resume, sortie=sortie.number)
+        return departure if sortie.boat in self._sailed else spent_as_said(departure, self.settings)
 
     def _hand_over(self, fallen: set[int], lost: set[int]) -> bool:
         """Give what the fallen boats have left to the nearest that sails; False where there is
