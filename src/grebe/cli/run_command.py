@@ -47,7 +47,7 @@ from grebe.workflow.instruments import (
     of_one_boat,
     refuse_unopened,
 )
-from grebe.workflow.preview import preview_of, way_home_of
+from grebe.workflow.preview import fleet_preview, preview_of, way_home_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -361,6 +361,12 @@ def _show_preview(
     as_json: bool,
 ) -> None:
     with SurveyFile.open(file) as survey_file:
+        fleet = survey_file.survey.fleet if sortie is None and not force else None
+        if fleet is not None and not run["returns"]:
+            go = f"grebe run {file}{' --resume' if resume else ''}{typed_again(run)}"
+            numbers = fleet_preview(survey_file, now)
+            output.result(numbers, as_json=as_json, next_command=go)
+            return
         departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     if run["returns"]:
         numbers = way_home_of(departure, safety_of(run, now))
