@@ -41,6 +41,7 @@ BENCHMARKS = {
     "fleet_survival": "survival",
     "campaigns": "campaign",
     "adaptive": "adaptive",
+    "exploring": "exploring",
     "commands": "commands",
     "missions_a_second": "commands",
     "first_run": "commands",

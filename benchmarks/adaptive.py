@@ -32,6 +32,7 @@ from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
+from grebe.planning.revise import Halfway
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water
@@ -115,7 +116,7 @@ def _go_on(path: Path, wish: Wish) -> None:
         place = ends[1].state[:2]
         found = adapted(
             file.survey, file.revision, file.samples(), file.quantities,
-            file.progress().reached, (place[0], place[1]), wish,
+            Halfway(reached=file.progress().reached, place=(place[0], place[1])), wish,
         )  # fmt: skip
         file.append_revision(found.revision)
 

@@ -225,3 +225,22 @@ def test_blobs_with_an_envelope_are_read():
     assert geopackage.from_blob(with_envelope) == shapely.Point(3, 50)
     with pytest.raises(ValueError, match="GeoPackage"):
         geopackage.from_blob(b"junk")
+
+
+def test_who_reads_in_the_missions_own_process_does_not_free_its_journal_for_others(
+    path, survey_file
+):
+    """The system drops a process's locks on a file as soon as any part of it closes that file: then
+    the next reader elsewhere takes itself for the last, and removes the journal that is written.
+    """
+    read = (
+        "from pathlib import Path; from grebe.io.store import SurveyFile; "
+        f"SurveyFile.open(Path({str(path)!r})).close()"
+    )
+    survey_file.begin_session(NOON)
+    journal = path.with_name(path.name + "-wal")
+    before = journal.stat().st_ino
+    SurveyFile.open(path).close()
+    subprocess.run([sys.executable, "-c", read], check=True)
+    assert journal.stat().st_ino == before
+    assert survey_file.stay_safe(NOON) == ""

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from grebe.planning.adapt import Worth, chosen_places
+from grebe.planning.adapt import Worth, chosen_places, once_read
 from grebe.planning.place_ways import place_ways
 
 SIDE = np.linspace(0, 100, 11)
@@ -118,3 +118,32 @@ def test_ways_lead_around_land_and_along_the_water():
     assert shapely.covers(water, shapely.LineString(way))
     beside = np.flatnonzero(np.all(places == (30, 40), axis=1))[0]
     assert ways.lengths_m[across, beside] == pytest.approx(np.hypot(10, 40))
+
+
+def announced_way(route):
+    return PLACES[[START, *route]]
+
+
+def test_what_others_announce_counts_as_read():
+    given = worth(known=(0, 60))
+    way = announced_way([10, 120])
+    after = once_read(given, WAYS, [way])
+    seen_at = sorted(set(passed([10, 120])))
+    assert np.diag(after.covariance) == pytest.approx(left_after(given, seen_at), rel=0.02)
+    assert once_read(given, WAYS, []) is given
+
+
+def test_two_boats_that_plan_one_after_the_other_do_not_read_the_same_places():
+    """From the same start; and together they leave less than two that know nothing of each other,
+    or one that would have sailed its way twice.
+    """
+    given = worth(known=range(22))
+    first, _ = chosen(given, 200.0)
+    second, left = chosen(once_read(given, WAYS, [announced_way(first)]), 200.0)
+    # Both leave the same place: what is near it is passed by both.
+    both = set(passed(first)) & set(passed(second))
+    assert len(both) < 0.35 * len(passed(second))
+    assert set(passed(chosen(given, 200.0)[0])) == set(passed(first))
+    seen = sorted({*passed(first), *passed(second)})
+    assert left.mean() == pytest.approx(left_after(given, seen).mean(), rel=0.05)
+    assert left.mean() < 0.9 * left_after(given, passed(first)).mean()

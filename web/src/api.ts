@@ -236,6 +236,20 @@ export interface Lease {
   since: string | null;
 }
 
+/** What is known of one boat of a fleet, by its number. */
+export interface BoatState {
+  boat: number;
+  estimate: Estimate | null;
+  thrusts: [number, number] | null;
+  horizon: LonLat[];
+  current: Flow | null;
+  wind: Flow | null;
+  track: TrackPoint[];
+  samples: SamplePoint[];
+  /** Its own, of its part of the survey; empty until it is heard. */
+  status: Partial<Status>;
+}
+
 /** First event of GET /api/surveys/{id}/events (SSE), `event: snapshot`. */
 export interface Snapshot {
   id: string;
@@ -255,6 +269,8 @@ export interface Snapshot {
   current: Flow | null;
   wind: Flow | null;
   status: Status;
+  /** Of a fleet; empty where there is one boat. What is a boat's is then empty beside them. */
+  boats: BoatState[];
   events: LogLine[];
   lease: Lease;
   map_version: number;
@@ -275,6 +291,9 @@ export interface Delta {
   wind?: Flow | null;
   status?: Partial<Status>;
   events?: LogLine[];
+  /** Of a fleet: whose this is, and its own status; `status` is then that of all. */
+  boat?: number;
+  own?: Partial<Status>;
 }
 
 /** `event: map`: the map of a quantity has a new version, fetch it when it is looked at. */

@@ -46,6 +46,8 @@ const table = {
   recent: ["Surveys", "Relevés"],
   noSurveys: ["No survey yet. Plan one, or try the demo.", "Aucun relevé. Planifiez-en un, ou essayez la démo."],
   cells: ["cells", "cellules"],
+  boats: ["Boats", "Bateaux"],
+  boatNumber: ["Boat {n}", "Bateau {n}"],
   samples: ["samples", "mesures"],
   open: ["Open", "Ouvrir"],
   download: ["Download", "Télécharger"],

@@ -9,6 +9,7 @@ import click
 from grebe.cli import options, output
 from grebe.core.errors import PlanError, UsageError
 from grebe.io.store import SurveyFile
+from grebe.planning.revise import Halfway
 from grebe.workflow.adaptive import adapted
 from grebe.workflow.wish import GOALS, Wish
 
@@ -61,8 +62,7 @@ def command(
             survey_file.revision,
             survey_file.samples(),
             survey_file.quantities,
-            reached,
-            (north, east),
+            Halfway(reached=reached, place=(north, east)),
             wish,
         )
         survey_file.append_revision(found.revision)

@@ -11,8 +11,10 @@ from grebe.core.errors import UsageError
 from grebe.workflow.wish import GOALS, Wish
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from grebe.io.store import SurveyFile
-    from grebe.workflow.adaptive_run import Onward
+    from grebe.workflow.adaptive_run import Onward, Sailing
 
 
 adaptive_options = options.together(
@@ -61,16 +63,22 @@ def wish_of(run: dict[str, Any]) -> Wish | None:
     )
 
 
-def onward_of(run: dict[str, Any], survey_file: SurveyFile) -> Onward | None:
-    """Where a mission goes on, by what its file holds by then; None where nothing was asked.
+def onward_of(
+    run: dict[str, Any], survey_file: SurveyFile
+) -> Callable[[Sailing | None], Onward] | None:
+    """What makes that which says where a mission goes on, by what its file holds by then, from who
+    else sails; None where nothing was asked.
 
     Refuses what its file will never hold, before anything moves.
     """
     wish = wish_of(run)
     if wish is None:
         return None
-    if survey_file.revision.sorties:
-        raise UsageError("--adaptive is for a survey of one mission; this one is in sorties.")
+    settings = survey_file.survey.settings
+    if settings is not None and settings.sorties is not None:
+        raise UsageError(
+            "--adaptive is for boats that go on where they are; this plan has them come home."
+        )
     if wish.quantity not in survey_file.quantities:
         known = ", ".join(survey_file.quantities)
         raise UsageError(
@@ -79,4 +87,4 @@ def onward_of(run: dict[str, Any], survey_file: SurveyFile) -> Onward | None:
     # The map's half of the house takes a second to import: others need not wait for it.
     from grebe.workflow.adaptive_run import Onward
 
-    return Onward(path=survey_file.path, wish=wish)
+    return lambda sailing: Onward(path=survey_file.path, wish=wish, sailing=sailing)

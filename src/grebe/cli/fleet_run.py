@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from grebe.cli import output
 from grebe.cli.interruption import heed_mission
@@ -23,11 +24,14 @@ from grebe.mission.settings import MissionSettings
 from grebe.mission.statistics import Alarm, Progress, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
-from grebe.workflow.fleets import FleetReport, FleetRun
+from grebe.workflow.fleets import ExtensionOf, FleetReport, FleetRun
 from grebe.workflow.instruments import of_fleet
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import steered_by
 from grebe.workflow.simulated import SimulatedWorld
+
+if TYPE_CHECKING:
+    from grebe.server.mission_socket import Ears
 
 SIMULATED = "sim:"
 
@@ -61,6 +65,35 @@ class FleetMeter:
         )
 
 
+@dataclass
+class Attendants:
+    """Who hears of the boats and may order them: the terminal's `meter`, what is `closing` areas to
+    each boat, and the app's `ears`.
+    """
+
+    meter: FleetMeter
+    closing: Mapping[int, Closures]
+    ears: Ears | None
+
+    def of(self, boat: int) -> list[Listener]:
+        """What listens to one boat's mission."""
+        told = [] if self.ears is None else [partial(self.ears.hear, boat=boat)]
+        closes = [self.closing[boat]] if boat in self.closing else []
+        return [*self.meter.listeners(boat), *told, *closes]
+
+    def take(self, boat: int, mission: Mission) -> None:
+        """Be handed a mission before it begins."""
+        heed_mission(mission)
+        if self.ears is not None:
+            self.ears.obeys(mission, boat)
+        if boat in self.closing:
+            self.closing[boat].begin(mission)
+
+    def beside(self, boat_at: Callable[[Departure], BoatLink]) -> Callable[[Departure], BoatLink]:
+        """The same boat, of whose link the app is told."""
+        return boat_at if self.ears is None else self.ears.beside(boat_at)
+
+
 def run_fleet(
     survey_file: SurveyFile,
     urls: Sequence[str],
@@ -75,31 +108,27 @@ def run_fleet(
     benches: Mapping[int | None, Bench],
     replans: bool,
     closures: Callable[[], Closures | None],
+    extends: ExtensionOf | None,
+    ears: Ears | None,
 ) -> FleetReport:
     """Sail a fleet's survey; `urls` are one link for all boats, or one for each, `benches` the
-    instruments of some; `closures` makes what closes areas to one of its missions.
+    instruments of some; `closures` makes what closes areas to one of its missions, `extends` what
+    says where it goes on; `ears` are the app's.
     """
     rule, solver, world = how
     fleet = survey_file.survey.fleet
     assert fleet is not None
-    links = list(urls) * (fleet.boats if len(urls) == 1 else 1)
-    if len(links) != fleet.boats:
-        raise UsageError(f"{fleet.boats} boats need {fleet.boats} --link, in their order.")
+    links = _links_of(urls, fleet.boats)
     simulated = all(link == SIMULATED for link in links)
-    if len(urls) == 1 and not simulated:
-        raise UsageError(f"Give a --link for each of the {fleet.boats} boats, in their order.")
+    attendants = Attendants(
+        meter=FleetMeter(bar, len(survey_file.survey.targets)),
+        closing={k: made for k in range(1, fleet.boats + 1) if (made := closures())},
+        ears=ears,
+    )
 
     def boat_at(boat: int, departure: Departure) -> BoatLink:
         harbour = Harbour(world=replace(world, boat=boat), confirm=output.confirmation(yes=yes))
-        return boat_named(links[boat - 1], harbour)(departure)
-
-    closing = {boat: made for boat in range(1, fleet.boats + 1) if (made := closures())}
-    meter = FleetMeter(bar, len(survey_file.survey.targets))
-
-    def ready(boat: int, mission: Mission) -> None:
-        heed_mission(mission)
-        if boat in closing:
-            closing[boat].begin(mission)
+        return attendants.beside(boat_named(links[boat - 1], harbour))(departure)
 
     boats = f"{fleet.boats} boats"
     by_links = f"{boats}: {', '.join(dict.fromkeys(links))}"
@@ -110,16 +139,25 @@ def run_fleet(
         steered_by(rule, solver),
         settings,
         shares_time=simulated,
-        watches=lambda boat: [
-            *meter.listeners(boat),
-            *([closing[boat]] if boat in closing else []),
-        ],
-        on_ready=ready,
+        watches=attendants.of,
+        on_ready=attendants.take,
         instruments=of_fleet(benches, fleet.boats),
         replans=replans,
+        extends=extends,
     ).run(now, resume=resume, force=force)
     check_samples(survey_file)
     return report
+
+
+def _links_of(urls: Sequence[str], boats: int) -> list[str]:
+    """The link of each boat; one for all is the simulated world's alone."""
+    if len(urls) == 1 and urls[0] == SIMULATED:
+        return [SIMULATED] * boats
+    if len(urls) == 1:
+        raise UsageError(f"Give a --link for each of the {boats} boats, in their order.")
+    if len(urls) != boats:
+        raise UsageError(f"{boats} boats need {boats} --link, in their order.")
+    return list(urls)
 
 
 def fleet_numbers(report: FleetReport) -> dict[str, Any]:

@@ -24,7 +24,8 @@ IDLE_MINUTES = 10.0
 
 @contextmanager
 def live_view(survey_file: SurveyFile, *, wanted: bool) -> Generator[Ears | None]:
-    """Let the app look on at a mission, where it is wanted, and say where it is opened.
+    """Let the app look on at a mission, or a fleet's, where it is wanted, and say where it is
+    opened.
 
     The mission waits for none of that: it sails whether or not the app comes up, and on when it
     goes. Raises `UsageError` where the app is not installed.

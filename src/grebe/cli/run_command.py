@@ -26,6 +26,7 @@ from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, LinkError, StoppedError, UsageError
 from grebe.core.events import EndReason
 from grebe.core.quantities import BUILTIN, Quantities
+from grebe.core.survey import Survey
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
@@ -46,7 +47,7 @@ from grebe.workflow.instruments import (
     of_one_boat,
     refuse_unopened,
 )
-from grebe.workflow.preview import preview_of, way_home_of
+from grebe.workflow.preview import fleet_preview, preview_of, way_home_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -153,9 +154,8 @@ def command(
         before = survey_file.progress().reached if goes_on else 0
         _keep(run, survey_file)
         if survey_file.survey.fleet is not None and sortie is None:
-            _refuse_for_fleets(run, live=live)
             _sail_fleet(
-                survey_file, urls, run, now, bar, benches,
+                survey_file, urls, run, now, bar, benches, live,
                 resume=resume, force=force, as_json=as_json,
             )  # fmt: skip
             return
@@ -242,6 +242,7 @@ def _run(
     _say_which(departure, survey_file)
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
     closures = _closures_of(run, survey_file)
+    onward = onward_of(run, survey_file)
     with live_view(survey_file, wanted=live) as ears:
 
         def ready(mission: Mission) -> None:
@@ -256,13 +257,13 @@ def _run(
             boat_at if ears is None else ears.beside(boat_at),
             steered_by(rule, solver),
             now,
-            _mission_settings(run, now, survey_file, departure.spent),
+            _settings_for(run, now, survey_file.survey, departure.spent),
             replans=run["replans"],
-            extends=onward_of(run, survey_file),
+            extends=onward and onward(None),
             listeners=[
                 ProgressMeter(bar.update),
                 Alarm(output.note),
-                *([] if ears is None else [ears.telling.hear]),
+                *([] if ears is None else [ears.hear]),
                 *([] if closures is None else [closures]),
             ],
             on_ready=ready,
@@ -286,33 +287,45 @@ def _sail_fleet(
     now: datetime,
     bar: output.MissionBar,
     benches: Mapping[int | None, Bench],
+    live: bool,
     *,
     resume: bool,
     force: bool,
     as_json: bool,
 ) -> None:
     """Sail all boats of a fleet as `run` has it, and say what came of it."""
-    settings = _mission_settings(run, now, survey_file)
-    report = run_fleet(
-        survey_file, urls, _settings(run), settings, now, bar,
-        yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
-        closures=lambda: _closures_of(run, survey_file),
-    )  # fmt: skip
+    settings = _mission_settings(run, now)
+    onward = onward_of(run, survey_file)
+    with live_view(survey_file, wanted=live) as ears:
+        report = run_fleet(
+            survey_file, urls, _settings(run), settings, now, bar,
+            yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
+            closures=lambda: _closures_of(run, survey_file), extends=onward, ears=ears,
+        )  # fmt: skip
     ahead = f"grebe map {survey_file.path} --out maps"
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
     explain(report, survey_file.path)
 
 
-def _mission_settings(
-    run: dict[str, Any], now: datetime, survey_file: SurveyFile, spent: Spent = NOTHING
-) -> MissionSettings:
-    safety = kept_by_plan(safety_of(run, now), survey_file.survey, spent)
+def _mission_settings(run: dict[str, Any], now: datetime) -> MissionSettings:
+    """The settings as they were typed: what the plan's sorties are made for is not in them yet."""
     # A battery that is named now is the one that is in the boat now, and full.
     used = 0.0 if run["fresh"] else None
     return MissionSettings(
         sampling=InSets() if run["in_sets_only"] else InWindow(),
-        safety=replace(safety, used_wh=used),
+        safety=replace(safety_of(run, now), used_wh=used),
     )
+
+
+def _settings_for(
+    run: dict[str, Any], now: datetime, survey: Survey, spent: Spent
+) -> MissionSettings:
+    """The settings of one boat, which has `spent` so much of the plan's battery and time; a battery
+    that is named now has its time before it as well.
+    """
+    settings = _mission_settings(run, now)
+    spent = NOTHING if run["fresh"] else spent
+    return replace(settings, safety=kept_by_plan(settings.safety, survey, spent))
 
 
 def _say_which(departure: Departure, survey_file: SurveyFile) -> None:
@@ -328,14 +341,6 @@ def _say_which(departure: Departure, survey_file: SurveyFile) -> None:
             f"{departure.spent.seconds / 60:.0f} min since its harbour, which count; where the "
             "battery was changed, say what it holds by --battery-wh"
         )
-
-
-def _refuse_for_fleets(run: dict[str, Any], *, live: bool) -> None:
-    """What one boat can, and a fleet cannot yet."""
-    asked = {"--live": live, "--adaptive": run["adaptive_key"] is not None}
-    for flag, given in asked.items():
-        if given:
-            raise UsageError(f"{flag} works for one boat only; run its part with --sortie.")
 
 
 def _closures_of(run: dict[str, Any], survey_file: SurveyFile) -> Closures | None:
@@ -356,6 +361,12 @@ def _show_preview(
     as_json: bool,
 ) -> None:
     with SurveyFile.open(file) as survey_file:
+        fleet = survey_file.survey.fleet if sortie is None and not force else None
+        if fleet is not None and not run["returns"]:
+            go = f"grebe run {file}{' --resume' if resume else ''}{typed_again(run)}"
+            numbers = fleet_preview(survey_file, now)
+            output.result(numbers, as_json=as_json, next_command=go)
+            return
         departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     if run["returns"]:
         numbers = way_home_of(departure, safety_of(run, now))

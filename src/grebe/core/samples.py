@@ -143,6 +143,11 @@ class Samples:
             return [np.arange(len(self))]
         return [np.flatnonzero(self.boat == number) for number in np.unique(self.boat)]
 
+    def of_boat(self, number: int) -> Samples:
+        """The samples of one boat; where nobody said whose they are, all are the first one's."""
+        whose = np.ones(len(self), dtype=np.int64) if self.boat is None else self.boat
+        return self.rows(whose == number)
+
     def moved(self, positions: NDArray[np.float64]) -> Samples:
         """The same samples in another frame's positions (n, 2)."""
         return replace(self, positions=positions)

@@ -8,7 +8,7 @@ of one file never run back.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from grebe.core.errors import PlanError, SurveyFileError, UsageError
@@ -121,7 +121,7 @@ def prepare(
         quantities=survey_file.quantities,
         doubts=_doubts(survey_file, now, ends if resume else None),
         sortie=own,
-        spent=_spent(survey_file, survey, own) if ends and resume else NOTHING,
+        spent=_spent_before(survey_file, survey, own) if ends and resume else NOTHING,
     )
 
 
@@ -133,18 +133,41 @@ def _after_all(survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, Tra
     return max(now, over + timedelta(seconds=AFTER_S))
 
 
-def _spent(survey_file: SurveyFile, survey: Survey, sortie: Sortie | None) -> Spent:
+def _spent_before(survey_file: SurveyFile, survey: Survey, sortie: Sortie | None) -> Spent:
+    """What a boat has spent of the battery that it goes on with."""
+    boat = 1 if sortie is None else sortie.boat
+    return _spent(survey_file, survey, boat, came_home=_came_home(survey_file, boat))
+
+
+def _spent(survey_file: SurveyFile, survey: Survey, boat: int, *, came_home: bool) -> Spent:
     assert survey.vessel is not None
     assert survey.start is not None
     tracks = survey_file.track().each_boat()
-    boat = 1 if sortie is None else sortie.boat
     track = next((one for one in tracks if int(one.boat[0]) == boat), None)
     harbour = (survey.start.north_m, survey.start.east_m)
     if track is None:
         return NOTHING
-    last = survey_file.events()[-1:]
-    home = bool(last) and last[0].code in (EndReason.CAME_HOME.value, EndReason.COMPLETE.value)
-    return spent_since_harbour(track, survey.vessel, harbour, came_home=home)
+    return spent_since_harbour(track, survey.vessel, harbour, came_home=came_home)
+
+
+def _spent_by(survey_file: SurveyFile, survey: Survey, boat: int) -> Spent:
+    """What a boat has spent that takes over another's part from where it lies, wherever that is:
+    since it was last at a harbour of its own, as planned. Nobody has changed its battery there.
+    """
+    planned = as_planned(survey_file.revisions()).sorties
+    own = [one.start for one in planned if one.boat == boat]
+    if survey.start in own:
+        return NOTHING
+    each = [_spent(survey_file, replace(survey, start=one), boat, came_home=False) for one in own]
+    return min(each, key=lambda spent: spent.seconds, default=NOTHING)
+
+
+def _came_home(survey_file: SurveyFile, boat: int) -> bool:
+    """Whether the last mission of a boat ended as it should, where a battery may be changed."""
+    whose = "" if survey_file.survey.fleet is None else f"boat {boat}: "
+    own = [event for event in survey_file.events() if event.message.startswith(whose)]
+    ends = (EndReason.CAME_HOME.value, EndReason.COMPLETE.value)
+    return bool(own) and own[-1].code in ends
 
 
 def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:
@@ -211,9 +234,11 @@ def _from_harbour(
     if vessel is None or start is None:
         raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
     over, state = survey_file.last_time(), start.at_rest()
-    # Who takes over what another has left sets out from where it lies.
+    spent = NOTHING
+    # Who takes over what another has left sets out from where it lies, with what it has left.
     if ends and math.dist(ends[1].state[:2], state[:2]) < SAME_PLACE_M:
         state = ends[1].state
+        spent = _spent_by(survey_file, survey, part.sortie.boat)
     return Departure(
         survey=survey,
         vessel=vessel,
@@ -224,6 +249,7 @@ def _from_harbour(
         quantities=survey_file.quantities,
         doubts=_doubts(survey_file, now, ends),
         sortie=part.sortie,
+        spent=spent,
     )
 
 

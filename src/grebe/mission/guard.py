@@ -187,6 +187,11 @@ class Guard:
         """What the drives have taken since the harbour, as far as their thrusts tell [Wh]."""
         return self._used_wh
 
+    def crowded_s(self, time_s: float) -> float:
+        """How long the boat has waited for others to leave its way [s]."""
+        waits = self.state is SafetyState.HOLDING and self._memory.cause is Cause.TRAFFIC
+        return time_s - self._memory.since_s if waits else 0.0
+
     @property
     def helm(self) -> Helm | None:
         """Who steers the way home; None while the survey is steered, or nobody has to."""

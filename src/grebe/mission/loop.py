@@ -61,6 +61,9 @@ from grebe.mission.way_home import Pilot
 
 # The state that is told of a mission that never received an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+# A boat that goes on where it pays looks for another place once others have stood in its way so
+# long [s].
+ELSEWHERE_S = 30.0
 # The quantity that says how much water is below the boat.
 DEPTH = "water_depth_m"
 # Where a mission begins that is given no date: simulated time needs no calendar.
@@ -238,7 +241,7 @@ class Mission:
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
         """Why the mission ends at this estimate; None where it goes on."""
         surveys = self._guard.state is SafetyState.SURVEYING
-        if self._done and not self._waits_for_others() and not self._extends(observation):
+        if self._done and not self._extends(observation) and not self._waits_for_others():
             why = "" if self._replanner is None else self._replanner.over
             return EndReason.COMPLETE, "every target is reached" + (f"; {why}" if why else "")
         if request := self._requested_stop():
@@ -270,27 +273,25 @@ class Mission:
     def _extends(self, observation: Observation) -> bool:
         """Whether the mission goes on after its last target; the boat waits for where."""
         plans, place = self._replanner, observation.state[:2]
-        return plans is not None and plans.goes_on(observation.time_s, self._reached, place)
+        if plans is None or self._guard.state is not SafetyState.SURVEYING:
+            return plans is not None and plans.may_go_on
+        return plans.goes_on(observation.time_s, self._reached, place)
 
     def _gives_up(self, observation: Observation) -> bool:
         """Whether the mission goes on without the target that it does not reach."""
         if self._replanner is None or self._done:
             return False
         seq, place = self._targets[self._reached].seq, observation.state[:2]
+        if self._replanner.goes_elsewhere(observation.time_s, self._reached, place):
+            return True
         self._replanner.give_up(seq, self._reached, place, self._weather)
         return self._replanner.is_busy
 
     def _replan(self, observation: Observation) -> None:
         """Take a new order of what is left where there is one, or ask for one."""
         plans, place = self._replanner, observation.state[:2]
-        if plans is None or self._guard.state is not SafetyState.SURVEYING:
+        if plans is None or not self._asks_for_order(plans, observation):
             return
-        if self._looks_on and not self._done:
-            self._looks_on, self._waits_at = False, (place[0], place[1])
-            plans.lead_on(self._reached, place, self._weather)
-        if not self._done:
-            used_wh = self._guard.used_wh
-            plans.watch(observation.time_s, self._reached, place, self._weather, used_wh)
         try:
             new = plans.ready(self._reached, place, self._weather)
         except PlanError as error:
@@ -314,6 +315,25 @@ class Mission:
             Warned, observation.time_s, code="plan_revised", message=new.revision.note
         )
         self._give_patience(observation)
+
+    def _asks_for_order(self, plans: Replanner, observation: Observation) -> bool:
+        """Ask for a new order where there is cause; whether one would be sailed: not on the way
+        home.
+        """
+        time_s, place = observation.time_s, observation.state[:2]
+        if self._guard.state is not SafetyState.SURVEYING:
+            crowded = self._guard.crowded_s(time_s) > ELSEWHERE_S
+            return crowded and plans.goes_elsewhere(time_s, self._reached, place)
+        if self._done:
+            # Asked for and taken at one estimate where the loop waits: of a fleet in simulation no
+            # other boat acts between, and each plans with what those before it have announced.
+            plans.goes_on(time_s, self._reached, place)
+            return True
+        if self._looks_on:
+            self._looks_on, self._waits_at = False, (place[0], place[1])
+            plans.lead_on(self._reached, place, self._weather)
+        plans.watch(time_s, self._reached, place, self._weather, self._guard.used_wh)
+        return True
 
     def _requested_stop(self) -> str:
         """Who wants the mission to end, and why; empty where nobody does."""

@@ -32,6 +32,8 @@ from grebe.planning.revise import Halfway, OpenWater, open_water, replanned
 
 # A current that differs by so much from the one that was planned with, for so long, is another.
 OTHER_WEATHER_MPS, FOR_S = 0.15, 60.0
+# A boat that cannot come to where it would pay looks for another place so often [s].
+AGAIN_S = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +107,8 @@ class Replanner:
     asked: Reason | None = None
     _open: OpenWater | None = None
     _heeded: int = 0
+    _went_on: bool = False
+    _turned_s: float = -math.inf
     _free: tuple[int, BaseGeometry] | None = None
     _pace: Pace | None = None
     _late: Late | None = None
@@ -200,13 +204,29 @@ class Replanner:
         self._ask("closed", f"{taken.area:,.0f} m2 are closed", reached, place, weather)
         return True
 
+    def goes_elsewhere(self, time_s: float, reached: int, place: Place) -> bool:
+        """Whether the mission, which goes on where it pays, has asked for another place than its
+        next, to which it does not come.
+        """
+        if not (self._went_on and self.may_go_on):
+            return False
+        if not self.is_busy and time_s - self._turned_s >= AGAIN_S:
+            self.asked, self._turned_s = None, time_s
+            self._start(self._extend, reached, place, time_s)
+        return self.is_busy
+
+    @property
+    def may_go_on(self) -> bool:
+        """Whether the mission may go on after its last target, as far as is known."""
+        return self.extends is not None and not self.over
+
     def goes_on(self, time_s: float, reached: int, place: Place) -> bool:
         """Whether the mission goes on after its last target; where it does is asked for, once."""
-        if self.extends is None or self.over:
+        if not self.may_go_on:
             return False
         if not self.is_busy:
             self.asked = None
-            self._start(self._extend, Halfway(reached=reached, place=place), time_s)
+            self._start(self._extend, reached, place, time_s)
         return True
 
     def ready(self, reached: int, place: Place, weather: Weather) -> NewOrder | None:
@@ -228,8 +248,13 @@ class Replanner:
             self._failed(new)
             return None
         if new is not None and (reached != new.reached or not self.plan.take(new.revision)):
+            # Where the mission goes on is asked for again by the loop, as it was before.
+            if new.revision.reason == "adaptive":
+                return None
             self._ask(new.revision.reason, new.note, reached, place, weather)
             return None
+        if new is not None and new.revision.reason == "adaptive":
+            self._went_on = True
         return new
 
     def _failed(self, error: Exception) -> None:
@@ -267,15 +292,18 @@ class Replanner:
         self._thread = threading.Thread(target=watched, daemon=True)
         self._thread.start()
 
-    def _extend(self, halfway: Halfway, time_s: float) -> NewOrder | None:
+    def _extend(self, reached: int, place: Place, time_s: float) -> NewOrder | None:
         assert self.extends is not None
+        old = self.plan.revision
+        halfway = Halfway(reached=reached, place=place, sortie=self._sortie_in(old))
         try:
-            new = self.extends(self.plan.revision, halfway, time_s)
+            new = self.extends(old, halfway, time_s)
         # What was to be surveyed is: no more is an end like any other.
         except GrebeError as error:
             self.over = str(error)
             return None
-        if _goes_through(self.plan.closed, survey_of(self.survey, new), halfway.reached, None):
+        part = survey_of(self.survey, new, self._sortie_in(new))
+        if _goes_through(self.plan.closed, part, reached, None):
             self.over = "the way to where it would pay leads through a closed area"
             return None
         return self._ordered(new, halfway)

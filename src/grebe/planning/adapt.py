@@ -8,15 +8,22 @@ covariance brought up to date for all places that are now passed, and so on unti
 spent. For variance it is within 1 - 1/e of the best of as many places, for what one reading adds is
 less the more are taken (Krause, Singh and Guestrin 2008, JMLR 9, on near-optimal sensor
 placements); the way's cost makes a heuristic of it.
+
+Boats that explore together plan one after the other, each as if what the others have announced were
+read already (sequential allocation: Singh, Krause, Guestrin and Kaiser 2009, JAIR 34, on efficient
+informative sensing using multiple robots). What that loses on the best of all joint plans is
+bounded as the single planner's own loss is.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import KDTree
 
 from grebe.planning.place_ways import PlaceWays
@@ -49,6 +56,17 @@ class Worth:
     apart_m: float
 
 
+def once_read(worth: Worth, ways: PlaceWays, announced: Sequence[Array]) -> Worth:
+    """Return what places are worth once others have read along ways (k, 2) that they announced."""
+    passed = sorted({place for way in announced for place in ways.passed(way)})
+    if not passed:
+        return worth
+    seen = worth.covariance[:, passed]
+    system = worth.covariance[np.ix_(passed, passed)] + worth.noise * np.eye(len(passed))
+    gone = seen @ cho_solve(cho_factor(system), seen.T)
+    return replace(worth, covariance=worth.covariance - 0.5 * (gone + gone.T))
+
+
 def chosen_places(
     worth: Worth, ways: PlaceWays, start: int, budget_s: float, pace_mps: float, turn_m: float
 ) -> tuple[list[int], Array]:
@@ -70,7 +88,10 @@ def chosen_places(
             if chosen.length_m < before - 1e-9:
                 continue
             break
-        best = int(np.argmax(np.where(allowed, chosen.gains(at) / price_s, -np.inf)))
+        # To some there may be no way: they cost without end, and are not allowed.
+        worth_each = np.full(len(allowed), -np.inf)
+        np.divide(chosen.gains(at), price_s, out=worth_each, where=allowed)
+        best = int(np.argmax(worth_each))
         chosen.take(best, int(at[best]))
         open_[best] = False
         if len(chosen.route) % SHORTENED_EACH == 0:

@@ -49,6 +49,14 @@ class PlaceWays:
         met: list[int] = np.asarray(self._tree.query(points)[1]).tolist()
         return list(dict.fromkeys(met))
 
+    def passed(self, way: Array) -> list[int]:
+        """The places that a way (n, 2) of straight legs comes by."""
+        points = shapely.get_coordinates(
+            shapely.segmentize(shapely.linestrings(way), 0.5 * self.pitch_m)
+        )
+        met: list[int] = np.asarray(self._tree.query(points)[1]).tolist()
+        return list(dict.fromkeys(met))
+
     @cached_property
     def _tree(self) -> KDTree:
         return KDTree(self.places)

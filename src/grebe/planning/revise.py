@@ -207,7 +207,8 @@ def way_through_cells(
     """Return the targets and corridors of the fastest order of some cells of the open water from
     where the boat is, with the transits between them, and to where it has to end.
     """
-    order = _ordered(survey, open_, halfway, vessel, weather, np.array(rest, dtype=np.int64))
+    cells = np.array(rest, dtype=np.int64)
+    order = _ordered(survey, open_, halfway, ends_at, vessel, weather, cells)
     stops = _stops(open_, halfway.place, order, ends_at)
     begin = shapely.Point(halfway.place).buffer(PLACE_RADIUS_M, quad_segs=1)
     corridors = _corridors(old, open_, begin, stops)
@@ -228,13 +229,15 @@ def remaining_s(
 
 
 def _ordered(
-    survey: Survey, open_: OpenWater, halfway: Halfway, vessel: Vessel, weather: Weather,
-    rest: NDArray[np.int64],
+    survey: Survey, open_: OpenWater, halfway: Halfway, ends_at: Target | None, vessel: Vessel,
+    weather: Weather, rest: NDArray[np.int64],
 ) -> NDArray[np.int64]:  # fmt: skip
     settings = survey.settings
     assert settings is not None
     travel = travel_of(vessel, (settings.speed_min_mps, settings.speed_max_mps), weather)
-    costs = costs_of(open_.network, travel, halfway.place, returns=halfway.sortie is not None)
+    # A boat's part without a harbour is a sortie that does not come back.
+    returns = halfway.sortie is not None and ends_at is not None
+    costs = costs_of(open_.network, travel, halfway.place, returns=returns)
     if len(rest) < 2:
         return rest
     # Legs through the centres are not all: an order is taken that is predicted to be faster.

@@ -75,7 +75,7 @@ def sail(path: Path, voyage: Voyage) -> None:
                 datetime.now(UTC),
                 resume=voyage.resume,
                 force=voyage.force,
-                listeners=[ears.telling.hear],
+                listeners=[ears.hear],
                 on_ready=ears.obeys,
             )
             check_samples(survey_file)

@@ -23,6 +23,7 @@ from grebe.core.quantities import Quantities
 from grebe.core.samples import Samples
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
+from grebe.io.store.tables import TrackTable
 from grebe.report.thresholds import Profile, read_profile
 from grebe.server.mission_delta import ENDS, iso, number
 
@@ -220,19 +221,19 @@ def detail(survey_id: str, path: Path) -> dict[str, Any]:
 
 def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
     """The state of a survey from its file, with times in unix seconds; `begins` is its
-    first, `last` and `sampled` those of the last row of the track and the last sample.
+    first, `last` and `sampled` those of the last row of the track and the last sample. Of a fleet
+    each of its `boats` has the same, and what is all of a boat's is empty beside them.
     """
     with SurveyFile.open(path) as file:
         survey, track, samples = file.survey, file.track(), file.samples()
-        times = np.array([moment.timestamp() for moment in track.times])
-        places = _places(survey, track.states[:, :2])
-        last = float(times[-1]) if len(times) else 0.0
         shown = [key for key in measured(file) if key in file.quantities]
+        boats = range(1, survey.fleet.boats + 1) if survey.fleet else ()
+        # Nobody's: what is known is its boats'.
+        whose = (track.of_boat(0), samples.of_boat(0)) if boats else (track, samples)
         return {
             "id": survey_id,
-            "begins": float(times[0]) if len(times) else None,
-            "last": last,
-            "sampled": float(np.max(samples.times, initial=0.0)),
+            **_of_boat(survey, *whose, shown),
+            "begins": min((at.timestamp() for at in track.times), default=None),
             "order": list(file.quantities),
             "name": file.meta().get("app_name") or survey.name,
             "region": geojson(survey, survey.water),
@@ -242,16 +243,47 @@ def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
             "quantities": quantity_table(file.quantities, shown),
             "speed_window": _window(survey),
             "thrust_limit_n": [0.0, 0.0],
-            "track": _way(times, places, track.states[:, 3]),
-            "samples": _recent(survey, samples, shown, last - RECENT_S),
-            "estimate": _estimate(track.states[-1], places[-1]) if len(times) else None,
-            "thrusts": track.thrusts[-1].tolist() if len(times) else None,
-            "horizon": [],
-            "current": _current(survey.settings),
-            "wind": None,
+            "boats": [
+                {
+                    "boat": k,
+                    "status": _of_part(file, k),
+                    **_of_boat(survey, track.of_boat(k), samples.of_boat(k), shown),
+                }
+                for k in boats
+            ],
             "events": [_event(one) for one in file.events()[-LOG_LINES:]],
-            "status": _status(file, track.times[-1] if len(times) else None),
+            "status": _status(file, max(track.times, default=None)),
         }
+
+
+def _of_part(file: SurveyFile, boat: int) -> dict[str, int]:
+    """How far a boat of a fleet is with what is its own."""
+    progress = file.progress()
+    own = [sortie for sortie in file.revision.sorties if sortie.boat == boat]
+    return {
+        "reached": sum(progress.reached_in(sortie) for sortie in own),
+        "targets": sum(len(sortie) for sortie in own),
+    }
+
+
+def _of_boat(
+    survey: Survey, track: TrackTable, samples: Samples, shown: Sequence[str]
+) -> dict[str, Any]:
+    """Where a boat has been, what it read last, and where it is."""
+    times = np.array([moment.timestamp() for moment in track.times])
+    places = _places(survey, track.states[:, :2])
+    last = float(times[-1]) if len(times) else 0.0
+    return {
+        "last": last,
+        "sampled": float(np.max(samples.times, initial=0.0)),
+        "track": _way(times, places, track.states[:, 3]),
+        "samples": _recent(survey, samples, shown, last - RECENT_S),
+        "estimate": _estimate(track.states[-1], places[-1]) if len(times) else None,
+        "thrusts": track.thrusts[-1].tolist() if len(times) else None,
+        "horizon": [],
+        "current": _current(survey.settings),
+        "wind": None,
+    }
 
 
 def _target_table(survey: Survey, reached_at: Sequence[object]) -> list[dict[str, Any]]:
@@ -267,7 +299,7 @@ def _way(times: Array, places: list[list[float]], surge: Array) -> list[list[Any
     return [[float(times[i]), *places[i], float(surge[i])] for i in keep]
 
 
-def _recent(survey: Survey, samples: Samples, keys: list[str], since: float) -> list[list[Any]]:
+def _recent(survey: Survey, samples: Samples, keys: Sequence[str], since: float) -> list[list[Any]]:
     """The samples after a moment: time, place and the values of some quantities."""
     recent = np.flatnonzero(samples.times > since)
     places = _places(survey, samples.positions[recent])

@@ -23,6 +23,7 @@ from starlette.concurrency import run_in_threadpool
 
 from grebe.core.errors import InputError, LinkError
 from grebe.server import library
+from grebe.server.fleet_state import carried_on, part_of, together
 from grebe.server.mission_delta import iso
 from grebe.server.mission_request import Voyage
 from grebe.server.mission_socket import live_path
@@ -70,6 +71,7 @@ class Watch:
         state = await run_in_threadpool(library.snapshot, self.survey_id, self.path)
         if self.under_way:
             state["status"] |= {"state": "running", "doing": "surveying"}
+            carried_on(self.state, state)
         self.state = state
 
     async def _connect(self) -> None:
@@ -118,18 +120,22 @@ class Watch:
             tab.tell(told)
 
     def _take(self, told: dict[str, Any]) -> None:
-        """Take in what a mission says, and pass it on."""
+        """Take in what a mission says, or one of a fleet's boats, and pass it on."""
         state = self.state
         if state["begins"] is None:
             state["begins"] = told["time"]
         zero: float = state["begins"]
+        one = part_of(state, told.get("boat"))
         delta: dict[str, Any] = {"t": told["time"] - zero, "heard": told["heard"]}
         for name in ("estimate", "thrusts", "horizon", "current"):
             if name in told:
-                state[name] = delta[name] = told[name]
+                one[name] = delta[name] = told[name]
         self._take_lists(told, delta, zero)
+        one["status"] |= told["status"]
         status = state["status"]
-        status |= told["status"]
+        if one is not state:
+            delta |= {"boat": told["boat"], "own": one["status"]}
+            status |= together(state["boats"])
         status["time"] = iso(datetime.fromtimestamp(told["time"], UTC))
         status["t"] = delta["t"]
         status["coverage"] = status["reached"] / max(1, status["targets"])
@@ -140,37 +146,46 @@ class Watch:
 
     def _take_lists(self, told: dict[str, Any], delta: dict[str, Any], zero: float) -> None:
         state = self.state
-        track = [point for point in told.get("track", ()) if point[0] > state["last"]]
+        one = part_of(state, told.get("boat"))
+        track = [point for point in told.get("track", ()) if point[0] > one["last"]]
         if track:
-            state["track"] = [*state["track"], *track][-TRACK_KEPT:]
+            one["track"] = [*one["track"], *track][-TRACK_KEPT:]
             delta["track"] = [[point[0] - zero, *point[1:]] for point in track]
-        shown = {one["id"] for one in state["quantities"]}
+        shown = {quantity["id"] for quantity in state["quantities"]}
         places = [i for i, key in enumerate(state["order"]) if key in shown]
         # What was told while the file was read is in both.
         samples: list[Any] = [
             [at, lon, lat, [values[i] for i in places]]
             for at, lon, lat, values in told.get("samples", ())
-            if at > state["sampled"]
+            if at > one["sampled"]
         ]
         if samples:
-            state["samples"] = [*state["samples"], *samples][-SAMPLES_KEPT:]
+            one["samples"] = [*one["samples"], *samples][-SAMPLES_KEPT:]
             state["status"]["samples"] += len(samples)
-            delta["samples"] = [[one[0] - zero, *one[1:]] for one in samples]
+            delta["samples"] = [[each[0] - zero, *each[1:]] for each in samples]
         if told.get("targets"):
-            reached: set[int] = {seq for seq, word in told["targets"] if word == "reached"}
-            changes: list[Any] = [
-                *([seq, "open"] for seq in told.get("left", ()) if self._is_current(seq)),
-                *told["targets"],
-            ]
-            changes = [one for one in changes if one[1] == "reached" or one[0] not in reached]
-            targets = self._by_number()
-            for seq, word in changes:
-                if seq in targets:
-                    targets[seq]["state"] = word
-            delta["targets"] = changes
+            delta["targets"] = self._take_targets(told, counts=one is not state)
         if told.get("events"):
             state["events"] = [*state["events"], *told["events"]][-library.LOG_LINES :]
             delta["events"] = [_since(event, zero) for event in told["events"]]
+
+    def _take_targets(self, told: dict[str, Any], *, counts: bool) -> list[Any]:
+        """The targets that have changed, as they are now; a boat of a fleet says how many of its
+        own are reached, and the survey `counts` those that were not known to be.
+        """
+        reached: set[int] = {seq for seq, word in told["targets"] if word == "reached"}
+        changes: list[Any] = [
+            *([seq, "open"] for seq in told.get("left", ()) if self._is_current(seq)),
+            *told["targets"],
+        ]
+        changes = [one for one in changes if one[1] == "reached" or one[0] not in reached]
+        targets = self._by_number()
+        for seq, word in changes:
+            if seq in targets:
+                if counts and word == "reached" and targets[seq]["state"] != "reached":
+                    self.state["status"]["reached"] += 1
+                targets[seq]["state"] = word
+        return changes
 
     def _is_current(self, seq: int) -> bool:
         return self._by_number().get(seq, {}).get("state") == "current"
@@ -191,11 +206,9 @@ class Watch:
         """All that there is to know, for a tab."""
         state = self.state
         zero = state["begins"] or 0.0
-        hidden = ("begins", "last", "sampled", "order")
         return {
-            **{key: value for key, value in state.items() if key not in hidden},
-            "track": [[point[0] - zero, *point[1:]] for point in state["track"]],
-            "samples": [[one[0] - zero, *one[1:]] for one in state["samples"]],
+            **_told_since(state, zero),
+            "boats": [_told_since(one, zero) for one in state["boats"]],
             "events": [_since(event, zero) for event in state["events"]],
             "status": {"t": max(0.0, state["last"] - zero), **state["status"]},
             "lease": self.lease.seen_by(tab),
@@ -293,6 +306,16 @@ class Watch:
             await self.ready()
             if self.under_way:
                 tab.tell_all()
+
+
+def _told_since(one: dict[str, Any], zero: float) -> dict[str, Any]:
+    """What is known of a boat, or of all, in seconds since the mission began."""
+    hidden = ("begins", "last", "sampled", "order")
+    return {
+        **{key: value for key, value in one.items() if key not in hidden},
+        "track": [[point[0] - zero, *point[1:]] for point in one["track"]],
+        "samples": [[each[0] - zero, *each[1:]] for each in one["samples"]],
+    }
 
 
 def _since(event: dict[str, Any], zero: float) -> dict[str, Any]:

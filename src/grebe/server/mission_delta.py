@@ -104,6 +104,8 @@ class Telling:
                 self._began = event.time.timestamp()
                 self._reached_at_start = event.reached
                 self._status |= {"reached": event.reached, "targets": event.targets}
+                # A boat that has done its part may set out again for what another has left.
+                self._status |= {"state": "running", "doing": "surveying"}
             case Estimate():
                 self._estimate(event)
             case Step():

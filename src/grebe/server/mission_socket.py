@@ -16,14 +16,15 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from grebe.server.mission_delta import Telling
 
 if TYPE_CHECKING:
+    from grebe.core.events import MissionEvent
     from grebe.io.store import SurveyFile
     from grebe.links.base import BoatLink
     from grebe.mission.departure import Departure
@@ -43,11 +44,14 @@ def live_path(survey: Path) -> Path:
 
 
 class Ears:
-    """The clients of a mission: all of them are told, and what they order goes to the mission."""
+    """The clients of a mission, or of those of a fleet's boats by their numbers: all are told of
+    all, and what they order goes to every mission. Of a fleet is told whose each word is.
+    """
 
-    def __init__(self, telling: Telling) -> None:
-        self.telling = telling
-        self._mission: Mission | None = None
+    def __init__(self, tellings: Mapping[int, Telling], *, of_fleet: bool) -> None:
+        self.tellings, self._of_fleet = dict(tellings), of_fleet
+        self._alone = 1
+        self._missions: dict[int, Mission] = {}
         self._clients: list[socket.socket] = []
         self._lock = threading.Lock()
         self._key = secrets.token_urlsafe(24)
@@ -69,14 +73,19 @@ class Ears:
         """The same boat, of whose link is told how it fares."""
 
         def opened(departure: Departure) -> BoatLink:
-            self.telling.link = link = boat_at(departure)
+            self._alone = 1 if departure.sortie is None else departure.sortie.boat
+            self.tellings[self._alone].link = link = boat_at(departure)
             return link
 
         return opened
 
-    def obeys(self, mission: Mission) -> None:
-        """Orders go to this mission from here on."""
-        self._mission = mission
+    def hear(self, event: MissionEvent, boat: int | None = None) -> None:
+        """Hear of an event of a boat's mission; without its number, of the one that was opened."""
+        self.tellings[boat or self._alone].hear(event)
+
+    def obeys(self, mission: Mission, boat: int | None = None) -> None:
+        """Orders go to this mission of a boat from here on."""
+        self._missions[boat or self._alone] = mission
 
     def close(self, beside: Path) -> None:
         """Tell what is left, and go."""
@@ -114,17 +123,15 @@ class Ears:
             pass
 
     def _obey(self, order: str) -> None:
-        mission = self._mission
-        if mission is None:
-            return
-        deeds = {
-            "pause": mission.hold_station,
-            "continue": mission.go_on,
-            "return": mission.come_home,
-            "stop": mission.stop,
-        }
-        if order in deeds:
-            deeds[order](BY_THE_APP)
+        for mission in tuple(self._missions.values()):
+            deeds = {
+                "pause": mission.hold_station,
+                "continue": mission.go_on,
+                "return": mission.come_home,
+                "stop": mission.stop,
+            }
+            if order in deeds:
+                deeds[order](BY_THE_APP)
 
     def _tell(self) -> None:
         while True:
@@ -132,9 +139,12 @@ class Ears:
             self._tell_once()
 
     def _tell_once(self) -> None:
-        told = self.telling.take()
-        if told is None:
-            return
+        for boat, telling in self.tellings.items():
+            told = telling.take()
+            if told is not None:
+                self._say({**told, "boat": boat} if self._of_fleet else told)
+
+    def _say(self, told: dict[str, Any]) -> None:
         line = json.dumps(told, allow_nan=False).encode() + b"\n"
         with self._lock:
             for client in tuple(self._clients):
@@ -147,8 +157,11 @@ class Ears:
 
 @contextmanager
 def listened_to(survey_file: SurveyFile) -> Generator[Ears]:
-    """Let others look on at a mission of the file, as long as it takes."""
-    ears = Ears(Telling(survey_file.survey, list(survey_file.quantities)))
+    """Let others look on at a mission of the file, or at its fleet's, as long as it takes."""
+    survey, quantities = survey_file.survey, list(survey_file.quantities)
+    boats = 1 if survey.fleet is None else survey.fleet.boats
+    tellings = {boat: Telling(survey, quantities) for boat in range(1, boats + 1)}
+    ears = Ears(tellings, of_fleet=boats > 1)
     ears.open(survey_file.path)
     try:
         yield ears

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from scipy.stats import norm
 
 from grebe.core.dynamics import CALM
@@ -23,7 +26,7 @@ from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.mapping.sequential import sequential
 from grebe.mapping.threads import one_blas_thread
-from grebe.planning.adapt import Worth, chosen_places
+from grebe.planning.adapt import Worth, chosen_places, once_read
 from grebe.planning.mesh import mesh_water, target_footprint
 from grebe.planning.place_ways import PlaceWays, place_ways
 from grebe.planning.region import water_of
@@ -40,6 +43,9 @@ if TYPE_CHECKING:
 
 # Places that can be gone to, about so many; a target is drawn in to this share of its cell.
 PLACES, CORE = 900, 0.6
+# What the shore leaves of a cell is no place to go to where its target is narrower [m]: boats went
+# round and round splinters of a hand's breadth.
+NARROWEST_M = 1.0
 # The time is used from so much on, in so many trials.
 FULL, FITTINGS = 0.93, 5
 # The sampler's interval [s]; and how far apart readings on the way are that tell different things,
@@ -54,7 +60,8 @@ NOWHERE_SD = 4.0
 @dataclass(frozen=True, kw_only=True)
 class Adapted:
     """The revision that goes on where it pays, with the root mean square of the map's standard
-    deviation before and as it is expected after, weighted by what matters.
+    deviation before and as it is expected after, weighted by what matters; after with what others
+    have announced.
     """
 
     revision: PlanRevision
@@ -68,28 +75,35 @@ def adapted(
     revision: PlanRevision,
     samples: Samples,
     quantities: Quantities,
-    reached: int,
-    place: tuple[float, float],
+    halfway: Halfway,
     wish: Wish,
+    *,
+    announced: Sequence[Array] = (),
+    closed: Sequence[shapely.Polygon] = (),
 ) -> Adapted:
-    """Return where a survey of which `reached` targets are reached goes on from a place.
+    """Return where a survey, or its boat's sortie, goes on that has come halfway.
 
-    Raises `InputError` where what was measured makes no map, and `PlanError` where the time is too
-    short for any place.
+    `announced` are the ways (k, 2) along which other boats are going to read: this one reads where
+    they do not. It keeps out of what is `closed`. Raises `InputError` where what was
+    measured makes no map, and `PlanError` where the time is too short for any place.
     """
-    settings, vessel = survey.settings, survey.vessel
+    place, sortie = halfway.place, halfway.sortie
+    settings, vessel = survey.settings, survey.vessel_of(sortie.boat if sortie else 1)
     if settings is None or vessel is None or survey.outcome is None:
         raise PlanError("Only a planned survey can go on; plan it first.")
     if wish.quantity not in samples.values:
         raise InputError(f"The survey has no quantity {wish.quantity!r}.")
     open_ = _open_water(survey, revision.highest_seq)
+    if closed:
+        open_ = open_.closing(closed, place)
     places = np.array([target.set.centre for target in open_.targets])
     window = (settings.speed_min_mps, settings.speed_max_mps)
     travel = travel_of(vessel, window, settings.weather)
     pace = 1 / float(np.mean(travel.slowness))
     worth = _worth(survey, samples, quantities, places, wish, open_.cell_m / pace)
     ways = place_ways(places, open_.cell_m, open_.water)
-    route, left, sails_s = _best_route(worth, ways, open_, travel, place, wish)
+    ahead = once_read(worth, ways, announced)
+    route, left, sails_s = _best_route(ahead, ways, open_, travel, place, wish)
     before, after = (_weighted_sd(one, worth.weights) for one in (np.diag(worth.covariance), left))
     # New ways around land are numbered after all the places that could be gone to.
     known = max(target.seq for target in open_.targets)
@@ -97,7 +111,7 @@ def adapted(
         _numbered(revision, known),
         survey,
         open_,
-        Halfway(reached=reached, place=place),
+        halfway,
         route,
         vessel=vessel,
         weather=settings.weather or CALM,
@@ -161,24 +175,29 @@ def _numbered(revision: PlanRevision, known: int) -> PlanRevision:
 
 
 def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
-    """Places all over the water, each a small target with a number of its own."""
+    """Places all over the water, each a small target with a number of its own; those that are too
+    narrow to be hit are none.
+    """
     assert survey.settings is not None
     water = water_of(survey)
     cell_m = math.sqrt(water.area / PLACES)
     cells = mesh_water(water, cell_m)
     rings = [target_footprint(ring) for ring in rings_of([cell.footprint for cell in cells])]
-    sets = [
-        TargetSet(
-            vertices=drawn_in(ring, CORE),
-            speed_min_mps=survey.settings.speed_min_mps,
-            speed_max_mps=survey.settings.speed_max_mps,
-        )
-        for ring in rings
-    ]
-    whole = polygons_of(rings).tolist()
+    drawn = [drawn_in(ring, CORE) for ring in rings]
+    wide = ~shapely.is_empty(shapely.buffer(polygons_of(drawn), -0.5 * NARROWEST_M))
+    kept = list(zip(itertools.compress(drawn, wide), polygons_of(rings)[wide], strict=True))
     targets = tuple(
-        Target(seq=highest_seq + i, kind="cell", set=one, cell=cell)
-        for i, (one, cell) in enumerate(zip(sets, whole, strict=True), 1)
+        Target(
+            seq=highest_seq + i,
+            kind="cell",
+            set=TargetSet(
+                vertices=ring,
+                speed_min_mps=survey.settings.speed_min_mps,
+                speed_max_mps=survey.settings.speed_max_mps,
+            ),
+            cell=cell,
+        )
+        for i, (ring, cell) in enumerate(kept, 1)
     )
     return OpenWater(water=water, targets=targets, cell_m=cell_m)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -13,7 +13,7 @@ import shapely
 
 from grebe.core.errors import PlanError, UsageError
 from grebe.core.events import EndReason
-from grebe.core.revision import PlanRevision, Sortie
+from grebe.core.revision import PlanRevision, Sortie, as_planned, survey_of
 from grebe.core.survey import Pose
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
@@ -22,7 +22,7 @@ from grebe.mission.departure import Departure, prepare
 from grebe.mission.lookout import Lookout
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
-from grebe.mission.replanning import KeptPlan, Replanner
+from grebe.mission.replanning import Extension, KeptPlan, Replanner
 from grebe.mission.rota import InTurn, Rota
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.settings import MissionSettings
@@ -31,10 +31,21 @@ from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
-from grebe.workflow.run import HelmOf, as_known_to, counting, no_long_pauses, pilot_of, say_first
+from grebe.workflow.run import (
+    HelmOf,
+    as_known_to,
+    counting,
+    no_long_pauses,
+    pilot_of,
+    say_first,
+    spent_as_said,
+)  # fmt: skip
+from grebe.workflow.sorties import kept_by_plan
 
 # The link of a boat, by its number and whence it departs.
 FleetAt = Callable[[int, Departure], BoatLink]
+# Where a boat goes on that has done its part, by what says which boats still sail.
+ExtensionOf = Callable[[Callable[[], Collection[int]]], Extension]
 # How long missions have for their last words when all is stopped [s].
 LAST_WORDS_S = 0.5
 # Ends after which a boat sails no more; another takes what it has left.
@@ -78,10 +89,16 @@ class _Together:
         self.plan = KeptPlan(revision=file.revision, keep=self._keep)
         self._file = file
         self._busy = set(boats)
+        self._sailing = set(boats)
 
     def _keep(self, revision: PlanRevision) -> None:
         with self.lock:
             self._file.append_revision(revision)
+
+    def sailing(self) -> set[int]:
+        """The boats whose missions are not over."""
+        with self.lock:
+            return set(self._sailing)
 
     def others_sail(self, boat: int) -> bool:
         """Whether others still sail when this boat has done its part."""
@@ -105,6 +122,8 @@ class _Together:
                 self.rota.leave(boat)
                 self.traffic.leave(boat)
                 self.others_sail(boat)
+                with self.lock:
+                    self._sailing.discard(boat)
 
         threads = [
             threading.Thread(target=sail, args=pair, daemon=True) for pair in missions.items()
@@ -132,7 +151,8 @@ class FleetRun:
     the clock's: they then act in turn. `watches` hear of the events of each boat; `instruments`
     are sondes apart from a boat, by its number. With `replans` a boat's rest is planned anew where
     a target is out of reach, the current another or its sortie late; without it as well where an
-    area is closed.
+    area is closed. With `extends` each boat goes on once it has done its part, and does that once:
+    what it takes over from one that dropped out it sails, and ends.
     """
 
     survey_file: SurveyFile
@@ -144,6 +164,9 @@ class FleetRun:
     on_ready: Callable[[int, Mission], None] | None = None
     instruments: Mapping[int, Instruments] = field(default_factory=dict[int, Instruments])
     replans: bool = False
+    extends: ExtensionOf | None = None
+    _sailed: set[int] = field(default_factory=set[int])
+    _shut: set[int] = field(default_factory=set[int])
     _closed: tuple[shapely.Polygon, ...] = ()
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
@@ -170,7 +193,7 @@ class FleetRun:
         while rounds := self._next_round(lost):
             done = self._sail(rounds, now)
             missions += done
-            fallen = {boat for boat, _, report in done if report.ended in LOST}
+            fallen = self._fallen(done)
             lost |= fallen
             stopped = any(one.ended in (EndReason.STOPPED, EndReason.FAILED) for *_, one in done)
             if stopped or not self._hand_over(fallen, lost):
@@ -180,12 +203,39 @@ class FleetRun:
             missions=tuple(missions), reached=progress.reached, targets=len(progress.reached_at)
         )
 
+    def _fallen(self, done: list[tuple[int, int, MissionReport]]) -> set[int]:
+        """The boats that sail no more. One that came home because nothing of its sortie is open any
+        more is not lost: it has done what there was.
+        """
+        fallen: set[int] = set()
+        for boat, number, report in done:
+            if report.ended is EndReason.CAME_HOME and self._closed and self._is_shut(number):
+                self._shut.add(number)
+            elif report.ended in LOST:
+                fallen.add(boat)
+        return fallen
+
+    def _is_shut(self, number: int) -> bool:
+        """Whether nothing that a sortie has left can be gone to, for it is closed."""
+        file = self.survey_file
+        sortie = file.revision.sortie(number)
+        ends = file.track_ends(sortie.boat)
+        assert ends is not None
+        place = (ends[1].state[0], ends[1].state[1])
+        reached = file.progress().reached_in(sortie)
+        try:
+            self._replanned(sortie, reached, place, self._vessel_of(sortie.boat))
+        except PlanError:
+            return True
+        return False
+
     def _next_round(self, lost: set[int]) -> dict[int, Sortie]:
         """The next sortie of each boat that sails, by the boat's number."""
         progress = self.survey_file.progress()
         found: dict[int, Sortie] = {}
         for one in self.survey_file.revision.sorties:
-            if progress.reached_in(one) < len(one) and one.boat not in lost:
+            left = progress.reached_in(one) < len(one) and one.number not in self._shut
+            if left and one.boat not in lost:
                 found.setdefault(one.boat, one)
         return found
 
@@ -229,7 +279,7 @@ class FleetRun:
             helm,
             InTurn(link, together.rota, boat) if self.shares_time else link,
             SharedRecorder(SurveyRecorder(self.survey_file, boat), together.lock),
-            counting(self.settings, departure),
+            self._settings_of(boat, departure),
             quantities=departure.quantities,
             listeners=[*guards, *self.watches(boat)],
             started=departure.started,
@@ -238,27 +288,41 @@ class FleetRun:
             lookout=Lookout(traffic=together.traffic, boat=boat),
             stands_by=lambda: together.others_sail(boat),
             instruments=self.instruments.get(boat),
-            replanner=self._replanner(sortie, known, together.plan),
+            replanner=self._replanner(sortie, known, together),
         )
         if self.on_ready is not None:
             self.on_ready(boat, mission)
         return mission
 
-    def _replanner(self, sortie: Sortie, departure: Departure, plan: KeptPlan) -> Replanner:
+    def _replanner(self, sortie: Sortie, departure: Departure, together: _Together) -> Replanner:
+        goes_on = self.extends is not None and sortie.boat not in self._sailed
+        self._sailed.add(sortie.boat)
         return Replanner(
             survey=self.survey_file.survey,
-            plan=plan,
+            plan=together.plan,
             vessel=departure.vessel,
             helm_of=pilot_of(departure, self.helm_of),
             sortie=sortie.number,
             spent_s=departure.spent.seconds,
             waits=self.shares_time,
             heeds=self.replans,
+            extends=self.extends(together.sailing) if self.extends and goes_on else None,
         )
+
+    def _settings_of(self, boat: int, departure: Departure) -> MissionSettings:
+        """What a boat sails with: the plan's battery and time less what it has spent; a battery
+        that was named for this run is the one with which it sets out first.
+        """
+        settings, survey = self.settings, self.survey_file.survey
+        if boat in self._sailed:
+            settings = replace(settings, safety=replace(settings.safety, used_wh=None))
+        kept = kept_by_plan(settings.safety, survey, departure.spent)
+        return counting(replace(settings, safety=kept), departure)
 
     def _departure(self, sortie: Sortie, now: datetime) -> Departure:
         resume = self.survey_file.track_ends(sortie.boat) is not None
-        return prepare(self.survey_file, now, resume=resume, sortie=sortie.number)
+        departure = prepare(self.survey_file, now, resume=resume, sortie=sortie.number)
+        return departure if sortie.boat in self._sailed else spent_as_said(departure, self.settings)
 
     def _hand_over(self, fallen: set[int], lost: set[int]) -> bool:
         """Give what the fallen boats have left to the nearest that sails; False where there is
@@ -314,7 +378,9 @@ class FleetRun:
         weather = survey.settings.weather if survey.settings else None
         if weather is None:
             raise PlanError("The survey does not say for which weather it was planned.")
-        open_ = open_water(survey, water_of(survey))
+        # Where boats had gone on to of themselves need not be taken over: it was not planned.
+        planned = survey_of(survey, as_planned(self.survey_file.revisions()))
+        open_ = open_water(planned, water_of(survey))
         return replanned(
             revision,
             survey,

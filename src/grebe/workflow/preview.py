@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from datetime import datetime
 from typing import Any
 
 import shapely
 
 from grebe.core.dynamics import CALM
+from grebe.core.revision import Sortie
 from grebe.core.sets import footprints_of
 from grebe.core.taut import taut_way
-from grebe.mission.departure import Departure
+from grebe.io.store import SurveyFile
+from grebe.mission.departure import Departure, prepare
 from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.way_home import home_of, speed_home_mps, ways_home
@@ -65,6 +68,32 @@ def preview_of(departure: Departure) -> Preview:
         doubts=(*(doubt.message for doubt in departure.doubts), *_detour(departure)),
         sortie=None if departure.sortie is None else departure.sortie.number,
     )
+
+
+def fleet_preview(survey_file: SurveyFile, now: datetime) -> dict[str, Any]:
+    """Return what the next sortie of each boat of a fleet has before it, by name; `remaining_s` is
+    that of the boat that takes longest. Raises what `prepare` does.
+    """
+    progress = survey_file.progress()
+    ahead: dict[int, Sortie] = {}
+    for one in survey_file.revision.sorties:
+        if progress.reached_in(one) < len(one):
+            ahead.setdefault(one.boat, one)
+    each: dict[int, Preview] = {}
+    for boat, sortie in sorted(ahead.items()):
+        resume = survey_file.track_ends(boat) is not None
+        each[boat] = preview_of(prepare(survey_file, now, resume=resume, sortie=sortie.number))
+    return {
+        "reached": progress.reached,
+        "targets": len(progress.reached_at),
+        "remaining_s": max((one.remaining_s for one in each.values()), default=0.0),
+        "boats": [
+            f"{boat}: sortie {one.sortie}, {one.reached} of {one.targets} targets, from latitude "
+            f"{one.lat_deg:.5f}, longitude {one.lon_deg:.5f}, {one.remaining_s / 60:.1f} min"
+            for boat, one in each.items()
+        ],
+        "doubts": tuple(dict.fromkeys(doubt for one in each.values() for doubt in one.doubts)),
+    }
 
 
 def _detour(departure: Departure) -> tuple[str, ...]:

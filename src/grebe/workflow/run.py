@@ -23,6 +23,7 @@ from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SurveyRecorder
 from grebe.mission.replanning import Extension, KeptPlan, Replanner
 from grebe.mission.settings import MissionSettings
+from grebe.mission.spent import Spent
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
 from grebe.mission.way_home import Pilot, check_home
@@ -73,6 +74,7 @@ def run_survey(
     Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
     """
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
+    departure = spent_as_said(departure, settings)
     if settings is not None:
         check_home(departure.survey, settings.safety)
     survey_file.claim()
@@ -160,6 +162,14 @@ def _replanner(
         heeds=heeds,
         extends=extends,
     )
+
+
+def spent_as_said(departure: Departure, settings: MissionSettings | None) -> Departure:
+    """The departure with what its boat's battery has given, where the settings say it: another
+    battery than that of the track has its own time before it as well.
+    """
+    used_wh = None if settings is None else settings.safety.used_wh
+    return departure if used_wh is None else replace(departure, spent=Spent(energy_wh=used_wh))
 
 
 def counting(settings: MissionSettings | None, departure: Departure) -> MissionSettings:

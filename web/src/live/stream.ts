@@ -2,6 +2,7 @@
 
 import { signal, type Signal } from "@preact/signals";
 import type {
+  BoatState,
   Delta,
   Lease,
   LogLine,
@@ -18,6 +19,22 @@ const KEPT_S = 600;
 const LOG_KEPT = 500;
 /** The eye reads figures no faster than this [ms]; the boat on the map moves with each message. */
 const PULSE_MS = 250;
+
+/** The last minutes of one boat, and where it is now. */
+export interface Afloat extends BoatState {
+  pushes: [number, number, number][];
+}
+
+/** A survey of one boat is told as that boat's. */
+function afloatOf(snapshot: Snapshot): Afloat[] {
+  const boats = snapshot.boats.length ? snapshot.boats : [{ ...snapshot, boat: 1 }];
+  return boats.map((boat) => ({
+    ...boat,
+    samples: [...boat.samples],
+    track: boat.track.slice(-6000),
+    pushes: [],
+  }));
+}
 
 export interface Hearing {
   snapshot(snapshot: Snapshot): void;
@@ -36,14 +53,9 @@ export class Stream {
   /** Counts what has come. */
   beat = 0;
 
-  estimate: Snapshot["estimate"] = null;
-  thrusts: Snapshot["thrusts"] = null;
-  current: Snapshot["current"] = null;
-  wind: Snapshot["wind"] = null;
-  horizon: Snapshot["horizon"] = [];
-  readonly samples: SamplePoint[] = [];
-  readonly track: TrackPoint[] = [];
-  readonly pushes: [number, number, number][] = [];
+  /** The boats by their numbers, and which of them is looked at. */
+  readonly boats = new Map<number, Afloat>();
+  readonly chosen: Signal<number> = signal(1);
   readonly states = new Map<number, TargetState>();
 
   private source: EventSource | null = null;
@@ -55,6 +67,29 @@ export class Stream {
   private readonly ears = new Set<Hearing>();
 
   constructor(private readonly url: string) {}
+
+  /** The boat that is looked at; null before anything is known. */
+  get boat(): Afloat | null {
+    return this.boats.get(this.chosen.value) ?? null;
+  }
+
+  get samples(): readonly SamplePoint[] {
+    return this.boat?.samples ?? [];
+  }
+
+  get track(): readonly TrackPoint[] {
+    return this.boat?.track ?? [];
+  }
+
+  get pushes(): readonly [number, number, number][] {
+    return this.boat?.pushes ?? [];
+  }
+
+  /** Look at another boat. */
+  choose(boat: number): void {
+    this.chosen.value = boat;
+    this.heartbeat();
+  }
 
   open(): void {
     this.connect();
@@ -118,14 +153,8 @@ export class Stream {
   }
 
   private onSnapshot(snapshot: Snapshot): void {
-    this.estimate = snapshot.estimate;
-    this.thrusts = snapshot.thrusts;
-    this.current = snapshot.current;
-    this.wind = snapshot.wind;
-    this.horizon = snapshot.horizon;
-    this.samples.splice(0, Infinity, ...snapshot.samples);
-    this.track.splice(0, Infinity, ...snapshot.track.slice(-6000));
-    this.pushes.length = 0;
+    this.boats.clear();
+    for (const boat of afloatOf(snapshot)) this.boats.set(boat.boat, boat);
     this.states.clear();
     for (const target of snapshot.targets) this.states.set(target.seq, target.state);
     this.snapshot.value = snapshot;
@@ -139,16 +168,8 @@ export class Stream {
   }
 
   private onDelta(delta: Delta): void {
-    if (delta.estimate) this.estimate = delta.estimate;
-    if (delta.thrusts) {
-      this.thrusts = delta.thrusts;
-      this.pushes.push([delta.t, ...delta.thrusts]);
-    }
-    if (delta.current !== undefined) this.current = delta.current;
-    if (delta.wind !== undefined) this.wind = delta.wind;
-    if (delta.horizon) this.horizon = delta.horizon;
-    if (delta.track) this.track.push(...delta.track);
-    if (delta.samples) this.samples.push(...delta.samples);
+    const boat = this.boats.get(delta.boat ?? 1);
+    if (boat) take(boat, delta);
     for (const [seq, state] of delta.targets ?? []) this.states.set(seq, state);
     const status = this.latest ?? this.status.peek();
     if (delta.status && status) this.tell({ ...status, ...delta.status });
@@ -177,13 +198,27 @@ export class Stream {
   }
 
   private forget(before: number): void {
-    for (const kept of [this.samples, this.track, this.pushes] as [number, ...unknown[]][][]) {
-      // Seldom and many at once: to take one from the front of an array each time is slow.
-      if ((kept[0]?.[0] ?? Infinity) > before - 60) continue;
-      kept.splice(
-        0,
-        kept.findIndex((item) => item[0] >= before),
-      );
-    }
+    for (const { samples, track, pushes } of this.boats.values())
+      for (const kept of [samples, track, pushes] as [number, ...unknown[]][][]) {
+        // Seldom and many at once: to take one from the front of an array each time is slow.
+        if ((kept[0]?.[0] ?? Infinity) > before - 60) continue;
+        const first = kept.findIndex((item) => item[0] >= before);
+        kept.splice(0, first < 0 ? kept.length : first);
+      }
   }
+}
+
+/** What has changed of a boat. */
+function take(boat: Afloat, delta: Delta): void {
+  if (delta.estimate) boat.estimate = delta.estimate;
+  if (delta.thrusts) {
+    boat.thrusts = delta.thrusts;
+    boat.pushes.push([delta.t, ...delta.thrusts]);
+  }
+  if (delta.current !== undefined) boat.current = delta.current;
+  if (delta.wind !== undefined) boat.wind = delta.wind;
+  if (delta.horizon) boat.horizon = delta.horizon;
+  if (delta.track) boat.track.push(...delta.track);
+  if (delta.samples) boat.samples.push(...delta.samples);
+  if (delta.own ?? delta.status) boat.status = { ...boat.status, ...(delta.own ?? delta.status) };
 }

@@ -1,4 +1,4 @@
-/** The boat, where it means to go, the cell under way and a mark. */
+/** The boats, where one means to go, the cells under way and a mark. */
 
 import type { LonLat } from "../api";
 import type { Inks } from "./inks";
@@ -8,24 +8,27 @@ export interface Boat {
   lon: number;
   lat: number;
   heading_rad: number;
+  /** Its number in a fleet, and whether it is another one that is looked at. */
+  number?: number;
+  aside?: boolean;
 }
 
 export interface Afloat {
-  boat: Boat | null;
+  boats: readonly Boat[];
   horizon: World;
-  /** The ring of the cell under way. */
-  cell: World | null;
+  /** The rings of the cells under way. */
+  cells: readonly World[];
   mark: LonLat | null;
 }
 
 type Context = CanvasRenderingContext2D;
 
 /** The piece of the canvas that they need; null where there is nothing to show. */
-export function boxAfloat({ boat, horizon, cell, mark }: Afloat, sight: Sight): Box | null {
-  const points = [...sight.pixels(horizon), ...(cell ? sight.pixels(cell) : [])];
-  if (boat) points.push(sight.at(boat.lon, boat.lat));
+export function boxAfloat({ boats, horizon, cells, mark }: Afloat, sight: Sight): Box | null {
+  const points = [...sight.pixels(horizon), ...cells.flatMap((cell) => sight.pixels(cell))];
+  for (const boat of boats) points.push(sight.at(boat.lon, boat.lat));
   if (mark) points.push(sight.at(...mark));
-  const box = boxOf(points, 24);
+  const box = boxOf(points, 32);
   if (!box) return null;
   // Zoomed in deep, they may be larger than any window.
   const x = Math.max(box.x, -sight.width);
@@ -36,11 +39,11 @@ export function boxAfloat({ boat, horizon, cell, mark }: Afloat, sight: Sight): 
 }
 
 export function paintAfloat(context: Context, afloat: Afloat, sight: Sight, inks: Inks): void {
-  const { boat, horizon, cell, mark } = afloat;
-  if (cell) {
+  const { boats, horizon, cells, mark } = afloat;
+  if (cells.length) {
     context.lineWidth = 3;
     context.strokeStyle = inks.currentCell;
-    context.stroke(sight.path([cell]));
+    context.stroke(sight.path(cells));
   }
   if (horizon.length > 2) {
     context.lineCap = "round";
@@ -51,7 +54,9 @@ export function paintAfloat(context: Context, afloat: Afloat, sight: Sight, inks
     circle.arc(...sight.at(...mark), 8, 0, 2 * Math.PI);
     haloed(context, circle, inks.halo, 6, inks.boat, 3);
   }
-  if (boat) paintBoat(context, boat, sight, inks);
+  // The one that is looked at lies on top.
+  for (const boat of boats) if (boat.aside) paintBoat(context, boat, sight, inks);
+  for (const boat of boats) if (!boat.aside) paintBoat(context, boat, sight, inks);
 }
 
 function haloed(
@@ -79,7 +84,27 @@ function paintBoat(context: Context, boat: Boat, sight: Sight, inks: Inks): void
   context.lineWidth = 5;
   context.strokeStyle = inks.halo;
   context.stroke(hull);
-  context.fillStyle = inks.boat;
+  // One that is not looked at is an outline.
+  context.fillStyle = boat.aside ? inks.halo : inks.boat;
   context.fill(hull);
+  if (boat.aside) {
+    context.lineWidth = 2;
+    context.strokeStyle = inks.boat;
+    context.stroke(hull);
+  }
+  context.rotate(-boat.heading_rad);
+  if (boat.number !== undefined) paintNumber(context, boat.number, inks);
   context.restore();
+}
+
+/** A boat's number, beside it. */
+function paintNumber(context: Context, number: number, inks: Inks): void {
+  context.font = "600 14px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.lineWidth = 4;
+  context.strokeStyle = inks.halo;
+  context.strokeText(String(number), 17, -15);
+  context.fillStyle = inks.boat;
+  context.fillText(String(number), 17, -15);
 }

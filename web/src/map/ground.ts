@@ -20,11 +20,19 @@ export interface Ground {
   uncovered: World[];
   noGo: World[];
   way: World;
-  track: World;
-  trackLength: number;
+  /** Of each boat. */
+  tracks: Track[];
   raster: Raster | null;
   second: Half | null;
   cellsShown: boolean;
+}
+
+/** Where a boat has been; what lies beyond `length` points is room for more. */
+export interface Track {
+  points: World;
+  length: number;
+  /** So many of its points are painted. */
+  drawn: number;
 }
 
 type Context = CanvasRenderingContext2D;
@@ -64,25 +72,25 @@ export function paintGround(
     context.lineWidth = 1.5;
     context.stroke(sight.line(ground.way, 0, ground.way.length / 2));
   }
-  paintTrack(context, ground, sight, inks, 0, spot);
+  for (const track of ground.tracks) paintTrack(context, track, sight, inks, 0, spot);
   context.restore();
 }
 
-/** Paint the track from a point on. */
+/** Paint a track from a point on. */
 export function paintTrack(
   context: Context,
-  ground: Ground,
+  { points, length }: Track,
   sight: Sight,
   inks: Inks,
   from: number,
   spot: Box | null = null,
 ): void {
-  if (ground.trackLength - from < 2) return;
+  if (length - from < 2) return;
   context.setLineDash([]);
   context.lineJoin = "bevel";
   context.lineWidth = 2;
   context.strokeStyle = inks.track;
-  context.stroke(sight.line(ground.track, from, ground.trackLength, spot));
+  context.stroke(sight.line(points, from, length, spot));
 }
 
 function paintRasters(

@@ -11,7 +11,7 @@
 import * as L from "leaflet";
 import type { Area, LonLat, TargetState } from "../api";
 import { type Afloat, type Boat, boxAfloat, paintAfloat } from "./boat";
-import { type Ground, type Half, paintGround, paintTrack } from "./ground";
+import { type Ground, type Half, paintGround, paintTrack, type Track } from "./ground";
 import { type Inks, readInks } from "./inks";
 import type { Raster } from "./raster";
 import { type Box, boxOf, ringsOf, Sight, type World, world, worldOf } from "./sight";
@@ -48,20 +48,18 @@ export class Water extends L.Layer {
     uncovered: [],
     noGo: [],
     way: new Float64Array(),
-    track: new Float64Array(8192),
-    trackLength: 0,
+    tracks: [],
     raster: null,
     second: null,
     cellsShown: true,
   };
   private horizon: World = new Float64Array();
-  private boat: Boat | null = null;
+  private boats: Boat[] = [];
   private mark: LonLat | null = null;
 
   private sight = new Sight(0, 0, 0, 0, 0);
   private topLeft: L.LatLng | null = null;
   private boatCorner: L.LatLng | null = null;
-  private trackDrawn = 0;
   private readonly stale = { ground: false, boat: false };
   /** Cells that changed since the ground was painted. */
   private readonly changed = new Set<number>();
@@ -112,31 +110,41 @@ export class Water extends L.Layer {
     this.soon("ground");
   }
 
-  setTrack(points: readonly (readonly [number, number])[]): void {
-    this.ground.trackLength = 0;
-    this.addTrack(points);
+  /** The track of a boat, by its place among them. */
+  setTrack(points: readonly (readonly [number, number])[], which = 0): void {
+    this.trackOf(which).length = 0;
+    this.addTrack(points, which);
     this.soon("ground");
   }
 
-  addTrack(points: readonly (readonly [number, number])[]): void {
-    const { ground } = this;
-    const needed = 2 * (ground.trackLength + points.length);
-    if (needed > ground.track.length) {
+  addTrack(points: readonly (readonly [number, number])[], which = 0): void {
+    const track = this.trackOf(which);
+    const needed = 2 * (track.length + points.length);
+    if (needed > track.points.length) {
       const larger = new Float64Array(2 * needed);
-      larger.set(ground.track);
-      ground.track = larger;
+      larger.set(track.points);
+      track.points = larger;
     }
     for (const [lon, lat] of points) {
       const [x, y] = worldOf(lon, lat);
-      ground.track[2 * ground.trackLength] = x;
-      ground.track[2 * ground.trackLength + 1] = y;
-      ground.trackLength++;
+      track.points[2 * track.length] = x;
+      track.points[2 * track.length + 1] = y;
+      track.length++;
     }
     this.soon(null);
   }
 
+  private trackOf(which: number): Track {
+    return (this.ground.tracks[which] ??= { points: new Float64Array(8192), length: 0, drawn: 0 });
+  }
+
   setBoat(boat: Boat | null, horizon: readonly LonLat[]): void {
-    this.boat = boat;
+    this.setBoats(boat ? [boat] : [], horizon);
+  }
+
+  /** All boats, and where the one that is looked at means to go. */
+  setBoats(boats: readonly Boat[], horizon: readonly LonLat[]): void {
+    this.boats = [...boats];
     this.horizon = world(horizon);
     this.soon("boat");
   }
@@ -297,17 +305,17 @@ export class Water extends L.Layer {
 
   private drawChanges(context: CanvasRenderingContext2D): void {
     const { ground, sight } = this;
-    if (this.stale.ground) {
-      this.drawGround(context, null);
-      this.trackDrawn = ground.trackLength;
-      return;
-    }
+    const { tracks } = ground;
     const spot = this.spotOf(this.changed);
-    if (spot) this.drawGround(context, spot);
-    // What is painted again in one spot leaves the new pieces elsewhere to be painted still.
-    if (this.trackDrawn < ground.trackLength)
-      paintTrack(context, ground, sight, this.coat, Math.max(0, this.trackDrawn - 1));
-    this.trackDrawn = ground.trackLength;
+    if (this.stale.ground) this.drawGround(context, null);
+    else {
+      if (spot) this.drawGround(context, spot);
+      // What is painted again in one spot leaves the new pieces elsewhere to be painted still.
+      for (const track of tracks)
+        if (track.drawn < track.length)
+          paintTrack(context, track, sight, this.coat, Math.max(0, track.drawn - 1));
+    }
+    for (const track of tracks) track.drawn = track.length;
   }
 
   private drawGround(context: CanvasRenderingContext2D, spot: Box | null): void {
@@ -328,11 +336,11 @@ export class Water extends L.Layer {
     return boxOf(points, 4);
   }
 
-  /** Boat, horizon, the cell under way and a mark, on a canvas no larger than they need. */
+  /** Boats, horizon, the cells under way and a mark, on a canvas no larger than they need. */
   private drawTop(canvas: HTMLCanvasElement): void {
-    const { sight, ground, boat, horizon, mark } = this;
-    const cell = ground.cells[ground.states.indexOf("current")] ?? null;
-    const afloat: Afloat = { boat, horizon, cell, mark };
+    const { sight, ground, boats, horizon, mark } = this;
+    const cells = ground.cells.filter((_, i) => ground.states[i] === "current");
+    const afloat: Afloat = { boats, horizon, cells, mark };
     const box = boxAfloat(afloat, sight);
     canvas.hidden = box === null;
     if (!box) return;

@@ -8,6 +8,35 @@ import type { Stream } from "../live/stream";
 import { duration, language, reading, t, tr } from "../state";
 import { Chart } from "./chart";
 
+/** The boats of a fleet: which of them is looked at, and how far each is with its part. */
+export function Boats({ stream }: { stream: Stream }): JSX.Element | null {
+  void stream.pulse.value;
+  void stream.snapshot.value;
+  const chosen = stream.chosen.value;
+  if (stream.boats.size < 2) return null;
+  return (
+    <div class="values boats" role="group" aria-label={t("boats")}>
+      {[...stream.boats.values()].map(({ boat, status }) => (
+        <button
+          key={boat}
+          class="value"
+          aria-pressed={boat === chosen}
+          onClick={() => stream.choose(boat)}
+        >
+          <span class="value-name">
+            {t("boatNumber", { n: boat })}
+            {status.state && ` · ${t(`state_${status.state}`)}`}
+          </span>
+          <span class="value-read">
+            {status.targets ? `${status.reached ?? 0}/${status.targets}` : "–"}{" "}
+            <span class="unit">{t("cells")}</span>
+          </span>
+        </button>
+      ))}
+    </div>
+  );
+}
+
 export function Values({
   stream,
   chosen,

@@ -8,7 +8,7 @@ import { Stream } from "../live/stream";
 import { fit, MapView, type Ground } from "../map/view";
 import { paint, rangeOf } from "../map/raster";
 import { Commands } from "../parts/commands";
-import { LiveCharts, LiveEvents, Values } from "../parts/live-panel";
+import { Boats, LiveCharts, LiveEvents, Values } from "../parts/live-panel";
 import { Legend } from "../parts/legend";
 import { duration, go, number, reading, t, tr } from "../state";
 import { Icon } from "../parts/icon";
@@ -43,9 +43,11 @@ export function Live({ id }: { id: string }): JSX.Element {
     ground.current = made;
     let fitted = "";
     let index = new Map<number, number>();
-    return stream.hear({
+    const lookedAt = stream.chosen.subscribe(() => paintBoats(made, stream));
+    const deaf = stream.hear({
       snapshot: (all) => {
         index = paintSnapshot(made, all);
+        paintBoats(made, stream);
         if (fitted !== all.id) fit(made, all.bounds, true);
         fitted = all.id;
       },
@@ -54,12 +56,17 @@ export function Live({ id }: { id: string }): JSX.Element {
           const place = index.get(seq);
           if (place !== undefined) made.water.setState(place, state);
         }
-        if (delta.track) made.water.addTrack(delta.track.map(([, lon, lat]) => [lon, lat]));
-        if (delta.estimate || delta.horizon) made.water.setBoat(stream.estimate, stream.horizon);
-        if (delta.estimate && following.current)
+        const boat = delta.boat ?? 1;
+        if (delta.track) made.water.addTrack(delta.track.map(([, lon, lat]) => [lon, lat]), boat - 1);
+        if (delta.estimate || delta.horizon) paintBoats(made, stream);
+        if (delta.estimate && following.current && boat === stream.chosen.peek())
           made.map.panTo([delta.estimate.lat, delta.estimate.lon], { animate: false });
       },
     });
+    return () => {
+      lookedAt();
+      deaf();
+    };
   }
 
   const about = snapshot?.quantities.find((item) => item.id === shown) ?? null;
@@ -106,6 +113,7 @@ export function Live({ id }: { id: string }): JSX.Element {
         </MapView>
       </div>
       <aside class="panel live-panel" aria-label={t("live")}>
+        <Boats stream={stream} />
         <Values stream={stream} chosen={shown} choose={setQuantity} />
         <LiveCharts stream={stream} quantity={about} />
         <LiveEvents stream={stream} />
@@ -129,9 +137,19 @@ function paintSnapshot({ water }: Ground, all: Snapshot): Map<number, number> {
     all.targets.map((target) => target.ring),
     all.targets.map((target) => target.state),
   );
-  water.setTrack(all.track.map(([, lon, lat]) => [lon, lat]));
-  water.setBoat(all.estimate, all.horizon);
+  const tracks = all.boats.length ? all.boats.map((boat) => boat.track) : [all.track];
+  tracks.forEach((track, i) => water.setTrack(track.map(([, lon, lat]) => [lon, lat]), i));
   return new Map(all.targets.map((target, i) => [target.seq, i]));
+}
+
+/** All boats where they are; of a fleet with their numbers, and the one that is looked at in its ink. */
+function paintBoats({ water }: Ground, stream: Stream): void {
+  const chosen = stream.chosen.peek();
+  const several = stream.boats.size > 1;
+  const boats = [...stream.boats.values()].flatMap(({ boat, estimate }) =>
+    estimate ? [{ ...estimate, ...(several ? { number: boat, aside: boat !== chosen } : {}) }] : [],
+  );
+  water.setBoats(boats, stream.boats.get(chosen)?.horizon ?? []);
 }
 
 interface LiveMap {
@@ -192,9 +210,11 @@ function StatusBar({ stream }: { stream: Stream }): JSX.Element {
   const snapshot = stream.snapshot.value;
   const status = stream.status.value;
   void stream.pulse.value;
-  const estimate = stream.estimate;
+  const boat = stream.boat;
+  // Of a fleet what is read here is the boat's that is looked at, as far as it has been heard.
+  const own = status && { ...status, ...boat?.status };
   const [low, high] = snapshot?.speed_window ?? [0, 0];
-  const age = status?.link_age_s ?? null;
+  const age = own?.link_age_s ?? null;
   const link = !stream.connected.value
     ? { word: t("noLink"), kind: "bad" }
     : age === null
@@ -202,19 +222,19 @@ function StatusBar({ stream }: { stream: Stream }): JSX.Element {
       : age > 3
         ? { word: t("linkOld", { s: duration(age) }), kind: "bad" }
         : { word: t("linkLive"), kind: "good" };
-  const battery = status?.battery;
+  const battery = own?.battery;
   const chips: [string, string][] = [
-    [t("mode"), status ? status.doing || t(`state_${status.state}`) : "–"],
-    [t("speed"), `${reading(estimate?.surge_mps)} m/s · ${t("window")} ${number.value(low, 1)}–${number.value(high, 1)}`],
-    [t("thrusts"), stream.thrusts ? `${stream.thrusts.map((push) => number.value(push, 1)).join(" / ")} N` : "–"],
-    [t("solve"), status?.solve_ms != null ? `${number.value(status.solve_ms)} ms` : "–"],
+    [t("mode"), own ? own.doing || t(`state_${own.state}`) : "–"],
+    [t("speed"), `${reading(boat?.estimate?.surge_mps)} m/s · ${t("window")} ${number.value(low, 1)}–${number.value(high, 1)}`],
+    [t("thrusts"), boat?.thrusts ? `${boat.thrusts.map((push) => number.value(push, 1)).join(" / ")} N` : "–"],
+    [t("solve"), own?.solve_ms != null ? `${number.value(own.solve_ms)} ms` : "–"],
     [
       t("battery"),
       battery
         ? [battery.volt !== null ? `${number.value(battery.volt, 1)} V` : "", battery.fraction !== null ? `${number.value(100 * battery.fraction)} %` : ""].filter(Boolean).join(" · ") || "–"
         : "–",
     ],
-    [t("gnss"), status?.fix ?? "–"],
+    [t("gnss"), own?.fix ?? "–"],
   ];
   return (
     <header class="status-bar">
@@ -244,8 +264,8 @@ function StatusBar({ stream }: { stream: Stream }): JSX.Element {
 function Compass({ stream }: { stream: Stream }): JSX.Element {
   void stream.pulse.value;
   const flows = [
-    ["current", stream.current],
-    ["wind", stream.wind],
+    ["current", stream.boat?.current ?? null],
+    ["wind", stream.boat?.wind ?? null],
   ] as const;
   return (
     <div class="flows">

@@ -238,10 +238,16 @@ def _polygons(frame: LocalFrame, blobs: list[bytes]) -> list[shapely.Polygon]:
 
 def check(path: Path, connection: sqlite3.Connection) -> None:
     """Refuse a file that is not a survey file, damaged, or newer than this program."""
-    with path.open("rb") as file:
-        if file.read(16) != b"SQLite format 3\x00":
-            raise SurveyFileError(f"{path} is not a survey file: it is not an SQLite database.")
-    version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+    # SQLite itself is asked: a process that closes a file loses all its locks on it, and those of
+    # a mission that writes it would be gone.
+    try:
+        version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+    except sqlite3.DatabaseError as error:
+        if error.sqlite_errorname != "SQLITE_NOTADB":
+            raise
+        raise SurveyFileError(
+            f"{path} is not a survey file: it is not an SQLite database."
+        ) from None
     problem = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
     if problem != "ok":
         raise damaged(path, problem)

@@ -74,7 +74,11 @@ class TrackTable:
 
     def each_boat(self) -> list[TrackTable]:
         """The tracks of the boats, the one with the lowest number first."""
-        return [self._rows(self.boat == number) for number in np.unique(self.boat)]
+        return [self.of_boat(number) for number in np.unique(self.boat).tolist()]
+
+    def of_boat(self, number: int) -> TrackTable:
+        """The track of one boat."""
+        return self._rows(self.boat == number)
 
     def _rows(self, chosen: NDArray[np.bool_]) -> TrackTable:
         return TrackTable(

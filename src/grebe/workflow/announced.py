@@ -1,0 +1,72 @@
+"""What a fleet's boats have announced that they will read: the plan says it, which all share."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+import shapely
+
+from grebe.core.revision import PlanRevision, Sortie, as_planned
+from grebe.core.sets import footprints_of
+from grebe.core.taut import taut_way
+from grebe.io.store import SurveyFile
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Way = NDArray[np.float64]
+
+# A boat that lies somewhere for good needs so much room beside the distance that is kept [m]: it
+# wanders, and the one that passes is not a point.
+ROOM_M = 5.0
+
+
+def announced(
+    file: SurveyFile, revision: PlanRevision, own: Sortie | None, sailing: Collection[int]
+) -> list[Way]:
+    """Return the taut ways (k, 2) through what the other sorties of a revision have left, each from
+    where its boat was last; none where there is but one mission.
+
+    Of a boat that is not `sailing` any more only what was planned counts: another takes that over,
+    and where it had gone on to of itself nobody goes.
+    """
+    if own is None:
+        return []
+    progress = file.progress()
+    reached = {
+        target.seq
+        for target, when in zip(file.survey.targets, progress.reached_at, strict=True)
+        if when is not None
+    }
+    planned = {target.seq for target in as_planned(file.revisions()).targets}
+    ways: list[Way] = []
+    for sortie in revision.sorties:
+        left = [
+            target
+            for target in revision.targets[sortie.first - 1 : sortie.last]
+            if target.seq not in reached and (sortie.boat in sailing or target.seq in planned)
+        ]
+        if sortie.number != own.number and left:
+            sets = footprints_of([target.set for target in left])
+            ways.append(taut_way(_place_of(file, sortie), sets))
+    return ways
+
+
+def _place_of(file: SurveyFile, sortie: Sortie) -> tuple[float, float]:
+    """Where the boat of a sortie was last, or sets out."""
+    ends = file.track_ends(sortie.boat)
+    if ends is None:
+        return sortie.start.north_m, sortie.start.east_m
+    return ends[1].state[0], ends[1].state[1]
+
+
+def lying(file: SurveyFile, sailing: Collection[int]) -> list[shapely.Polygon]:
+    """Return the water about each boat of a fleet that has sailed and is not `sailing` any more."""
+    fleet = file.survey.fleet
+    if fleet is None:
+        return []
+    over = [boat for boat in range(1, fleet.boats + 1) if boat not in sailing]
+    ends = [end for boat in over if (end := file.track_ends(boat)) is not None]
+    return [shapely.Point(end[1].state[:2]).buffer(fleet.apart_m + ROOM_M) for end in ends]

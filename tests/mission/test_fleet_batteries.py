@@ -1,0 +1,114 @@
+"""What a fleet's boats have spent counts, whichever part they sail; a closed part is no loss."""
+
+from __future__ import annotations
+
+import pytest
+import shapely
+from conftest import FRAME, NOON
+
+from grebe.core.events import EndReason, Reached
+from grebe.core.plan_settings import FleetSettings, PlanSettings, SortieSettings
+from grebe.core.vessel import PRESETS
+from grebe.io.store import SurveyFile
+from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.settings import MissionSettings
+from grebe.planning.fleets import plan_fleet
+from grebe.planning.region import Region
+from grebe.planning.sorties import plan_sorties
+from grebe.simulation.faults import NO_FAULTS, Faults
+from grebe.workflow.files import write_survey
+from grebe.workflow.fleets import FleetRun
+from grebe.workflow.run import steered_by
+from grebe.workflow.simulated import SimulatedWorld
+
+MINUTES, RESERVE = 20.0, 0.2
+
+
+def fleet_file(path, sorties=None, side=50.0):
+    region = Region(name="pond", frame=FRAME, water=shapely.box(0, 0, side, side))
+    wanted = PlanSettings(cell_m=10.0, fleet=FleetSettings(boats=2, apart_m=6.0), sorties=sorties)
+    planned = (plan_fleet if sorties is None else plan_sorties)(region, PRESETS["spyboat"], wanted)
+    write_survey(path, planned.survey, revision=planned.revision)
+    return path
+
+
+def sailed(path, faults=None, settings=None, close=None, stop_at=None, resume=False):
+    """Sail a fleet; its report, and the settings with which each mission set out, in turn."""
+    began = []
+
+    def boat_at(boat, departure):
+        return SimulatedWorld(boat=boat, faults=(faults or {}).get(boat, NO_FAULTS))(departure)
+
+    def ready(boat, mission):
+        began.append((boat, mission._settings.safety))
+        missions.append(mission)
+
+    def hear(boat, event):
+        if close is not None and boat == 2 and isinstance(event, Reached) and event.count == 1:
+            for mission in missions:
+                mission.close(close, "closed")
+        if stop_at is not None and isinstance(event, Reached) and event.count == stop_at:
+            for mission in missions:
+                mission.stop("enough")
+
+    missions = []
+    with SurveyFile.open(path) as file:
+        report = FleetRun(
+            file,
+            boat_at,
+            steered_by(),
+            settings or MissionSettings(),
+            watches=lambda boat: [lambda event: hear(boat, event)],
+            on_ready=ready,
+        ).run(NOON, resume=resume)
+        return report, began, [one.reason for one in file.revisions()]
+
+
+@pytest.mark.slow
+def test_who_takes_over_what_another_has_left_sets_out_with_what_its_battery_has_left(tmp_path):
+    blind = {2: Faults(blind=((10.0, 1e9),))}
+    report, began, reasons = sailed(fleet_file(tmp_path / "f.gpkg"), blind)
+    assert reasons[-1] == "boat_lost"
+    assert [boat for boat, _ in began] == [1, 2, 1]
+    assert [safety.used_wh for _, safety in began[:2]] == [0.0, 0.0]
+    first = report.missions[0][2]
+    assert began[2][1].used_wh == pytest.approx(first.energy_wh, rel=0.05)
+    # A battery that was named is the one that it set out with, and not another one each time.
+    named = MissionSettings(safety=SafetySettings(battery_wh=80.0, used_wh=0.0))
+    _, began, _ = sailed(fleet_file(tmp_path / "g.gpkg"), blind, named)
+    assert began[2][1].used_wh == pytest.approx(first.energy_wh, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_fleet_that_goes_on_has_less_time_by_what_each_boat_has_been_out(tmp_path):
+    path = fleet_file(tmp_path / "f.gpkg", SortieSettings(minutes=MINUTES, reserve=RESERVE))
+    most_s = 60 * MINUTES * (1 - RESERVE)
+    report, began, _ = sailed(path, stop_at=6)
+    assert report.stopped
+    assert {safety.max_s for _, safety in began} == {most_s}
+    spent = {boat: one.duration_s for boat, _, one in report.missions}
+    _, again, _ = sailed(path, resume=True)
+    for boat, safety in again[: len(spent)]:
+        assert safety.max_s == pytest.approx(most_s - spent[boat], abs=2.0)
+    # Another battery has all of its time before it.
+    other = fleet_file(tmp_path / "g.gpkg", SortieSettings(minutes=MINUTES, reserve=RESERVE))
+    sailed(other, stop_at=6)
+    fresh = MissionSettings(safety=SafetySettings(battery_wh=80.0, used_wh=0.0))
+    _, again, _ = sailed(other, settings=fresh, resume=True)
+    assert again[0][1].max_s == most_s
+
+
+@pytest.mark.slow
+def test_a_boat_whose_part_is_closed_comes_home_and_is_not_lost(tmp_path):
+    path = fleet_file(tmp_path / "f.gpkg")
+    with SurveyFile.open(path) as file:
+        _, other = file.revision.sorties
+        cells = file.revision.targets[other.first - 1 : other.last]
+    # All of the second boat's cells but the first, as soon as it has reached that.
+    closed = [one.set.polygon.buffer(-0.5) for one in cells[1:]]
+    report, _, reasons = sailed(path, {1: Faults(blind=((25.0, 1e9),))}, close=closed)
+    ended = [(boat, one.ended) for boat, _, one in report.missions]
+    assert ended[:2] == [(1, EndReason.BLIND), (2, EndReason.CAME_HOME)]
+    # It is there to take over what the other has left.
+    assert reasons[-1] == "boat_lost"
+    assert ended[2][0] == 2

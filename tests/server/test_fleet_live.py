@@ -1,0 +1,133 @@
+"""What a page is told of a fleet: each boat for itself, and all of them as one survey."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+import shapely
+from conftest import FRAME, NOON
+
+from grebe.core.plan_settings import FleetSettings, PlanSettings
+from grebe.core.vessel import PRESETS
+from grebe.io.store import SurveyFile
+from grebe.planning.fleets import plan_fleet
+from grebe.planning.region import Region
+from grebe.server import library
+from grebe.server.fleet_state import together
+from grebe.server.live import Watch
+from grebe.server.mission_delta import Telling
+from grebe.server.mission_socket import Ears
+from grebe.server.tabs import Lease
+from grebe.workflow.files import write_survey
+from grebe.workflow.fleets import FleetRun
+from grebe.workflow.run import steered_by
+from grebe.workflow.simulated import SimulatedWorld
+
+
+class Heard(Ears):
+    """The ears of a fleet's missions, of which all that is told is kept."""
+
+    def open(self, beside):
+        self.told = []
+        self._door.close()
+
+    def _say(self, told):
+        self.told.append(json.loads(json.dumps(told, allow_nan=False)))
+
+
+@pytest.fixture(scope="module")
+def sailed(tmp_path_factory):
+    """The file of two boats' survey, what a page was shown before, and what it was told then."""
+    path = tmp_path_factory.mktemp("fleet") / "f.gpkg"
+    region = Region(name="pond", frame=FRAME, water=shapely.box(0, 0, 50, 50))
+    wanted = PlanSettings(cell_m=10.0, fleet=FleetSettings(boats=2, apart_m=6.0))
+    planned = plan_fleet(region, PRESETS["spyboat"], wanted)
+    write_survey(path, planned.survey, revision=planned.revision)
+    before = library.snapshot("x", path)
+    with SurveyFile.open(path) as file:
+        tellings = {boat: Telling(file.survey, list(file.quantities)) for boat in (1, 2)}
+        ears = Heard(tellings, of_fleet=True)
+        ears.open(path)
+
+        def watches(boat):
+            return [lambda event: ears.hear(event, boat), lambda _: ears._tell_once()]
+
+        world = SimulatedWorld()
+        report = FleetRun(
+            file,
+            lambda boat, departure: ears.beside(replace(world, boat=boat))(departure),
+            steered_by(),
+            watches=watches,
+        ).run(NOON)
+    assert report.complete
+    return path, before, ears.told
+
+
+def watched(path, state, told):
+    watch = Watch("x", path, Lease())
+    watch.state = state
+    said = []
+    watch._tell = lambda kind, what: said.append((kind, json.loads(json.dumps(what))))
+    watch._tell_map = lambda: None
+    for one in told:
+        watch._take(one)
+    return watch, [what for kind, what in said if kind == "delta"]
+
+
+def test_what_the_boats_tell_is_what_their_file_holds(sailed):
+    path, before, told = sailed
+    watch, said = watched(path, before, told)
+    after = library.snapshot("x", path)
+    status = watch.state["status"]
+    for name in ("state", "reached", "targets", "samples", "coverage"):
+        assert status[name] == after["status"][name], name
+    assert status["state"] == "complete"
+    assert {one["boat"] for one in said} == {1, 2}
+    for heard, kept in zip(watch.state["boats"], after["boats"], strict=True):
+        assert heard["status"]["reached"] == kept["status"]["reached"] == kept["status"]["targets"]
+        assert len(heard["samples"]) == len(kept["samples"]) > 0
+        assert heard["estimate"]["lat"] == pytest.approx(kept["estimate"]["lat"], abs=1e-5)
+        assert len(heard["track"]) > 10
+    shown = watch.snapshot("tab")
+    assert [one["boat"] for one in shown["boats"]] == [1, 2]
+    assert shown["track"] == shown["samples"] == []
+    assert shown["boats"][1]["track"][0][0] < 2.0
+
+
+def test_a_page_that_looks_on_late_counts_nothing_of_a_boat_twice(sailed):
+    path, _, told = sailed
+    watch, _ = watched(path, library.snapshot("x", path), told[-40:])
+    after = library.snapshot("x", path)
+    assert watch.state["status"]["samples"] == after["status"]["samples"]
+    assert watch.state["status"]["reached"] == after["status"]["reached"]
+
+
+def test_a_fleet_is_under_way_for_as_long_as_one_of_its_boats_is():
+    one = {"status": {"state": "complete", "doing": "mission_complete", "eta_s": None}}
+    other = {"status": {"state": "running", "doing": "surveying", "eta_s": 30.0}}
+    unheard = {"status": {"reached": 0, "targets": 4}}
+    assert together([one, other, unheard])["state"] == "running"
+    assert together([one, other])["eta_s"] == 30.0
+    assert together([one, one])["state"] == "complete"
+    assert together([one, {"status": {"state": "interrupted"}}])["state"] == "interrupted"
+
+
+def test_an_order_goes_to_every_boat():
+    class Mission:
+        def __init__(self):
+            self.asked = []
+
+        def hold_station(self, why):
+            self.asked.append(("hold", why))
+
+        go_on = come_home = stop = None
+
+    ears, missions = Ears({1: None, 2: None}, of_fleet=True), {1: Mission(), 2: Mission()}
+    ears._door.close()
+    for boat, mission in missions.items():
+        ears.obeys(mission, boat)
+    ears._obey("pause")
+    ears._obey("nonsense")
+    assert all(len(mission.asked) == 1 for mission in missions.values())
