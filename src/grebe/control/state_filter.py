@@ -42,8 +42,8 @@ LEAST = np.array([1e-3, 1e-3, 5e-4, 1e-3, 1e-3, 1e-3])
 # The model's own variance of velocities from one estimate to the next is at least this share of the
 # noise's: no model is so good that estimates tell nothing.
 LEAST_SHARE = 0.05
-# What the means of half a minute miss by chance, as a share of the noise in a surprise. Of positions
-# and headings that is not put down to the model: it is never wrong about how velocities add up.
+# What the means of half a minute miss by chance, as a share of the noise in a surprise. Of place
+# and heading that is not put down to the model: it is never wrong about how velocities add up.
 CHANCE = 0.2
 # Of how much noise is left in the next prediction, at least: of a hull that stops at once none is.
 LEAST_LEFT = 0.3
