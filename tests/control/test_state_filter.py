@@ -92,6 +92,24 @@ def test_after_a_gap_the_next_estimate_is_taken_as_it_comes():
     assert one.filtered(jumped) == jumped
 
 
+def test_a_wild_estimate_is_taken_as_it_comes_and_spoils_nothing():
+    rng, one = np.random.default_rng(4), StateFilter()
+    p = parameter_vector(BOAT, np.zeros(4))
+    seen = (rng.normal(size=(600, 6)) * ALL).tolist()
+    seen[400][0] += 20.0
+    before = np.zeros(6)
+    for i, (last, now) in enumerate(pairwise(map(tuple, seen)), 1):
+        one.see(p, last, (0.0, 0.0), now, EVERY_S, SUBSTEPS)
+        believed = one.filtered(now)
+        assert abs(believed[3]) < 4 * ALL[3]
+        if i == 399:
+            before = one.variances.copy()
+        if i == 400:
+            assert believed == now
+    assert np.sqrt(one.variances) == pytest.approx(np.sqrt(before), rel=0.5)
+    assert one.filtered(tuple(seen[-1])) != tuple(seen[-1])
+
+
 def test_nothing_is_believed_of_the_noise_at_once():
     _, _, seen, believed = sail(ALL, seconds=0.9 * LEAST_S)
     assert [tuple(one) for one in seen.tolist()] == believed

@@ -10,7 +10,7 @@ predicted from the one before. White noise of variance R is in two successive g 
 and makes their covariance -F R, F how the prediction changes with what it begins with; errors of
 the model last, and make it positive. What is left of the variance of g, beyond R + F R F', is the
 model's. Estimates that are exact, or that an autopilot has filtered already, show no noise, and are
-taken as they come.
+taken as they come. So is one that nobody could expect: the filter begins anew behind it.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -45,6 +45,9 @@ LEAST_SHARE = 0.05
 # What the means of half a minute miss by chance, as a share of the noise in a surprise. Of place
 # and heading that is not put down to the model: it is never wrong about how velocities add up.
 CHANCE = 0.2
+# Standard deviations beyond which a surprise is wild: the noise is not learned from how wild it is,
+# and the filter does not go on from it.
+WILD = 5.0
 # Of how much noise is left in the next prediction, at least: of a hull that stops at once none is.
 LEAST_LEFT = 0.3
 PROBE = 1e-5
@@ -62,7 +65,7 @@ class StateFilter:
         self._surprises = np.zeros((3, 6))
         self._state, self._covariance = np.zeros(6), np.zeros((6, 6))
         self._seconds = 0.0
-        self._filters = self._follows = False
+        self._follows = False
 
     def forget(self) -> None:
         """After a gap the next estimate is taken as it comes; how noisy they are stays known."""
@@ -83,17 +86,17 @@ class StateFilter:
         told = np.array(thrusts), np.array(after), seconds, substeps
         share = max(1.0 - math.exp(-seconds / MEMORY_S), seconds / (self._seconds + seconds))
         self._seconds += seconds
-        noisy = _learn(parameters, np.array(before), *told, share, self._surprises)
-        self._filters = noisy and self._seconds >= LEAST_S
-        if not self._filters:
+        known = self._seconds >= LEAST_S
+        noisy = _learn(parameters, np.array(before), *told, share, known, self._surprises)
+        if not (known and noisy):
             self._follows = False
             return
         if not self._follows:
-            self._state[:], self._covariance[:] = before, np.diag(NOTHING**2)
-            self._follows = True
-        _weigh(
+            self._state[:] = before
+            self._covariance[:] = np.diag(np.maximum(self.variances, LEAST**2))
+        self._follows = _weigh(
             parameters, self._state, self._covariance, *told, self._surprises, self.variances
-        )  # fmt: skip
+        )
 
     def filtered(self, state: State) -> State:
         """Return what is believed of the last estimate."""
@@ -104,14 +107,17 @@ class StateFilter:
 
 
 @machine_code
-def _learn(parameters, before, thrusts, after, seconds, substeps, share, surprises):
+def _learn(parameters, before, thrusts, after, seconds, substeps, share, known, surprises):
     """Take what an estimate surprises by into the means `surprises` (3, 6), of which it is a
-    `share`; whether they tell of noise.
+    `share`, and no more than is not wild, where they are `known`; whether they tell of noise.
     """
     predicted, noisy = np.empty(6), False
     advance(parameters, before, thrusts, seconds, substeps, predicted)
     for i in range(6):
         now = after[i] - predicted[i]
+        if known:
+            most = max(WILD * np.sqrt(surprises[SQUARE, i]), LEAST[i])
+            now = min(max(now, -most), most)
         surprises[SQUARE, i] += share * (now * now - surprises[SQUARE, i])
         surprises[PRODUCT, i] += share * (now * surprises[LAST, i] - surprises[PRODUCT, i])
         surprises[LAST, i] = now
@@ -124,14 +130,14 @@ def _weigh(
     parameters, state, covariance, thrusts, after, seconds, substeps, surprises, variances
 ):  # fmt: skip
     """One step of the filter: `state` (6,), `covariance` (6, 6) and the `variances` (6,) of the
-    estimates' noise, in place.
+    estimates' noise, in place; whether the estimate was one that could be expected.
     """
     predicted, slopes = np.empty(6), np.empty((6, 6))
     _predict(parameters, state, thrusts, seconds, substeps, predicted, slopes)
     for i in range(6):
         left = max(slopes[i, i], LEAST_LEFT)
         variances[i] = max(-surprises[PRODUCT, i] / left, LEAST[i] ** 2)
-    passed = slopes @ covariance @ slopes.T
+    passed = _carried(slopes, covariance)
     for i in range(6):
         of_noise = variances[i]
         for j in range(6):
@@ -140,22 +146,44 @@ def _weigh(
             passed[i, i] += max(surprises[SQUARE, i] - (1.0 + CHANCE) * of_noise, 0.0)
         else:
             passed[i, i] += max(surprises[SQUARE, i] - of_noise, LEAST_SHARE * variances[i])
-    gain = np.empty(6)
-    # One after the other, for their errors are independent.
-    for k in range(6):
-        surprise, variance = after[k] - predicted[k], passed[k, k] + variances[k]
-        for i in range(6):
-            gain[i] = passed[i, k] / variance
-            predicted[i] += gain[i] * surprise
-        for i in range(6):
-            for j in range(6):
-                covariance[i, j] = passed[i, j] - gain[i] * passed[k, j]
-        for i in range(6):
-            for j in range(6):
-                passed[i, j] = 0.5 * (covariance[i, j] + covariance[j, i])
+    for i in range(6):
+        if (after[i] - predicted[i]) ** 2 > WILD**2 * (passed[i, i] + variances[i]):
+            return False
+    _correct(predicted, passed, after, variances)
     put(state, predicted)
     for i in range(6):
         put(covariance[i], passed[i])
+    return True
+
+
+@machine_code
+def _carried(slopes, covariance):
+    """F P F' of `slopes` F and a `covariance` P, (6, 6)."""
+    half, out = np.zeros((6, 6)), np.zeros((6, 6))
+    for i in range(6):
+        for j in range(6):
+            for k in range(6):
+                half[i, j] += slopes[i, k] * covariance[k, j]
+    for i in range(6):
+        for j in range(6):
+            for k in range(6):
+                out[i, j] += half[i, k] * slopes[j, k]
+    return out
+
+
+@machine_code
+def _correct(state, covariance, after, variances):
+    """Weigh a predicted `state` (6,) of `covariance` (6, 6) against an estimate, in place."""
+    spread = np.empty(6)
+    # One after the other, for their errors are independent.
+    for k in range(6):
+        surprise, variance = after[k] - state[k], covariance[k, k] + variances[k]
+        for i in range(6):
+            spread[i] = covariance[i, k]
+        for i in range(6):
+            state[i] += spread[i] / variance * surprise
+            for j in range(6):
+                covariance[i, j] -= spread[i] * spread[j] / variance
 
 
 @machine_code

@@ -31,18 +31,22 @@ def compile_controller() -> bool:
 
 
 def sail_a_little() -> None:
-    """Sail a boat with weak and late thrusters, for longer than it takes to find that out: every
-    kernel is needed then that a mission may need, also in its middle.
+    """Sail a boat with weak and late thrusters by noisy estimates, for longer than it takes to find
+    that out: every kernel is needed then that a mission may need, also in its middle.
     """
     from grebe.control.controller import Controller
     from grebe.core.sets import footprints_of
     from grebe.core.taut import taut_way
     from grebe.core.vessel import PRESETS
+    from grebe.links.simulated import EstimateErrors
     from grebe.mission.trial import Conditions, fly, meander
 
     model, sets = PRESETS["spyboat"], meander(rows=3, columns=4)
     late = Conditions(
-        boat=replace(model, thruster_lag_s=1.0), effectiveness=(0.5, 0.5), limit_s=30.0
+        boat=replace(model, thruster_lag_s=1.0),
+        effectiveness=(0.5, 0.5),
+        errors=EstimateErrors(velocity_mps=0.02),
+        limit_s=30.0,
     )
     fly(model, sets, Controller(model, sets), (-5.0, 2.0, 0, 0, 0, 0), late)
     # Large cells alone ask for it.
