@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from unittest.mock import patch
@@ -59,15 +60,16 @@ def _longer(task: Task, world: Conditions) -> Trial:
     return task.sailed(LONGER, world)
 
 
-def _fewer(task: Task, world: Conditions) -> Trial:
-    """With at least two stages for a leg instead of four: more legs in one horizon."""
-    with patch("grebe.control.rules.lookahead.FEWEST_STAGES", 2):
+def _more(task: Task, world: Conditions) -> Trial:
+    """With at least four stages for a leg instead of two: fewer legs in one horizon."""
+    with patch("grebe.control.rules.lookahead.FEWEST_STAGES", 4):
         return _usual(task, world)
 
 
-def _fewer_and_closer(task: Task, world: Conditions) -> Trial:
-    with patch("grebe.control.rules.lookahead.FEWEST_STAGES", 2):
-        return _closer(task, world)
+def _raw(task: Task, world: Conditions) -> Trial:
+    """Every estimate taken as it comes."""
+    with patch("grebe.control.state_filter.LEAST_S", math.inf):
+        return _usual(task, world)
 
 
 def _slower(task: Task, world: Conditions) -> Trial:
@@ -97,8 +99,7 @@ IN_STILL_WATER: dict[str, Sails] = {
     "a step each 0.25 s instead of 0.5": lambda task, world: task.sailed(OFTENER, world),
     "a window from 0.5 m/s instead of 1": _slower,
     "a window to 1.5 m/s instead of 2": _spared,
-    "two stages a leg at least instead of four": _fewer,
-    "the same, 0.05 m inside the sets": _fewer_and_closer,
+    "four stages a leg at least instead of two": _more,
 }
 NOISY = Conditions(errors=NOISE)
 QUIETER = Conditions(errors=EstimateErrors(velocity_mps=0.01))
@@ -113,7 +114,9 @@ IN_CURRENTS: dict[str, tuple[Sails, Conditions, bool]] = {
     "told of the current": (_told, NOISY, True),
     "told of the current, no noise": (_told, STILL, True),
     "0.05 m inside the sets": (_closer, NOISY, True),
-    "two stages a leg at least": (_fewer, NOISY, True),
+    "four stages a leg at least": (_more, NOISY, True),
+    "estimates as they come": (_raw, NOISY, True),
+    "no current, estimates as they come": (_raw, NOISY, False),
 }
 
 

@@ -41,7 +41,7 @@ STAGE_S = 0.9
 # what could be done at once, and each solve puts it off again.
 SHORTEST_LEG_S = 0.06
 LONGEST_STAGE_S = 1.2
-FEWEST_STAGES = 4
+FEWEST_STAGES = 2
 # Cost of a second is 1; a unit of slack costs more than any second it could save.
 ENTRY_PENALTY = 100.0
 # Of a set that lies beyond the horizon the slack is way that is still to come. A metre of it is
