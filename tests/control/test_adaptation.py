@@ -71,6 +71,23 @@ def test_a_boat_as_modelled_is_not_corrected_whatever_the_current(seed, name):
     assert fitted(model, drive(model, plant=plant, noise=1.0, seed=seed)) is None
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("north_mps", "east_mps"), [(0.0, 0.3), (0.0, -0.3), (0.2, 0.2)])
+def test_noise_in_a_cross_current_is_not_taken_for_another_boat(north_mps, east_mps):
+    """The noise of sway turns a fast hull by how it goes through the water, which the current
+    decides; flights across one were corrected every half minute while it was left out.
+    """
+    sets, boat = meander(rows=4), PRESETS["benchmark"]
+    weather = Weather(current_north_mps=north_mps, current_east_mps=east_mps)
+    noise = EstimateErrors(velocity_mps=0.03, position_m=0.02, heading_rad=0.005)
+    helm = Controller(boat, sets)
+    flight = fly(
+        boat, sets, helm, (-10.0, 2.5, 0, 0, 0, 0), Conditions(weather=weather, errors=noise)
+    )
+    assert flight.complete
+    assert not [one for one in flight.recorder.of(Warned) if one.code == "model_corrected"]
+
+
 def test_a_tide_that_turns_is_no_fault_of_the_boat():
     tide = Tide(current_mps=0.3, period_s=400.0, bearing_rad=1.0)
     assert fitted(SPYBOAT, drive(SPYBOAT, plant=Plant(SPYBOAT, AT_REST, tide), noise=1.0)) is None
