@@ -55,6 +55,7 @@ def drive(vessel, *, plant, late_s=0.0, compass_rad=0.0, noise=0.0, seed=3):
         states=turned(seen, compass_rad)[keep],
         order_times=np.append(np.arange(41.0), 45.0),
         impulses=impulses,
+        noise_sd=noise * NOISE,
     )
 
 

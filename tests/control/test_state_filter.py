@@ -140,7 +140,7 @@ def test_at_rest_it_is_the_steady_kalman_filter():
     slopes = np.diag([1.0, 1.0, 1.0, *decay])
     slopes[range(3), range(3, 6)] = (decay - 1.0) / rates
     measured = learned[0]
-    model = np.diag([0.0, 0.0, 0.0, *(LEAST_SHARE * measured[3:])])
+    model = np.diag(LEAST_SHARE * measured)
     ahead = scipy.linalg.solve_discrete_are(slopes.T, np.eye(6), model, np.diag(measured))
     steady = np.diag(ahead @ np.linalg.inv(ahead + np.diag(measured)))
     assert np.array(gains) == pytest.approx(steady, rel=0.25)

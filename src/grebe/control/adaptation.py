@@ -83,9 +83,11 @@ def fitting(
     """
     modelled = as_modelled(model)
     start = _in_weather(model, modelled, weather)
-    problem = _Problem.of(model, flown, start)
-    if problem is None:
+    problem = _Problem.of(model, flown)
+    # Noise makes misses count less: without it this is the most that they can cost.
+    if problem is None or problem.cost(start) < LEAST_GAIN:
         return None
+    problem = replace(problem, about=start)
     plain, plain_cost = yield from problem.solve(start, WEATHER, enough=LEAST_GAIN)
     if plain_cost >= LEAST_GAIN:
         # What noise makes of a piece depends on the weather, which is better known now.
@@ -127,18 +129,18 @@ def fitted(model: Vessel, flown: Flown, followed: Correction | None = None) -> F
 @dataclass(frozen=True, kw_only=True)
 class _Problem:
     """The pieces `first` to `last` of what was flown. `about`: the numbers with which the noise of
-    estimates is followed through them.
+    estimates is followed through them; None where it does not count.
     """
 
     model: Vessel
     flown: Flown
-    about: Array
     first: NDArray[np.int64]
     last: NDArray[np.int64]
+    about: Array | None = None
     acted: dict[tuple[float, float], Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, model: Vessel, flown: Flown, about: Array) -> _Problem | None:
+    def of(cls, model: Vessel, flown: Flown) -> _Problem | None:
         """Cut what was flown into pieces; None where there are too few."""
         edges = np.arange(flown.times[0], flown.times[-1], PIECE_S)
         cuts = np.unique(np.searchsorted(flown.times, edges))
@@ -146,7 +148,7 @@ class _Problem:
         whole = flown.times[last] - flown.times[first] < 2 * PIECE_S
         if whole.sum() < FEWEST_PIECES:
             return None
-        return cls(model=model, flown=flown, about=about, first=first[whole], last=last[whole])
+        return cls(model=model, flown=flown, first=first[whole], last=last[whole])
 
     def is_better(self, plain_cost: float, cost: float) -> bool:
         """Whether a boat unlike its model explains far more than weather alone does.
@@ -195,9 +197,12 @@ class _Problem:
         by the least sway through the water, Eq. (9): an error of 2 cm/s in it ends as one of some
         degrees, and of yaw rate and place with it.
         """
-        states, noise = self.flown.states, self.flown.noise
+        count = (len(self.first), 1, 1)
+        if self.about is None:
+            return np.tile(np.diag(END_SD**2), count)
+        states, noise = self.flown.states, self.flown.noise_sd
         plain = self._ends(self.about, states)
-        covariances = np.tile(np.diag(END_SD**2 + noise**2), (len(self.first), 1, 1))
+        covariances = np.tile(np.diag(END_SD**2 + noise**2), count)
         for i in range(6):
             moved = states.copy()
             moved[:, i] += noise[i]
@@ -226,6 +231,11 @@ class _Problem:
             self.flown.states, self._thrusts(numbers), self.first, self.last, self.per_second,
             self.whiteners,
         )  # fmt: skip
+
+    def cost(self, numbers: Array) -> float:
+        """Half the sum of the squared residuals."""
+        residuals = self.residuals(numbers)
+        return 0.5 * float(residuals @ residuals)
 
     def _ends(self, numbers: Array, states: Array) -> Array:
         """Where the pieces end that begin at some states, (pieces, 6)."""

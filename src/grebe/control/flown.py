@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,22 +22,15 @@ BEFORE_LAGS, BEFORE_STEPS = 4.0, 16
 @dataclass(frozen=True, kw_only=True)
 class Flown:
     """What is looked at: times (n,) [s], states (n, 6), and the integral over time of the thrusts
-    that were sent, known at `order_times` (m,) as `impulses` (m, 2) [N s].
+    that were sent, known at `order_times` (m,) as `impulses` (m, 2) [N s]. `noise_sd` (6,):
+    standard deviations of the white noise of the states.
     """
 
     times: Array
     states: Array
     order_times: Array
     impulses: Array
-
-    @cached_property
-    def noise(self) -> Array:
-        """Standard deviations of the estimates' white noise, (6,), told by their second
-        differences, for a boat's own motion hardly bends from one estimate to the next; by their
-        median, for single estimates may jump.
-        """
-        bend = np.abs(self.states[:-2] - 2 * self.states[1:-1] + self.states[2:])
-        return (1.4826 / math.sqrt(6)) * np.quantile(bend, 0.5, axis=0)
+    noise_sd: Array
 
     def thrusts(self, dead_s: float, lag_s: float) -> Array:
         """Mean thrusts that acted between successive states, (n - 1, 2) [N]."""

@@ -39,8 +39,9 @@ MEMORY_S, LEAST_S = 15.0, 4.0
 # yaw rate [rad/s]; and what is taken for the noise, at least, of what shows none beside others.
 NOTHING = np.array([0.01, 0.01, 0.005, 0.005, 0.005, 0.005])
 LEAST = np.array([1e-3, 1e-3, 5e-4, 1e-3, 1e-3, 1e-3])
-# The model's own variance of velocities from one estimate to the next is at least this share of the
-# noise's: no model is so good that estimates tell nothing.
+# The model's own variance from one estimate to the next is at least this share of the noise's: no
+# model is so good that estimates tell nothing, and velocities that are told a little too large
+# would carry the place away.
 LEAST_SHARE = 0.05
 # What the means of half a minute miss by chance, as a share of the noise in a surprise. Of place
 # and heading that is not put down to the model: it is never wrong about how velocities add up.
@@ -89,11 +90,11 @@ class StateFilter:
         known = self._seconds >= LEAST_S
         noisy = _learn(parameters, np.array(before), *told, share, known, self._surprises)
         if not (known and noisy):
-            self._follows = False
+            self.variances[:], self._follows = 0.0, False
             return
         if not self._follows:
             self._state[:] = before
-            self._covariance[:] = np.diag(np.maximum(self.variances, LEAST**2))
+            self._covariance[:] = np.diag(np.maximum(-self._surprises[PRODUCT], LEAST**2))
         self._follows = _weigh(
             parameters, self._state, self._covariance, *told, self._surprises, self.variances
         )
@@ -115,6 +116,8 @@ def _learn(parameters, before, thrusts, after, seconds, substeps, share, known, 
     advance(parameters, before, thrusts, seconds, substeps, predicted)
     for i in range(6):
         now = after[i] - predicted[i]
+        if not np.isfinite(now):
+            now = 0.0
         if known:
             most = max(WILD * np.sqrt(surprises[SQUARE, i]), LEAST[i])
             now = min(max(now, -most), most)
@@ -142,12 +145,12 @@ def _weigh(
         of_noise = variances[i]
         for j in range(6):
             of_noise += slopes[i, j] * slopes[i, j] * variances[j]
-        if i < 3:
-            passed[i, i] += max(surprises[SQUARE, i] - (1.0 + CHANCE) * of_noise, 0.0)
-        else:
-            passed[i, i] += max(surprises[SQUARE, i] - of_noise, LEAST_SHARE * variances[i])
+        chance = CHANCE * of_noise if i < 3 else 0.0
+        model = surprises[SQUARE, i] - of_noise - chance
+        passed[i, i] += max(model, LEAST_SHARE * variances[i])
     for i in range(6):
-        if (after[i] - predicted[i]) ** 2 > WILD**2 * (passed[i, i] + variances[i]):
+        # What is not a number is no more to be expected.
+        if not (after[i] - predicted[i]) ** 2 <= WILD**2 * (passed[i, i] + variances[i]):
             return False
     _correct(predicted, passed, after, variances)
     put(state, predicted)

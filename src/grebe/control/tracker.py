@@ -257,7 +257,8 @@ class Tracker:
         pair = self.righted(start), thrusts, self.righted(end), seconds
         self._observer.update(*pair)
         if self._filter is not None:
-            substeps = max(2, math.ceil(seconds * SUBSTEPS_PER_S))
+            per_second = max(SUBSTEPS_PER_S, self.vessel.fastest_rate_hz)
+            substeps = max(2, math.ceil(seconds * per_second))
             self._filter.see(self._parameters(), *pair, substeps)
 
     def _parameters(self) -> Array:
@@ -293,6 +294,9 @@ class Tracker:
         self.correction = found[0]
         if self._observer is not None:
             self._observer = Observer(self.vessel, found[1])
+        if self._filter is not None:
+            # It has followed a boat with another compass.
+            self._filter.forget()
         return True
 
     def _flown(self) -> Flown:
@@ -305,6 +309,7 @@ class Tracker:
             states=np.array([state for _, state in self._seen]),
             order_times=np.array([*(o.time_s for o in self._orders), times[-1] + 1.0]),
             impulses=np.array([*(o.impulse for o in self._orders), end]),
+            noise_sd=np.zeros(6) if self._filter is None else np.sqrt(self._filter.variances),
         )
 
 
