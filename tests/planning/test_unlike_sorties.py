@@ -129,6 +129,19 @@ def test_without_a_harbour_each_boat_comes_home_to_its_own_start():
         assert at == pytest.approx((NORTH, SOUTH)[sortie.boat - 1], abs=2e-5)
 
 
+def test_boats_alike_with_starts_of_their_own_come_home_to_them_too():
+    planned = plan_sorties(
+        REGION, BOATS[0], wishes(vessels=(), minutes=35.0, starts=(NORTH, SOUTH))
+    )
+    assert all(one.holds for one in proved(planned))
+    assert {
+        (sortie.boat, round(sortie.start.north_m, -1)) for sortie in planned.revision.sorties
+    } == {(1, 590.0), (2, 0.0)}
+    both = replace(wishes(minutes=35.0, starts=(NORTH, SOUTH)), sorties=wishes(minutes=9.0).sorties)
+    with pytest.raises(UsageError, match="give one or the other"):
+        plan_sorties(REGION, BOATS[0], both)
+
+
 def test_what_a_boat_cannot_do_is_told_with_the_boats_name():
     with pytest.raises(PlanError, match="Boat 2, otter: the cell farthest from a harbour"):
         plan_sorties(REGION, BOATS[0], wishes(batteries_wh=(200.0, 5.0)))

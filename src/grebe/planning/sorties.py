@@ -39,25 +39,32 @@ def plan_sorties(
     """Plan a survey of a region in sorties; `PlanError` says why there is none.
 
     Without a harbour the sorties begin and end at the start. A fleet of boats alike has them dealt
-    out; unlike boats share the cells out first. `on_done` hears how far the search is.
+    out; unlike boats, and boats with starts of their own, share the cells out first. `on_done`
+    hears how far the search is.
     """
     sorties = settings.sorties
     if sorties is None:
         raise UsageError("What bounds a sortie is not given.", settings=("sortie_minutes",))
+    fleet = settings.fleet
+    if fleet is not None and fleet.starts and sorties.harbours:
+        raise UsageError(
+            "Sorties begin and end at harbours for all boats, or at a start of each boat's own; "
+            "give one or the other.",
+            settings=("harbours", "starts"),
+        )
     places = [region.frame.place_near(region.water, one, "harbour") for one in sorties.harbours]
     start = start_lonlat or (sorties.harbours[0] if sorties.harbours else None)
     planner, notes = planner_of(region, vessel, settings, start, no_go)
-    unlike = settings.fleet is not None and (settings.fleet.vessels or sorties.are_unlike)
-    # Of boats alike the order says only how much longer ways are than their legs; unlike boats
-    # share it out.
-    draft = planner.first_draft(quick=not unlike)
-    if unlike:
+    shared = fleet is not None and (fleet.vessels or fleet.starts or sorties.are_unlike)
+    # Where trips are dealt out the order says only how much longer ways are than their legs.
+    draft = planner.first_draft(quick=not shared)
+    if shared:
         return share_sorties(planner, draft, places, notes, on_done)
     lake = lake_of(planner, draft, places or [draft.start])
     endurance = endurance_of(vessel, settings, planner.mean_power_w(draft))
     trips = trips_within(lake, endurance, on_done=on_done)
     planned = _laid_out(lake, trips, notes)
-    return planned if settings.fleet is None else dealt(planned, settings.fleet.boats)
+    return planned if fleet is None else dealt(planned, fleet.boats)
 
 
 def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSorties:

@@ -8,7 +8,8 @@ its own stretch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from grebe.core.plan_settings import FleetSettings, check_speed
 from grebe.core.survey import Survey
 from grebe.core.taut import taut_way
 from grebe.planning.endurance import HOME_SLACK_S, Endurance, endurance_of
-from grebe.planning.fewest_trips import Trips, trips_within
+from grebe.planning.fewest_trips import Trips, check_reach, trips_within
 from grebe.planning.lake import Lake, lake_of, lake_seen_by
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner
@@ -64,7 +65,12 @@ def share_sorties(
     parts: list[Survey] = []
     whose: list[int] = []
     found: list[Trips] = []
-    for boat, stretch in _shared(boats, draft):
+    shared = _shared(boats, draft)
+    # No boat's trips are looked for in vain because another's cannot be.
+    for boat, stretch in shared:
+        with boat.named():
+            check_reach(boat.lake.part(stretch), boat.endurance)
+    for boat, stretch in shared:
         trips = boat.trips(stretch, _heard(on_done, len(found), fleet.boats))
         surveys = trip_surveys(boat.lake, trips, bound_m)
         parts += surveys
@@ -115,9 +121,15 @@ class _Boat:
         return self.lake.travel.path_s(taut_way((north, east), footprints))
 
     def trips(self, stretch: Order, on_done: Heard) -> Trips:
-        """The fewest trips within the stretch; a refusal says whose they are."""
-        try:
+        """The fewest trips within the stretch."""
+        with self.named():
             return trips_within(self.lake.part(stretch), self.endurance, on_done=on_done)
+
+    @contextmanager
+    def named(self) -> Generator[None]:
+        """What cannot be planned is said with the boat's name."""
+        try:
+            yield
         except PlanError as error:
             text = str(error)
             raise PlanError(
