@@ -1,10 +1,13 @@
 """A new order comes from an old one, and a number means one target for good."""
 
+from dataclasses import replace
+
 import pytest
 import shapely
 
 from grebe.core.errors import InputError, UsageError
 from grebe.core.frames import LocalFrame
+from grebe.core.plan_settings import FleetSettings, PlanSettings, SortieSettings
 from grebe.core.revision import (
     Sortie,
     first_revision,
@@ -15,6 +18,7 @@ from grebe.core.revision import (
 )
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Pose, Survey, Target
+from grebe.core.vessel import PRESETS
 
 HERE = Pose(north_m=0.0, east_m=0.0)
 
@@ -56,6 +60,24 @@ def test_a_number_that_was_given_is_never_given_to_another_target():
     assert left_out(old, shorter) == (3, 4)
     (new,) = numbered_on(shorter, [target(1, 50.0, "transit")])
     assert new.seq == 5
+
+
+def test_a_sortie_has_the_vessel_the_battery_and_the_minutes_of_its_boat():
+    vessels = (PRESETS["spyboat"], PRESETS["otter"])
+    settings = PlanSettings(
+        sorties=SortieSettings(batteries_wh=(50.0, 300.0), minutes_each=(20.0, 40.0)),
+        fleet=FleetSettings(boats=2, vessels=vessels),
+    )
+    whole = replace(survey(), settings=settings, vessel=vessels[0])
+    plan = first_revision(whole, [sortie(1, 1, 2), replace(sortie(2, 3, 4), boat=2)])
+    for one, vessel, bounds in zip(
+        plan.sorties, vessels, ((50.0, 20.0), (300.0, 40.0)), strict=True
+    ):
+        part = survey_of(whole, plan, one)
+        assert part.vessel == vessel
+        assert (part.settings.sorties.battery_wh, part.settings.sorties.minutes) == bounds
+    assert survey_of(whole, plan).settings == settings
+    assert whole.whose(2) == "boat 2 (otter)"
 
 
 def test_a_sortie_is_a_survey_of_its_own_with_the_numbers_of_the_whole():

@@ -10,7 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grebe.core.dynamics import Weather
-from grebe.core.plan_settings import PATTERNS, SHAPES, FleetSettings, PlanOutcome, PlanSettings
+from grebe.core.plan_settings import (
+    PATTERNS,
+    SHAPES,
+    FleetSettings,
+    PlanOutcome,
+    PlanSettings,
+    SortieSettings,
+)
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.io.store.plan_tables import (
@@ -29,11 +36,18 @@ weathers = st.builds(Weather, *[st.floats(-3, 3)] * 0, current_north_mps=st.floa
 degrees = st.tuples(st.floats(-180, 180), st.floats(-90, 90))
 fleets = st.builds(FleetSettings, boats=st.just(2), apart_m=positive,
                    starts=st.just(()) | st.tuples(degrees, degrees))  # fmt: skip
+bounds = {"reserve": st.floats(0, 0.9), "harbours": st.just(()) | st.tuples(degrees)}
+sorties_alike = st.builds(SortieSettings, battery_wh=positive, minutes=st.none() | positive,
+                          **bounds)  # fmt: skip
+sorties_unlike = st.builds(SortieSettings, batteries_wh=st.tuples(positive, positive),
+                           minutes_each=st.just(()) | st.tuples(positive, positive),
+                           **bounds)  # fmt: skip
 
 
 @st.composite
 def plan_settings(draw):
     size = draw(st.sampled_from(("cell_m", "minutes", "energy_wh")))
+    fleet = draw(st.none() | fleets)
     return PlanSettings(
         **({"cell_m": None} | {size: draw(positive)}),
         shape=draw(st.sampled_from(SHAPES)),
@@ -45,7 +59,8 @@ def plan_settings(draw):
         shore_margin_m=draw(st.floats(0, 50)),
         returns=draw(st.booleans()),
         weather=draw(weathers),
-        fleet=draw(st.none() | fleets),
+        fleet=fleet,
+        sorties=draw(st.none() | sorties_alike | (sorties_unlike if fleet else st.nothing())),
     )
 
 
@@ -62,6 +77,14 @@ def test_every_setting_is_in_the_text_that_the_hash_is_made_of(settings):
     named = {field.name for field in dataclasses.fields(PlanSettings)}
     absent = {name for name in ("sorties", "fleet") if getattr(settings, name) is None}
     assert set(json.loads(settings_text(settings))) == named - absent
+
+
+def test_sorties_of_one_battery_have_the_text_that_they_had_before_boats_had_their_own():
+    text = settings_text(PlanSettings(sorties=SortieSettings(battery_wh=90.0)))
+    assert json.loads(text)["sorties"] == {
+        "battery_wh": 90.0, "minutes": None, "reserve": 0.2, "harbours": [],
+    }  # fmt: skip
+    assert parse_settings(text).sorties == SortieSettings(battery_wh=90.0)
 
 
 def test_an_outcome_comes_back_and_a_survey_that_was_not_planned_has_none():

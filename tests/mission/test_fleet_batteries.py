@@ -112,3 +112,22 @@ def test_a_boat_whose_part_is_closed_comes_home_and_is_not_lost(tmp_path):
     # It is there to take over what the other has left.
     assert reasons[-1] == "boat_lost"
     assert ended[2][0] == 2
+
+
+@pytest.mark.slow
+def test_unlike_boats_set_out_each_with_its_own_battery_and_minutes(tmp_path):
+    path = tmp_path / "f.gpkg"
+    region = Region(name="pond", frame=FRAME, water=shapely.box(0, 0, 50, 50))
+    fleet = FleetSettings(
+        boats=2, apart_m=6.0, vessels=(PRESETS["spyboat"], PRESETS["blueboat"]),
+        starts=tuple((lon, lat) for lon, lat in FRAME.to_wgs84([(5, 5), (45, 45)]).tolist()),
+    )  # fmt: skip
+    sorties = SortieSettings(batteries_wh=(40.0, 90.0), minutes_each=(20.0, 30.0))
+    wanted = PlanSettings(cell_m=10.0, fleet=fleet, sorties=sorties)
+    planned = plan_sorties(region, PRESETS["spyboat"], wanted)
+    write_survey(path, planned.survey, revision=planned.revision)
+    _, began, _ = sailed(path, stop_at=1)
+    assert {boat: (safety.battery_wh, safety.max_s) for boat, safety in began} == {
+        1: (40.0, pytest.approx(0.8 * 1200.0)),
+        2: (90.0, pytest.approx(0.8 * 1800.0)),
+    }

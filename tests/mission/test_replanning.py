@@ -10,8 +10,8 @@ from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import PlanError
 from grebe.core.events import EndReason
 from grebe.core.frames import LocalFrame
-from grebe.core.plan_settings import PlanSettings, SortieSettings
-from grebe.core.revision import first_revision
+from grebe.core.plan_settings import FleetSettings, PlanSettings, SortieSettings
+from grebe.core.revision import Sortie, first_revision
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
@@ -107,6 +107,40 @@ def test_an_order_that_cannot_be_made_ends_the_wait_for_it(survey, monkeypatch):
     with pytest.raises(PlanError, match="IndexError"):
         plans.ready(3, (0.0, 0.0), CALM)
     assert not plans.is_busy
+
+
+@pytest.mark.parametrize(("boat", "battery_wh"), [(1, 40.0), (2, 90.0)])
+def test_a_sortie_is_judged_by_the_battery_of_its_own_boat(survey, boat, battery_wh, monkeypatch):
+    judged = []
+
+    class Watch:
+        def __init__(self, *, bounds, **_):
+            judged.append((bounds.battery_wh, bounds.minutes))
+
+        def late(self, *_):
+            return None
+
+    monkeypatch.setattr("grebe.mission.replanning.Pace", Watch)
+    settings = replace(
+        survey.settings,
+        sorties=SortieSettings(batteries_wh=(40.0, 90.0), minutes=30.0),
+        fleet=FleetSettings(boats=2),
+    )
+    start, half = survey.start, len(survey.targets) // 2
+    sorties = [
+        Sortie(number=1, first=1, last=half, start=start, time_s=1.0, energy_wh=1.0, boat=1),
+        Sortie(
+            number=2, first=half + 1, last=len(survey.targets), start=start, time_s=1.0,
+            energy_wh=1.0, boat=2,
+        ),
+    ]  # fmt: skip
+    whole = replace(survey, settings=settings)
+    plans = Replanner(
+        survey=whole, plan=KeptPlan(revision=first_revision(whole, sorties)), vessel=BOAT,
+        helm_of=lambda _: None, sortie=boat,
+    )  # fmt: skip
+    plans.watch(10.0, 1, (0.0, 0.0), CALM, 1.0)
+    assert judged == [(battery_wh, 30.0)]
 
 
 @pytest.mark.slow

@@ -132,6 +132,3 @@ def test_vessels_that_are_not_one_for_each_boat_or_too_slow_are_refused():
     fleet = FleetSettings(boats=2, vessels=(boat, PRESETS["tianjin"]))
     with pytest.raises(PlanError, match="tianjin"):
         plan_fleet(region, boat, PlanSettings(cell_m=10.0, speed_min_mps=1.4, fleet=fleet))
-    wishes = PlanSettings(cell_m=10.0, sorties=SortieSettings(minutes=10.0), fleet=fleet)
-    with pytest.raises(UsageError, match="boats of one kind"):
-        plan_sorties(region, boat, wishes)

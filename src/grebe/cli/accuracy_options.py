@@ -56,8 +56,8 @@ def refuse_with_goal(asked: dict[str, Any], vessels: int) -> None:
     if asked["goal"] != "accuracy":
         return
     given = {
-        "--battery": asked["sortie_battery_wh"] is not None,
-        "--sortie-minutes": asked["sortie_minutes"] is not None,
+        "--battery": bool(asked["sortie_battery_wh"]),
+        "--sortie-minutes": bool(asked["sortie_minutes"]),
         "--harbour": bool(asked["harbours"]),
         "--boats": asked["boats"] > 1,
         "a second --vessel": vessels > 1,

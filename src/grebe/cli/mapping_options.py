@@ -12,6 +12,7 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options
+from grebe.core.errors import UsageError
 from grebe.core.survey import Survey
 from grebe.io.readers.depth import read_depth
 from grebe.mapping.drift import DriftFunction, combined, inflow, linear
@@ -157,6 +158,7 @@ def _as_written(name: str, value: Any) -> str:
 
 def settings_with(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings:
     """The methods by their names in the table, with the settings that are given."""
+    _refuse_beside_together(asked)
     method, variogram = asked["method"], asked["variogram"]
     more: dict[str, Any] = {
         "shore_depth_sd_m": asked["shore_depth_sd_m"],
@@ -174,6 +176,28 @@ def settings_with(asked: dict[str, Any], drift: DriftFunction | None) -> MapSett
     if method is None:
         return MapSettings(choice=ByShore(straight=straight), **more)
     return MapSettings(method=straight, **more)
+
+
+def _refuse_beside_together(asked: dict[str, Any]) -> None:
+    """Refuse what cokriging does not heed: it has one mean for all places and covariances of its
+    own.
+    """
+    if not asked["together"]:
+        return
+    given = {
+        f"--method {asked['method']}": asked["method"] not in (None, AVERAGED.key),
+        "--variogram": asked["variogram"] is not None,
+        "--drift": asked["drift"] is not None,
+        "--inflow": bool(asked["inflows"]),
+        "--depth": asked["depth"] is not None,
+        "--estimator": asked["estimator"] != ESTIMATORS[0],
+    }
+    for flag, is_given in given.items():
+        if is_given:
+            raise UsageError(
+                f"--together is cokriging, with one mean for all places and covariances of its "
+                f"own: it does not heed {flag}; leave that out, or map without --together."
+            )
 
 
 def _drift(

@@ -327,4 +327,5 @@ def _sorties_proved(checks: Sequence[SortieCheck]) -> dict[str, Any]:
 
 
 def _whose(planned: PlannedSorties, sortie: Sortie) -> str:
-    return "" if planned.survey.fleet is None else f", boat {sortie.boat}"
+    whose = planned.survey.whose(sortie.boat)
+    return f", {whose}" if whose else ""

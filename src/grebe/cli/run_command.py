@@ -257,7 +257,7 @@ def _run(
             boat_at if ears is None else ears.beside(boat_at),
             steered_by(rule, solver),
             now,
-            _settings_for(run, now, survey_file.survey, departure.spent),
+            _settings_for(run, now, departure.survey, departure.spent),
             replans=run["replans"],
             extends=onward and onward(None),
             listeners=[
@@ -334,7 +334,9 @@ def _say_which(departure: Departure, survey_file: SurveyFile) -> None:
     if one is not None:
         lon, lat = survey_file.survey.frame.to_wgs84(departure.state[:2]).tolist()
         count = len(survey_file.revision.sorties)
-        output.note(f"sortie {one.number} of {count}, from latitude {lat:.5f}, longitude {lon:.5f}")
+        whose = survey_file.survey.whose(one.boat)
+        which = f"sortie {one.number} of {count}{', ' * bool(whose)}{whose}"
+        output.note(f"{which}, from latitude {lat:.5f}, longitude {lon:.5f}")
     if departure.spent.energy_wh >= 1 and battery is not None and battery.sorties is not None:
         output.note(
             f"its boat has spent {departure.spent.energy_wh:.0f} Wh and "

@@ -53,8 +53,8 @@ def _sortie(state: SortieState, survey: Survey) -> str:
     """A sortie in words: how far it is, whose, and whence it sets out."""
     one = state.sortie
     lon, lat = survey.frame.to_wgs84((one.start.north_m, one.start.east_m)).tolist()
-    whose = f", boat {one.boat}" if survey.fleet else ""
-    return f"{state}{whose}, from {lon:.5f},{lat:.5f}"
+    whose = survey.whose(one.boat)
+    return f"{state}{', ' * bool(whose)}{whose}, from {lon:.5f},{lat:.5f}"
 
 
 def _next(file: Path, values: Mapping[str, object]) -> str:

@@ -19,12 +19,16 @@ sortie_options = options.together(
         "--battery",
         "sortie_battery_wh",
         type=click.FloatRange(min=0, min_open=True),
-        help="Cut the survey into sorties, each on one battery of so much [Wh].",
+        multiple=True,
+        help="Cut the survey into sorties, each on one battery of so much [Wh]; of a fleet of "
+        "unlike boats once for each.",
     ),
     click.option(
         "--sortie-minutes",
         type=click.FloatRange(min=0, min_open=True),
-        help="Cut the survey into sorties, each of so many minutes at most.",
+        multiple=True,
+        help="Cut the survey into sorties, each of so many minutes at most; of a fleet of unlike "
+        "boats once for each.",
     ),
     click.option(
         "--reserve",
@@ -49,24 +53,32 @@ sortie_options = options.together(
 
 
 def sortie_settings(
-    battery_wh: float | None,
-    minutes: float | None,
+    batteries_wh: tuple[float, ...],
+    minutes: tuple[float, ...],
     reserve: float | None,
     harbours: tuple[tuple[float, float], ...],
 ) -> SortieSettings | None:
-    """The settings of the options; None where the survey is one mission."""
-    if battery_wh is None and minutes is None:
+    """The settings of the options; None where the survey is one mission. One battery, or one number
+    of minutes, is for all boats.
+    """
+    if not (batteries_wh or minutes):
         if harbours or reserve is not None:
             raise UsageError(
                 "--harbour and --reserve apply to sorties; give --battery or --sortie-minutes too."
             )
         return None
     return SortieSettings(
-        battery_wh=battery_wh,
-        minutes=minutes,
+        battery_wh=_for_all(batteries_wh),
+        minutes=_for_all(minutes),
         reserve=RESERVE if reserve is None else reserve,
         harbours=harbours,
+        batteries_wh=batteries_wh if len(batteries_wh) > 1 else (),
+        minutes_each=minutes if len(minutes) > 1 else (),
     )
+
+
+def _for_all(given: tuple[float, ...]) -> float | None:
+    return given[0] if len(given) == 1 else None
 
 
 def fleet_settings(

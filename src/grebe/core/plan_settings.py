@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from grebe.core.dynamics import CALM, Weather
@@ -29,21 +29,30 @@ class SortieSettings:
 
     `reserve` is the share of either that must be left when the boat is back. `harbours` are
     the places (longitude, latitude) at which it can be launched and taken out again; without
-    any it is the survey's start.
+    any it is the survey's start. `batteries_wh` and `minutes_each` are those of a fleet's boats,
+    in their order, in place of the one for all.
     """
 
     battery_wh: float | None = None
     minutes: float | None = None
     reserve: float = 0.2
     harbours: tuple[tuple[float, float], ...] = ()
+    batteries_wh: tuple[float, ...] = ()
+    minutes_each: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.battery_wh is None and self.minutes is None:
+        one, each = (self.battery_wh, self.minutes), (self.batteries_wh, self.minutes_each)
+        if one == (None, None) and not any(each):
             raise UsageError(
                 "What bounds a sortie is not given; give the battery's watt-hours or the minutes.",
                 settings=("sortie_battery_wh", "sortie_minutes"),
             )
-        for given in (self.battery_wh, self.minutes):
+        if any(all_ is not None and own for all_, own in zip(one, each, strict=True)):
+            raise UsageError(
+                "A battery, or minutes, are given for all boats and for each; give one of these.",
+                settings=("sortie_battery_wh", "sortie_minutes"),
+            )
+        for given in (*one, *self.batteries_wh, *self.minutes_each):
             if given is not None and not 0 < given < math.inf:
                 raise UsageError(
                     f"A sortie cannot last {given:g} Wh or minutes; give a positive number.",
@@ -54,6 +63,21 @@ class SortieSettings:
                 f"A reserve of {self.reserve:g} is impossible; give a share from 0 to less than 1.",
                 settings=("reserve",),
             )
+
+    @property
+    def are_unlike(self) -> bool:
+        """Whether the boats of a fleet have batteries or minutes of their own."""
+        return bool(self.batteries_wh or self.minutes_each)
+
+    def of_boat(self, boat: int) -> SortieSettings:
+        """What bounds a sortie of one boat by its number, from 1."""
+        return replace(
+            self,
+            battery_wh=self.batteries_wh[boat - 1] if self.batteries_wh else self.battery_wh,
+            minutes=self.minutes_each[boat - 1] if self.minutes_each else self.minutes,
+            batteries_wh=(),
+            minutes_each=(),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +201,31 @@ class PlanSettings:
             raise UsageError(
                 f"A budget of {budgets[0]} is impossible; it must be positive.",
                 settings=("minutes", "energy_wh"),
+            )
+        _check_one_each(self.sorties, self.fleet)
+
+    def of_boat(self, boat: int) -> PlanSettings:
+        """The settings with the battery and the minutes of one boat by its number, from 1."""
+        if self.sorties is None or not self.sorties.are_unlike:
+            return self
+        return replace(self, sorties=self.sorties.of_boat(boat))
+
+
+def _check_one_each(sorties: SortieSettings | None, fleet: FleetSettings | None) -> None:
+    """Refuse batteries or minutes that are not one for each boat."""
+    if sorties is None:
+        return
+    boats = 1 if fleet is None else fleet.boats
+    for several, what, setting in (
+        (sorties.batteries_wh, "battery", "sortie_battery_wh"),
+        (sorties.minutes_each, "number of minutes", "sortie_minutes"),
+    ):
+        if several and len(several) != boats:
+            many = f"{boats} boats have one {what} for all or {boats}"
+            raise UsageError(
+                f"{'One boat has one ' + what if boats == 1 else many}, and {len(several)} are "
+                "given.",
+                settings=(setting, "boats"),
             )
 
 

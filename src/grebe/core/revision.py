@@ -186,8 +186,8 @@ def left_out(old: PlanRevision, new: PlanRevision) -> tuple[int, ...]:
 
 
 def survey_of(survey: Survey, revision: PlanRevision, sortie: Sortie | None = None) -> Survey:
-    """Return a survey in the order of a revision: all of it, or one of its sorties, with the vessel
-    of the boat that sails it.
+    """Return a survey in the order of a revision: all of it, or one of its sorties, with the
+    vessel, the battery and the minutes of the boat that sails it.
     """
     if sortie is None:
         return replace(survey, targets=revision.targets, corridors=revision.corridors)
@@ -195,6 +195,7 @@ def survey_of(survey: Survey, revision: PlanRevision, sortie: Sortie | None = No
     return replace(
         survey,
         vessel=survey.vessel_of(sortie.boat),
+        settings=survey.settings and survey.settings.of_boat(sortie.boat),
         targets=revision.targets[places],
         corridors=revision.corridors[places],
         start=sortie.start,

@@ -100,6 +100,13 @@ class Survey:
         """The vessel of a fleet's boat by its number, from 1: its own, or the survey's."""
         return (self.fleet and self.fleet.vessel(boat)) or self.vessel
 
+    def whose(self, boat: int) -> str:
+        """A fleet's boat in words, with its vessel where boats are unlike; empty for one boat."""
+        if self.fleet is None:
+            return ""
+        vessel = self.fleet.vessel(boat)
+        return f"boat {boat}" if vessel is None else f"boat {boat} ({vessel.name})"
+
     @property
     def fleet(self) -> FleetSettings | None:
         """The fleet that the survey was planned for; None for one boat."""

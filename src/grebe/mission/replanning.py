@@ -178,7 +178,9 @@ class Replanner:
         if self.is_busy or settings is None or settings.sorties is None or sortie is None:
             return
         self._pace = self._pace or Pace(
-            vessel=self.vessel, bounds=settings.sorties, spent_s=self.spent_s
+            vessel=self.vessel,
+            bounds=settings.sorties.of_boat(sortie.boat),
+            spent_s=self.spent_s,
         )
         self._late = self._pace.late(time_s, reached, place, self._part, used_wh)
         if self._late is not None:

@@ -93,6 +93,13 @@ def trips_within(
     return best
 
 
+def check_reach(lake: Lake, endurance: Endurance) -> None:
+    """Raise `PlanError` where some cell is too far from every harbour for any trip: what is known
+    before trips are looked for.
+    """
+    _refuse_unreachable(lake, ports_of(lake, endurance, _first_factor(lake)))
+
+
 class _Effort:
     """How many rounds were done, of how many."""
 

@@ -24,19 +24,16 @@ from grebe.planning.corridors import Waterways
 from grebe.planning.lake import lake_of
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner, planner_of
+from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region
 from grebe.planning.route import Route
-from grebe.planning.sorties import checked, put_together
+from grebe.planning.sharing import shared_evenly
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Order = NDArray[np.int64]
     Array = NDArray[np.float64]
-
-# Rounds in which the ends of the stretches are moved, and by how much a round may be worse than
-# the best before the search ends.
-ROUNDS, ALIKE = 8, 1.005
 
 
 def plan_fleet(
@@ -116,38 +113,20 @@ class _Sharing:
 
     def balanced(self) -> tuple[list[Survey], list[int]]:
         """The parts whose longest is the shortest that was found, and whose they are."""
-        boats = len(self.out_s)
-        weights = np.ones(boats)
-        best: tuple[float, list[Survey], list[int]] | None = None
         chosen: list[tuple[int, bool]] = []
-        for _ in range(ROUNDS):
-            stretches = self._cut(weights)
+
+        def parts_of(stretches: Sequence[Order]) -> tuple[list[tuple[Survey, int]], list[float]]:
             # What a stretch may hold is found for the boat that has it: unlike boats do not change.
             if not chosen or len(self.planners) == 1:
-                chosen = self._assigned(stretches)
+                chosen[:] = self._assigned(stretches)
             parts = [
                 self._part(stretch, *one) for stretch, one in zip(stretches, chosen, strict=True)
             ]
-            times = np.array([_time_s(part) for part in parts])
-            if best is None or times.max() < best[0]:
-                best = float(times.max()), parts, [boat + 1 for boat, _ in chosen]
-            if times.max() < ALIKE * times.mean():
-                break
-            # A part that takes too long is given less of the order; half way, for its way out
-            # changes with it.
-            weights *= (times.mean() / np.maximum(times, 0.1 * times.mean())) ** 0.7
-        assert best is not None
-        return best[1], best[2]
+            boats = [boat + 1 for boat, _ in chosen]
+            return list(zip(parts, boats, strict=True)), [_time_s(part) for part in parts]
 
-    def _cut(self, weights: Array) -> list[Order]:
-        """The order in stretches whose legs take times in the ratio of the weights."""
-        order = self.draft.route.order
-        passed = np.cumsum(self.legs_s)
-        ends = np.searchsorted(passed, passed[-1] * np.cumsum(weights)[:-1] / weights.sum())
-        # Each boat has a cell at least.
-        lowest = np.arange(1, len(weights))
-        more = np.clip(np.maximum.accumulate(ends - lowest), 0, len(order) - len(weights))
-        return np.split(order, lowest + more)
+        found = shared_evenly(self.draft.route.order, self.legs_s, len(self.out_s), parts_of)
+        return [part for part, _ in found], [boat for _, boat in found]
 
     def _assigned(self, stretches: Sequence[Order]) -> list[tuple[int, bool]]:
         """Which boat takes each stretch, and whether from its far end."""

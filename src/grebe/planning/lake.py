@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from grebe.planning.corridors import Waterways
 from grebe.planning.costs import Costs, costs_of
 from grebe.planning.endurance import HOME_SLACK_S, Endurance
 from grebe.planning.planner import Draft, Planner
+from grebe.planning.route import Route
 from grebe.planning.travel import Travel
 from grebe.planning.trips import Ports
 from grebe.planning.ways_home import WaysHome, ways_home
@@ -56,6 +57,19 @@ class Lake:
             straight = np.maximum(np.hypot(*way.T), 1e-9)
             rows.append(home.ways_m * self.travel.leg_s(way) / straight)
         return np.array(rows)
+
+    def part(self, order: NDArray[np.int64]) -> Lake:
+        """The lake of which some cells alone are gone to, in an order; the others are water."""
+        wanted = np.zeros(len(self.wanted), dtype=np.bool_)
+        wanted[order] = True
+        route = Route(order=order, legs_s=0.0, method=self.draft.route.method)
+        return replace(self, draft=replace(self.draft, route=route), wanted=wanted)
+
+
+def lake_seen_by(planner: Planner, lake: Lake, homes: tuple[WaysHome, ...]) -> Lake:
+    """Return a lake for another boat: with what its legs cost that one, and with its harbours."""
+    costs = costs_of(lake.draft.network, planner.travel, homes[0].place, returns=True)
+    return replace(lake, planner=planner, homes=homes, costs=costs)
 
 
 def lake_of(planner: Planner, draft: Draft, places: Sequence[tuple[float, float]]) -> Lake:

@@ -25,7 +25,8 @@ class Planned:
 @dataclass(frozen=True, kw_only=True)
 class PlannedSorties(Planned):
     """A survey in sorties; `revision` holds them, `bound_s` is what no sorties together go below,
-    `legs_s` what the trips through the cells' centres take in the same measure. Of a fleet without
+    `legs_s` what the trips through the cells' centres take in the same measure; of unlike boats
+    both are of the cells as they are shared out. Of a fleet without
     sorties `legs_s` is what the slowest boat takes, `bound_s` one boat's time over their number.
     """
 

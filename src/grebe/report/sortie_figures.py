@@ -42,7 +42,7 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
     comes_back = fleet is None or (survey.settings and survey.settings.sorties)
 
     def whose(one: Sortie) -> str:
-        return f"{one.number}, boat {one.boat}" if fleet else str(one.number)
+        return f"{one.number}, {survey.whose(one.boat)}" if fleet else str(one.number)
 
     outline: list[patheffects.AbstractPathEffect] = [
         patheffects.withStroke(linewidth=3, foreground="white")

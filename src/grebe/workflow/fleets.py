@@ -313,10 +313,10 @@ class FleetRun:
         """What a boat sails with: the plan's battery and time less what it has spent; a battery
         that was named for this run is the one with which it sets out first.
         """
-        settings, survey = self.settings, self.survey_file.survey
+        settings = self.settings
         if boat in self._sailed:
             settings = replace(settings, safety=replace(settings.safety, used_wh=None))
-        kept = kept_by_plan(settings.safety, survey, departure.spent)
+        kept = kept_by_plan(settings.safety, departure.survey, departure.spent)
         return counting(replace(settings, safety=kept), departure)
 
     def _departure(self, sortie: Sortie, now: datetime) -> Departure:

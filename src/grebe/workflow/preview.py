@@ -26,7 +26,7 @@ from grebe.planning.travel import travel_of
 @dataclass(frozen=True, kw_only=True)
 class Preview:
     """`reached` of `targets`, of one `sortie` where the plan is in sorties, are done and
-    `next_target` is ahead (None: nothing is left).
+    `next_target` is ahead (None: nothing is left). `boat` is the number of a fleet's boat.
 
     The boat is expected at `lat_deg`, `lon_deg`, `distance_m` in a straight line from that target;
     the rest takes `remaining_s` by the taut way in the weather that was planned for. `forgets`
@@ -44,6 +44,7 @@ class Preview:
     forgets: bool
     doubts: tuple[str, ...]
     sortie: int | None = None
+    boat: int | None = None
 
     def numbers(self) -> dict[str, Any]:
         """Return the preview as plain values, by name."""
@@ -67,6 +68,7 @@ def preview_of(departure: Departure) -> Preview:
         forgets=departure.clears,
         doubts=(*(doubt.message for doubt in departure.doubts), *_detour(departure)),
         sortie=None if departure.sortie is None else departure.sortie.number,
+        boat=departure.sortie.boat if departure.sortie and survey.fleet else None,
     )
 
 

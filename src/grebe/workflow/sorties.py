@@ -43,7 +43,8 @@ def sortie_states(survey_file: SurveyFile) -> list[SortieState]:
 
 def kept_by_plan(safety: SafetySettings, survey: Survey, spent: Spent = NOTHING) -> SafetySettings:
     """Return the settings with the battery and the time that the plan's sorties are made for, less
-    the time `spent` since the harbour, where the run does not say otherwise.
+    the time `spent` since the harbour, where the run does not say otherwise. `survey` is that of
+    the sortie, with the battery of its own boat.
     """
     bounds = None if survey.settings is None else survey.settings.sorties
     if bounds is None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CELL_COLUMNS = "seq INTEGER NOT NULL UNIQUE"
+# Settings that fleets of unlike boats have, one for each boat.
+_BY_BOAT = {"fleet": ("vessels",), "sorties": ("batteries_wh", "minutes_each")}
 _WEATHER = ("current_north_mps", "current_east_mps", "wind_force_north_n", "wind_force_east_n")
 
 
@@ -33,8 +35,11 @@ def settings_text(settings: PlanSettings | None) -> str:
     for name in ("sorties", "fleet"):
         if values[name] is None:
             del values[name]
-    if settings.fleet is not None and not settings.fleet.vessels:
-        del values["fleet"]["vessels"]
+    # What one boat, or boats alike, do not have is left out: an older Grebe reads such plans too.
+    for part, names in _BY_BOAT.items():
+        for name in names if part in values else ():
+            if not values[part][name]:
+                del values[part][name]
     return json.dumps(values, sort_keys=True)
 
 
@@ -45,7 +50,9 @@ def parse_settings(text: str) -> PlanSettings | None:
     values = json.loads(text)
     sorties, fleet = values.get("sorties"), values.get("fleet")
     if sorties is not None:
-        sorties = SortieSettings(**sorties | {"harbours": _places(sorties["harbours"])})
+        own = {name: tuple(sorties.get(name, ())) for name in _BY_BOAT["sorties"]}
+        sorties |= {"harbours": _places(sorties["harbours"]), **own}
+        sorties = SortieSettings(**sorties)
     if fleet is not None:
         vessels = tuple(Vessel(**one) for one in fleet.get("vessels", ()))
         fleet |= {"starts": _places(fleet["starts"]), "vessels": vessels}

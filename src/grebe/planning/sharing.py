@@ -1,0 +1,57 @@
+"""Cut an order into stretches, one for each boat, that take as long as each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Order = NDArray[np.int64]
+    Array = NDArray[np.float64]
+
+P = TypeVar("P")
+
+# Rounds in which the ends of the stretches are moved, and by how much the longest may be over the
+# mean where the search ends.
+ROUNDS, ALIKE = 8, 1.005
+
+
+def shared_evenly(
+    order: Order,
+    legs_s: Array,
+    boats: int,
+    parts_of: Callable[[Sequence[Order]], tuple[list[P], list[float]]],
+) -> list[P]:
+    """Return the parts whose longest is the shortest that was found.
+
+    `legs_s` (n,) is what the order takes to come to each of its cells [s]; `parts_of` makes a part
+    of each stretch, and says how long each takes [s].
+    """
+    weights = np.ones(boats)
+    best: tuple[float, list[P]] | None = None
+    for _ in range(ROUNDS):
+        parts, taken_s = parts_of(_cut(order, legs_s, weights))
+        times = np.array(taken_s)
+        if best is None or times.max() < best[0]:
+            best = float(times.max()), parts
+        if times.max() < ALIKE * times.mean():
+            break
+        # A part that takes too long is given less of the order; half way, for its way out
+        # changes with it.
+        weights *= (times.mean() / np.maximum(times, 0.1 * times.mean())) ** 0.7
+    assert best is not None
+    return best[1]
+
+
+def _cut(order: Order, legs_s: Array, weights: Array) -> list[Order]:
+    """The order in stretches whose legs take times in the ratio of the weights."""
+    passed = np.cumsum(legs_s)
+    ends = np.searchsorted(passed, passed[-1] * np.cumsum(weights)[:-1] / weights.sum())
+    # Each boat has a cell at least.
+    lowest = np.arange(1, len(weights))
+    more = np.clip(np.maximum.accumulate(ends - lowest), 0, len(order) - len(weights))
+    return np.split(order, lowest + more)
