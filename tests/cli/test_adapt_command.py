@@ -6,11 +6,15 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from conftest import simulate
+from conftest import region_of, simulate
 
 from grebe.cli.adapt_command import command
 from grebe.core.errors import GrebeError
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
+from grebe.planning.planner import plan_survey
+from grebe.workflow.files import write_survey
 
 
 def adapt(path, *words):
@@ -63,3 +67,15 @@ def test_what_cannot_be_is_said(coarse_survey, words, said):
 def test_a_survey_that_was_not_sailed_cannot_go_on(coarse_survey):
     done = adapt(coarse_survey, "--quantity", "ph", "--minutes", 2)
     assert "run it first" in str(done.exception)
+
+
+def test_a_small_pond_has_places_to_go_to(tmp_path):
+    path = tmp_path / "pond.gpkg"
+    region = region_of([(0, 0), (32, 0), (32, 32), (0, 32)])
+    settings = PlanSettings(cell_m=8.0, shore_margin_m=1.0)
+    write_survey(path, plan_survey(region, PRESETS["spyboat"], settings))
+    with SurveyFile.open(path) as file:
+        assert simulate(file).complete
+    done = adapt(path, "--quantity", "temperature_degc", "--minutes", 2)
+    assert done.exception is None, done.exception
+    assert json.loads(done.stdout)["places"] > 3

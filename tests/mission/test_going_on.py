@@ -46,7 +46,7 @@ def test_it_ends_once_the_map_is_as_sure_as_was_asked(coarse_survey):
     [
         (("--adaptive", "ph"), "--adaptive needs --more-minutes"),
         (("--more-minutes", 5), "--more-minutes requires --adaptive"),
-        (("--adaptive", "ph", "--more-minutes", -1), "impossible"),
+        (("--adaptive", "ph", "--more-minutes", -1), "--more-minutes -1 is impossible"),
         (("--adaptive", "ph", "--more-minutes", 5, "--goal", "threshold"), "needs a threshold"),
         (("--adaptive", "gold", "--more-minutes", 5), "no such quantity"),
     ],
@@ -56,3 +56,17 @@ def test_what_does_not_go_together_is_said_before_anything_moves(coarse_survey, 
     assert said in str(done.exception) + done.output
     with SurveyFile.open(coarse_survey) as file:
         assert file.track_ends() is None
+
+
+def test_a_preview_says_how_to_go_on_as_it_was_typed(coarse_survey):
+    words = [
+        "--preview",
+        "--adaptive",
+        "temperature_degc",
+        "--more-minutes",
+        "2",
+        "--goal",
+        "hot-spot",
+    ]
+    shown = CliRunner().invoke(grebe, ["run", str(coarse_survey), *words])
+    assert "--adaptive temperature_degc --more-minutes 2.0 --goal hot-spot" in shown.output

@@ -43,6 +43,14 @@ adaptive_options = options.together(
 )
 
 
+def wish_again(run: dict[str, Any]) -> str:
+    """The options of a mission that goes on as they were typed, for a command that is to do so."""
+    names = {"adaptive_key": "adaptive", "more_minutes": "more-minutes", "goal": "goal"}
+    names |= {"threshold": "threshold", "until_sd": "until-sd"}
+    given = ((flag, run[name]) for name, flag in names.items())
+    return "".join(f" --{flag} {value}" for flag, value in given if value is not None)
+
+
 def wish_of(run: dict[str, Any]) -> Wish | None:
     """What a mission goes on for; None where nothing was asked."""
     key = run["adaptive_key"]
@@ -54,6 +62,10 @@ def wish_of(run: dict[str, Any]) -> Wish | None:
         return None
     if run["more_minutes"] is None:
         raise UsageError("--adaptive needs --more-minutes: for how long.")
+    if not run["more_minutes"] > 0:
+        raise UsageError(
+            f"--more-minutes {run['more_minutes']:g} is impossible; give a positive number."
+        )
     return Wish(
         quantity=key,
         minutes=run["more_minutes"],

@@ -14,7 +14,7 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
-from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_of
+from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_again, wish_of
 from grebe.cli.fleet_run import explain, fleet_numbers, run_fleet
 from grebe.cli.interruption import heed_mission, ignore_hangup
 from grebe.cli.live_view import live_view
@@ -352,6 +352,11 @@ def _closures_of(run: dict[str, Any], survey_file: SurveyFile) -> Closures | Non
     return Closures(path=Path(run["closed"]), survey=survey_file.survey, say=output.note)
 
 
+def _again(run: dict[str, Any]) -> str:
+    """What was typed of who steers and of going on."""
+    return typed_again(run) + wish_again(run)
+
+
 def _show_preview(
     file: Path,
     sortie: int | None,
@@ -365,7 +370,7 @@ def _show_preview(
     with SurveyFile.open(file) as survey_file:
         fleet = survey_file.survey.fleet if sortie is None and not force else None
         if fleet is not None and not run["returns"]:
-            go = f"grebe run {file}{' --resume' if resume else ''}{typed_again(run)}"
+            go = f"grebe run {file}{' --resume' if resume else ''}{_again(run)}"
             numbers = fleet_preview(survey_file, now)
             output.result(numbers, as_json=as_json, next_command=go)
             return
@@ -376,7 +381,7 @@ def _show_preview(
         return
     which = "" if sortie is None else f" --sortie {sortie}"
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
-    go = f"grebe run {file}{which}{again}{typed_again(run)}"
+    go = f"grebe run {file}{which}{again}{_again(run)}"
     _say_which(departure, survey_file)
     output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
 

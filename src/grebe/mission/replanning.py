@@ -304,6 +304,10 @@ class Replanner:
         except GrebeError as error:
             self.over = str(error)
             return None
+        # Asked again it would fail again, and the boat would wait.
+        except Exception as error:
+            self.over = f"where it goes on could not be planned ({type(error).__name__}: {error})"
+            return None
         part = survey_of(self.survey, new, self._sortie_in(new))
         if _goes_through(self.plan.closed, part, reached, None):
             self.over = "the way to where it would pay leads through a closed area"

@@ -110,7 +110,8 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
         said.append(t("late", lag=t.number(f"{change.lag_s:g}")))
     if one.is_of_moment:
         moment = datetime.fromtimestamp(change.moment_s, UTC)
-        said.append(t("of_moment", moment=f"{moment:%Y-%m-%d %H:%M} UTC"))
+        name = "of_moment" if change.is_heeded or change.lag_s else "of_moment_alone"
+        said.append(t(name, moment=f"{moment:%Y-%m-%d %H:%M} UTC"))
     elif change.is_heeded or change.lag_s:
         said.append(t("as_measured"))
     return said

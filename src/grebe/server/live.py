@@ -180,6 +180,9 @@ class Watch:
         ]
         changes = [one for one in changes if one[1] == "reached" or one[0] not in reached]
         targets = self._by_number()
+        # What was told while the file was read, where one is reached that was still on its way.
+        known = {seq for seq, target in targets.items() if target["state"] == "reached"}
+        changes = [one for one in changes if one[0] not in known]
         for seq, word in changes:
             if seq in targets:
                 if counts and word == "reached" and targets[seq]["state"] != "reached":
@@ -206,11 +209,12 @@ class Watch:
         """All that there is to know, for a tab."""
         state = self.state
         zero = state["begins"] or 0.0
+        last = max([state["last"], *(one["last"] for one in state["boats"])])
         return {
             **_told_since(state, zero),
             "boats": [_told_since(one, zero) for one in state["boats"]],
             "events": [_since(event, zero) for event in state["events"]],
-            "status": {"t": max(0.0, state["last"] - zero), **state["status"]},
+            "status": {"t": max(0.0, last - zero), **state["status"]},
             "lease": self.lease.seen_by(tab),
             "map_version": self.map_version,
         }

@@ -43,9 +43,9 @@ if TYPE_CHECKING:
 
 # Places that can be gone to, about so many; a target is drawn in to this share of its cell.
 PLACES, CORE = 900, 0.6
-# What the shore leaves of a cell is no place to go to where its target is narrower [m]: boats went
-# round and round splinters of a hand's breadth.
-NARROWEST_M = 1.0
+# What the shore leaves of a cell is no place to go to where its target is narrower [m], and less
+# than half as wide as a whole one: boats went round and round splinters of a hand's breadth.
+NARROWEST_M, NARROWEST_SHARE = 1.0, 0.5
 # The time is used from so much on, in so many trials.
 FULL, FITTINGS = 0.93, 5
 # The sampler's interval [s]; and how far apart readings on the way are that tell different things,
@@ -96,6 +96,8 @@ def adapted(
     open_ = _open_water(survey, revision.highest_seq)
     if closed:
         open_ = open_.closing(closed, place)
+    if not open_.targets:
+        raise PlanError("Nowhere is the water wide enough to go on to.")
     places = np.array([target.set.centre for target in open_.targets])
     window = (settings.speed_min_mps, settings.speed_max_mps)
     travel = travel_of(vessel, window, settings.weather)
@@ -184,7 +186,8 @@ def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
     cells = mesh_water(water, cell_m)
     rings = [target_footprint(ring) for ring in rings_of([cell.footprint for cell in cells])]
     drawn = [drawn_in(ring, CORE) for ring in rings]
-    wide = ~shapely.is_empty(shapely.buffer(polygons_of(drawn), -0.5 * NARROWEST_M))
+    narrowest_m = min(NARROWEST_M, NARROWEST_SHARE * CORE * cell_m)
+    wide = ~shapely.is_empty(shapely.buffer(polygons_of(drawn), -0.5 * narrowest_m))
     kept = list(zip(itertools.compress(drawn, wide), polygons_of(rings)[wide], strict=True))
     targets = tuple(
         Target(

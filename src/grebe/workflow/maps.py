@@ -84,6 +84,8 @@ def write_maps(
         canvas.save(map_figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
         written += [out / f"{key}.tif", out / f"{key}.png"]
         written += _write_bathymetry(data, one, out)
+    for earlier in (out / MOVIE_NAME, *out.glob("*_movie.png")):
+        earlier.unlink(missing_ok=True)
     written += _write_movies(data, out, entry)
     write_stac_item(out / ITEM_NAME, entry, _assets(data, written, concerns), _projection(data))
     # Last, for where it lies the maps are complete.
@@ -228,10 +230,13 @@ def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list
             continue
         name, told = one.quantity.label, one.model.companions
         if told is None:
-            notes.append(f"{name}: mapped alone, for land or too few readings are between")
+            notes.append(
+                f"{name}: mapped alone, for land is between, or it has too few good readings, or "
+                "what was to be mapped with it has"
+            )
             continue
         with_ = " and ".join(
-            f"{labels.get(key, key)} (correlation {correlation:.2f})"
+            labels.get(key, key) + (f" (correlation {correlation:.2f})" if correlation else "")
             for key, correlation in zip(told.names, told.correlations, strict=True)
         )
         notes.append(
