@@ -2,7 +2,7 @@
 
 Orders and estimates go in; out come the state that the next order will meet, the weather that
 explains how the boat moves, and the boat as it has turned out to be. As long as estimates come
-without delay and the boat is as its model says, all of that is the observer's alone.
+at once and exact and the boat is as its model says, all of that is the observer's alone.
 """
 
 from __future__ import annotations
