@@ -70,3 +70,9 @@ def test_a_preview_says_how_to_go_on_as_it_was_typed(coarse_survey):
     ]
     shown = CliRunner().invoke(grebe, ["run", str(coarse_survey), *words])
     assert "--adaptive temperature_degc --more-minutes 2.0 --goal hot-spot" in shown.output
+
+
+def test_a_survey_that_is_whole_is_not_gone_on_with_in_silence(coarse_survey):
+    assert run(coarse_survey).exit_code == 0
+    again = run(coarse_survey, "--resume", "--adaptive", "temperature_degc", "--more-minutes", 2)
+    assert "is reached already" in str(again.exception) + again.output

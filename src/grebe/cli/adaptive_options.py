@@ -76,7 +76,7 @@ def wish_of(run: dict[str, Any]) -> Wish | None:
 
 
 def onward_of(
-    run: dict[str, Any], survey_file: SurveyFile
+    run: dict[str, Any], survey_file: SurveyFile, *, force: bool
 ) -> Callable[[Sailing | None], Onward] | None:
     """What makes that which says where a mission goes on, by what its file holds by then, from who
     else sails; None where nothing was asked.
@@ -86,6 +86,13 @@ def onward_of(
     wish = wish_of(run)
     if wish is None:
         return None
+    survey = survey_file.survey
+    if not force and survey_file.progress().reached == len(survey.targets):
+        more = f"plan more by: grebe adapt {survey_file.path}"
+        raise UsageError(
+            f"Every target of {survey_file.path} is reached already; "
+            + (more if survey.fleet is None else "sail it anew with --force.")
+        )
     settings = survey_file.survey.settings
     if settings is not None and settings.sorties is not None:
         raise UsageError(

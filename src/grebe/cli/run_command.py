@@ -242,7 +242,7 @@ def _run(
     _say_which(departure, survey_file)
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
     closures = _closures_of(run, survey_file)
-    onward = onward_of(run, survey_file)
+    onward = onward_of(run, survey_file, force=how["force"])
     with live_view(survey_file, wanted=live) as ears:
 
         def ready(mission: Mission) -> None:
@@ -295,7 +295,7 @@ def _sail_fleet(
 ) -> None:
     """Sail all boats of a fleet as `run` has it, and say what came of it."""
     settings = _mission_settings(run, now)
-    onward = onward_of(run, survey_file)
+    onward = onward_of(run, survey_file, force=force)
     with live_view(survey_file, wanted=live) as ears:
         report = run_fleet(
             survey_file, urls, _settings(run), settings, now, bar,
