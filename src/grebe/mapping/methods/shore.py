@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.mapping.methods.base import Domain, Field, Method, Model, Readings
+from grebe.mapping.methods.base import Domain, Method, Readings
+from grebe.mapping.methods.passing_on import PassingField
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,28 +57,10 @@ class WithShore:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ShoredField:
+class ShoredField(PassingField):
     """A field that keeps the shore's pseudo-readings whatever readings it is given."""
 
-    field: Field
     shore: Readings
-
-    @property
-    def model(self) -> Model:
-        """See `Field`."""
-        return self.field.model
-
-    def mean(self, places: Array) -> Array:
-        """See `Field`."""
-        return self.field.mean(places)
-
-    def sd(self, places: Array) -> Array:
-        """See `Field`."""
-        return self.field.sd(places)
-
-    def draws(self, places: Array, count: int, seed: int) -> Array:
-        """See `Field`."""
-        return self.field.draws(places, count, seed)
 
     def given(self, readings: Readings) -> ShoredField:
         """See `Field`."""

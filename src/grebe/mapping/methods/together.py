@@ -28,6 +28,7 @@ from grebe.mapping.methods.base import (
     Readings,
     field_at_moments,
 )
+from grebe.mapping.methods.passing_on import PassingField
 from grebe.mapping.simulation import circulant_fields
 from grebe.mapping.variogram import EmpiricalVariogram, fit_variogram
 
@@ -212,32 +213,15 @@ def _joined(readings: Readings, nugget: float) -> tuple[Array, Array, Array]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LoneField:
+class LoneField(PassingField):
     """The field of a quantity that its companions tell nothing of."""
 
-    field: Field
     companions: Companions
 
     @property
     def model(self) -> Model:
         """See `Field`."""
         return replace(self.field.model, companions=self.companions)
-
-    def mean(self, places: Array) -> Array:
-        """See `Field`."""
-        return self.field.mean(places)
-
-    def sd(self, places: Array) -> Array:
-        """See `Field`."""
-        return self.field.sd(places)
-
-    def draws(self, places: Array, count: int, seed: int) -> Array:
-        """See `Field`."""
-        return self.field.draws(places, count, seed)
-
-    def given(self, readings: Readings) -> Field:
-        """See `Field`."""
-        return self.field.given(readings)
 
     def at_moments(self, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
         """See `Timed`."""
