@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from unittest.mock import patch
@@ -67,8 +66,8 @@ def _more(task: Task, world: Conditions) -> Trial:
 
 
 def _raw(task: Task, world: Conditions) -> Trial:
-    """Every estimate taken as it comes."""
-    with patch("grebe.control.state_filter.LEAST_S", math.inf):
+    """Every estimate taken as it comes, though its noise is known."""
+    with patch("grebe.control.state_filter.StateFilter.filtered", lambda _, state: state):
         return _usual(task, world)
 
 
