@@ -93,7 +93,7 @@ def onward_of(
             f"Every target of {survey_file.path} is reached already; "
             + (more if survey.fleet is None else "sail it anew with --force.")
         )
-    settings = survey_file.survey.settings
+    settings = survey.settings
     if settings is not None and settings.sorties is not None:
         raise UsageError(
             "--adaptive is for boats that go on where they are; this plan has them come home."

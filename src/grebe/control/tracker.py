@@ -199,7 +199,7 @@ class Tracker:
             state = self._filter.filtered(state)
         if until_s - time_s < LEAST_AGE_S or not self._orders:
             return state
-        p = self._parameters()
+        p = self._parameters(self.vessel)
         z, out = np.array(state), np.empty(6)
         for begins_s, ends_s, thrusts in self._acting(time_s, until_s):
             substeps = max(2, math.ceil((ends_s - begins_s) * SUBSTEPS_PER_S))
@@ -257,13 +257,14 @@ class Tracker:
         pair = self.righted(start), thrusts, self.righted(end), seconds
         self._observer.update(*pair)
         if self._filter is not None:
-            per_second = max(SUBSTEPS_PER_S, self.vessel.fastest_rate_hz)
+            vessel = self.vessel
+            per_second = max(SUBSTEPS_PER_S, vessel.fastest_rate_hz)
             substeps = max(2, math.ceil(seconds * per_second))
-            self._filter.see(self._parameters(), *pair, substeps)
+            self._filter.see(self._parameters(vessel), *pair, substeps)
 
-    def _parameters(self) -> Array:
-        """The numbers of the equations of motion, of the boat and the weather as they are known."""
-        return parameter_vector(self.vessel, np.array(self.weather.as_tuple()))
+    def _parameters(self, vessel: Vessel) -> Array:
+        """The numbers of the equations of motion, of a boat and the weather as it is known."""
+        return parameter_vector(vessel, np.array(self.weather.as_tuple()))
 
     def _forget(self) -> None:
         """After a gap nothing of before can be joined to what comes."""

@@ -13,6 +13,7 @@ import shapely
 from grebe.core.errors import InputError
 from grebe.core.events import LogEntry
 from grebe.core.quantities import Quantities
+from grebe.core.quantity import Quantity
 from grebe.core.samples import Samples
 from grebe.core.sets import footprints_of
 from grebe.core.survey import OF_TRACK, Survey, is_simulated
@@ -42,6 +43,12 @@ class ReportData:
     left_out: Sequence[str]
     movies: Sequence[Movie] | None = None
     lags: Mapping[str, Lag] = field(default_factory=dict[str, Lag])
+
+    @property
+    def still(self) -> list[Quantity]:
+        """The quantities that have a map and no movie."""
+        filmed = {one.still.quantity.key for one in self.movies or ()}
+        return [one.quantity for one in self.maps if one.quantity.key not in filmed]
 
     @cached_property
     def in_window(self) -> int:

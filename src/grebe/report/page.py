@@ -259,9 +259,7 @@ def _movies(data: ReportData, t: Texts) -> list[tuple[str, str]]:
 
 def _untold(data: ReportData, t: Texts) -> str:
     """The quantities of which there is no movie, though it was asked for."""
-    shown = {one.still.quantity.key for one in data.movies or ()}
-    still = [one.quantity for one in data.maps if one.quantity.key not in shown]
-    return ", ".join(inline(one.label_in(t.language)) for one in still)
+    return ", ".join(inline(one.label_in(t.language)) for one in data.still)
 
 
 def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:

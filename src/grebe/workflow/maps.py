@@ -119,14 +119,11 @@ def movie_note(data: ReportData) -> str | None:
     """Why there is no movie of some maps, in a sentence; None where there is one of each, or none
     was asked for.
     """
-    if data.movies is None:
+    if data.movies is None or not data.still:
         return None
-    shown = {one.still.quantity.key for one in data.movies}
-    still = [one.quantity.label for one in data.maps if one.quantity.key not in shown]
-    if not still:
-        return None
+    still = ", ".join(inline(one.label) for one in data.still)
     return (
-        f"no movie of {', '.join(map(inline, still))}: the samples do not tell that the water "
+        f"no movie of {still}: the samples do not tell that the water "
         "changed during the survey, and its maps of all moments would be the same"
     )
 
