@@ -58,7 +58,8 @@ class SimulatedLink:
 
     The link says and shows what `faults` make of the battery, the depth and the estimates.
     Estimates have independent normal errors, and some are lost: the next one then comes a
-    period later, while the thrusts hold.
+    period later, while the thrusts hold. Until it is told something the boat lies where it was
+    launched, at its mooring or ashore.
     """
 
     def __init__(
@@ -77,7 +78,7 @@ class SimulatedLink:
         self._random = np.random.default_rng(seed)
         self._past = deque[State](maxlen=1 + round(errors.late_s / OBSERVATION_PERIOD_S))
         self._faults = faults
-        self._started = False
+        self._started = self._told = False
         self._closed = False
 
     def observe(self) -> Observation:
@@ -85,14 +86,21 @@ class SimulatedLink:
         if self._closed:
             raise LinkError("The simulated boat has been closed.")
         if self._started:
-            self._plant.advance(OBSERVATION_PERIOD_S)
+            self._pass()
             while self._random.uniform() < self._errors.lost_share:
-                self._plant.advance(OBSERVATION_PERIOD_S)
+                self._pass()
         self._started = True
         blind = self._faults.is_blind(self._plant.time_s)
         self._past.append(NOT_A_STATE if blind else self._estimate())
         age_s = self._errors.late_s if self._errors.says_age else 0.0
         return Observation(time_s=self._plant.time_s, state=self._past[0], age_s=age_s)
+
+    def _pass(self) -> None:
+        """Let a period pass: nothing moves a boat that has not set out."""
+        if self._told:
+            self._plant.advance(OBSERVATION_PERIOD_S)
+        else:
+            self._plant.time_s += OBSERVATION_PERIOD_S
 
     def _estimate(self) -> State:
         errors = self._random.normal(size=6) * self._errors.scale
@@ -108,6 +116,7 @@ class SimulatedLink:
 
     def command(self, order: Order) -> None:
         """Set the thrusts until the next command."""
+        self._told = True
         self._plant.command(order.thrusts)
 
     def measure(self) -> Mapping[str, float]:

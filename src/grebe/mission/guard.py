@@ -25,7 +25,7 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
-from grebe.mission.lookout import LEAST_WAIT_S, LONGEST_WAIT_S, Lookout
+from grebe.mission.lookout import LEAST_WAIT_S, Lookout
 from grebe.mission.safety.enclosure import Enclosure
 from grebe.mission.safety.fence import (
     FOLLOWED_DOUBT,
@@ -46,10 +46,10 @@ from grebe.mission.safety.machine import (
     advised,
     at_the_fence,
     blinded,
-    crowded_out,
     gone_on,
     in_traffic,
     shut_in,
+    stood_in_the_way,
     without_way_home,
 )
 from grebe.mission.safety.settings import SafetySettings
@@ -169,6 +169,8 @@ class Guard:
 
     def ask(self, request: Request, why: str) -> None:
         """Ask something; it is answered at the next estimate. Safe from any thread."""
+        if self._lookout and request is Request.HOME:
+            self._lookout.is_called = True
         self._asked.append(Asked(request=request, why=why))
 
     @property
@@ -293,24 +295,32 @@ class Guard:
         ahead = self._next_place(facts.reached)
         lookout.wish(facts.place, ahead)
         if self.state is not SafetyState.HOLDING:
+            lookout.goes()
             return
-        waited = facts.time_s - self._memory.since_s
-        waits = self._memory.cause is Cause.TRAFFIC
-        if (
-            waits
-            and waited > LEAST_WAIT_S
-            and (ahead is None or lookout.is_clear(facts.place, ahead))
-        ):
-            self._become(gone_on(self._memory, facts), observation)
-            return
-        if waits and waited > LONGEST_WAIT_S:
-            self._become(crowded_out(self._memory, facts), observation)
-            return
+        if self._memory.cause is Cause.TRAFFIC:
+            after = self._in_others_way(lookout, facts, ahead)
+            if after is not None:
+                lookout.goes()
+                self._become(after, observation)
+                return
         if self._memory.cause in (Cause.TRAFFIC, *WAITS):
             place = lookout.place_to_wait(fence, facts.place)
             if place != facts.place:
                 self._memory = replace(self._memory, place=place)
         lookout.claim(np.array([facts.place, self._memory.place]))
+
+    def _in_others_way(self, lookout: Lookout, facts: Facts, ahead: Place | None) -> Memory | None:
+        """What a boat does that waits for others, if it need not wait on, or must not."""
+        memory, waited_s = self._memory, facts.time_s - self._memory.since_s
+        if waited_s <= LEAST_WAIT_S:
+            return None
+        if ahead is None or lookout.is_clear(facts.place, ahead):
+            return gone_on(memory, facts)
+        may_go = memory.resumes is not SafetyState.RETURNING and lookout.harbour is not None
+        home_m = self._home.length_m(facts.place) if may_go else math.inf
+        return stood_in_the_way(
+            memory, facts, lookout.waits(facts.place, ahead, facts.time_s, waited_s, home_m)
+        )
 
     def _next_place(self, reached: int) -> Place | None:
         """Where the boat goes, or would go on to; None where it has nowhere to go."""
@@ -447,6 +457,8 @@ class Guard:
         before = self.state
         self._say(after)
         if after.state is SafetyState.RETURNING and before is not SafetyState.RETURNING:
+            if self._lookout:
+                self._lookout.sent_home(after.cause)
             self._set_out_for_home(observation)
 
     def _say(self, after: Memory) -> None:

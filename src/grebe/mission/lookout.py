@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +11,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from grebe.mission.safety.fence import Fence
-from grebe.mission.safety.states import Place
+from grebe.mission.safety.states import Cause, Place
 from grebe.mission.safety.traffic import WANDER_M, Traffic
+from grebe.mission.safety.waiting import Stuck
+from grebe.mission.spent import AT_HARBOUR_M
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,6 +25,8 @@ WISH_M = 12.0
 NEAR_M = 60.0
 # A boat that waits, waits so long at least, and at most: then others stand in its way for good [s].
 LEAST_WAIT_S, LONGEST_WAIT_S = 2.0, 600.0
+# Boats that have waited so long on the way to one place, and wait for each other, are stuck [s].
+STUCK_S = 6.0
 # With each time that it is refused on its way to a place a boat asks for so much more room beside
 # it, up to the second: a large hull turns wide [m].
 MORE_ROOM_M, MOST_ROOM_M = 1.0, 12.0
@@ -32,6 +36,10 @@ MORE_ROOM_M, MOST_ROOM_M = 1.0, 12.0
 class Lookout:
     """What one boat, by its number, sees of a fleet's traffic. `is_done`: it has nothing left to
     do, and makes room for all. `room_m`: what it asks for beside its way `towards` a place.
+    `harbour`: where it is launched, and taken ashore when it comes home; None for a boat that lies
+    on the water before and after. `waited_s`: how long it has waited for others on its way to
+    that place, and `was_held` whether it ever had to. `gave_way`: it went home for their sake, and
+    `is_called`: because somebody asked it to.
     """
 
     traffic: Traffic
@@ -39,6 +47,70 @@ class Lookout:
     is_done: bool = False
     room_m: float = 0.0
     towards: Place | None = None
+    harbour: Place | None = None
+    waited_s: float = 0.0
+    was_held: bool = False
+    gave_way: bool = False
+    is_called: bool = False
+    _seen_s: float | None = None
+
+    def launches(self, place: Place) -> bool:
+        """Whether the boat is on the water: one that is ashore waits until its place is neither
+        claimed nor wished by another.
+        """
+        if self.harbour is None:
+            return True
+        if self.traffic.wished(self.boat, by_all=True).intersects(shapely.Point(place)):
+            return False
+        return self.traffic.claim(self.boat, np.array([place]))
+
+    @property
+    def sails_again(self) -> bool:
+        """Whether the boat, once home, sets out again for what it has left."""
+        return self.gave_way and not self.is_called
+
+    def sent_home(self, cause: Cause | None) -> None:
+        """The boat goes home: for others, also where its time or battery went in waiting for them;
+        or for a cause of its own.
+        """
+        spent = cause in (Cause.TIME, Cause.BATTERY) and self.was_held
+        self.gave_way = self.gave_way or spent or cause is Cause.TRAFFIC
+
+    def goes(self) -> None:
+        """The boat waits for nobody."""
+        self._seen_s = None
+        self.traffic.waits(self.boat, None)
+
+    def waits(
+        self, place: Place, towards: Place, time_s: float, held_s: float, home_m: float
+    ) -> Stuck:
+        """Say that the boat, held for so long, waits to go on towards a place, and how long its
+        way home is [m], infinite where it cannot make way so; return what it is to do.
+        """
+        self.was_held = True
+        self.waited_s += 0.0 if self._seen_s is None else time_s - self._seen_s
+        self._seen_s = time_s
+        stands = self.traffic.in_the_way(self.boat, _way_to(place, towards))
+        self.traffic.waits(self.boat, replace(stands, home_m=home_m))
+        stuck = self.traffic.stuck(self.boat) if self.waited_s > STUCK_S else Stuck.WAITS
+        if stuck is not Stuck.WAITS or held_s <= LONGEST_WAIT_S:
+            return stuck
+        if math.isfinite(home_m):
+            return Stuck.GOES_HOME
+        # On its way to a harbour others end before it: it waits for as long as they sail.
+        waits_on = self.harbour is not None and not self.traffic.is_blocked_for_good(self.boat)
+        return Stuck.WAITS if waits_on else Stuck.GIVES_UP
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether no other boat sails any more."""
+        return self.traffic.is_alone(self.boat)
+
+    def over(self, place: Place, *, came_home: bool) -> None:
+        """The boat is over: where it has come home it is taken ashore, else it lies where it is."""
+        harbour = self.harbour
+        near = harbour is not None and math.dist(place, harbour) < AT_HARBOUR_M
+        self.traffic.leave(self.boat, ashore=came_home and near)
 
     def is_near(self, place: Place) -> bool:
         """Whether another boat is so near that its claim matters."""
@@ -63,7 +135,8 @@ class Lookout:
         than others.
         """
         if towards != self.towards:
-            self.towards, self.room_m = towards, 0.0
+            self.towards, self.room_m, self.waited_s = towards, 0.0, 0.0
+            self.traffic.takes_turn(self.boat)
         way = None if towards is None else _way_to(place, towards)
         self.traffic.wish(self.boat, way, self.room_m)
 

@@ -64,6 +64,8 @@ NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # A boat that goes on where it pays looks for another place once others have stood in its way so
 # long [s].
 ELSEWHERE_S = 30.0
+# Ends of missions whose boats are where they should be.
+AT_HOME = (EndReason.COMPLETE, EndReason.CAME_HOME)
 # The quantity that says how much water is below the boat.
 DEPTH = "water_depth_m"
 # Where a mission begins that is given no date: simulated time needs no calendar.
@@ -195,7 +197,7 @@ class Mission:
         return self._reached == len(self._targets)
 
     def _loop(self) -> tuple[EndReason, str]:
-        observation = self._advance()
+        observation = self._launched()
         self._give_patience(observation)
         self._announcer.tell(
             Started, observation.time_s, targets=len(self._targets), reached=self._reached
@@ -216,6 +218,26 @@ class Mission:
             self._steering.act(observation, self._reached, idle=self._done, waits_at=waits_at)
             self._announcer.release()
             observation = self._advance()
+
+    def _launched(self) -> Observation:
+        """The first estimate on the water: a boat of a fleet waits ashore until its place there is
+        clear of others.
+        """
+        observation, lookout, said = self._sight.next(), self._lookout, False
+        while lookout and not lookout.launches((observation.state[0], observation.state[1])):
+            if request := self._requested_stop():
+                raise OverError(EndReason.STOPPED, request)
+            if lookout.is_alone:
+                text = "another boat lies before its harbour, and none is left that sails"
+                raise OverError(EndReason.TARGET_GIVEN_UP, text)
+            if not said:
+                text = "another boat is before its harbour: it stays ashore until that has gone"
+                self._announcer.tell(Warned, observation.time_s, code="waits_ashore", message=text)
+                self._announcer.release()
+                said = True
+            observation = self._sight.next()
+        self._learn(observation)
+        return observation
 
     def _close_areas(self, observation: Observation) -> None:
         """Keep out of what has been closed since the last estimate."""
@@ -351,11 +373,14 @@ class Mission:
     def _advance(self) -> Observation:
         """The next estimate, and what is learned from it of the weather and of the boat."""
         observation = self._sight.next()
+        self._learn(observation)
+        return observation
+
+    def _learn(self, observation: Observation) -> None:
         assert self._sight.raw is not None
         then_s = observation.time_s - observation.age_s
         if self._tracker.see(then_s, self._sight.raw.state):
             self._take_for_another_boat(observation)
-        return observation
 
     def _take_for_another_boat(self, observation: Observation) -> None:
         """Plan for the boat that it has turned out to be."""
@@ -403,6 +428,8 @@ class Mission:
         the link's `close` and not its `stop`, for a pilot who took over has the boat already.
         """
         last = self._sight.last or Observation(time_s=0.0, state=NOWHERE)
+        if self._lookout is not None:
+            self._lookout.over((last.state[0], last.state[1]), came_home=reason in AT_HOME)
         try:
             self._link.close()
         finally:

@@ -111,6 +111,18 @@ class WayHome:
             self._cost = self._measured(observation, weather, vessel)
         return self._cost
 
+    def length_m(self, place: Place) -> float:
+        """How long the way home from a place is [m]; infinite where there is none."""
+        ways = self._found()
+        try:
+            return (
+                math.inf
+                if ways is None
+                else float(shapely.LineString(self._way(ways, place)).length)
+            )
+        except PlanError:
+            return math.inf
+
     def set_out(self, observation: Observation, vessel: Vessel, pilot: Pilot) -> bool:
         """Make a way home from here and somebody who steers it; whether there is one."""
         ways = self._found()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
@@ -24,8 +25,10 @@ from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
 from grebe.mission.replanning import Extension, KeptPlan, Replanner
 from grebe.mission.rota import InTurn, Rota
+from grebe.mission.safety.states import Place
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.settings import MissionSettings
+from grebe.mission.spent import AT_HARBOUR_M
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
@@ -84,7 +87,8 @@ class FleetReport:
 class _Together:
     """What the missions of one round share: the boats that still have something to do among it."""
 
-    def __init__(self, traffic: Traffic, boats: list[int], file: SurveyFile) -> None:
+    def __init__(self, traffic: Traffic, file: SurveyFile) -> None:
+        boats = list(traffic.order)
         self.traffic, self.rota, self.lock = traffic, Rota(boats), threading.Lock()
         self.plan = KeptPlan(revision=file.revision, keep=self._keep)
         self._file = file
@@ -167,6 +171,7 @@ class FleetRun:
     extends: ExtensionOf | None = None
     _sailed: set[int] = field(default_factory=set[int])
     _shut: set[int] = field(default_factory=set[int])
+    _lookouts: dict[int, Lookout] = field(default_factory=dict[int, Lookout])
     _closed: tuple[shapely.Polygon, ...] = ()
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
@@ -191,9 +196,10 @@ class FleetRun:
         missions: list[tuple[int, int, MissionReport]] = []
         lost: set[int] = set()
         while rounds := self._next_round(lost):
+            before = file.progress().reached
             done = self._sail(rounds, now)
             missions += done
-            fallen = self._fallen(done)
+            fallen = self._fallen(done, before)
             lost |= fallen
             stopped = any(one.ended in (EndReason.STOPPED, EndReason.FAILED) for *_, one in done)
             if stopped or not self._hand_over(fallen, lost):
@@ -203,12 +209,16 @@ class FleetRun:
             missions=tuple(missions), reached=progress.reached, targets=len(progress.reached_at)
         )
 
-    def _fallen(self, done: list[tuple[int, int, MissionReport]]) -> set[int]:
+    def _fallen(self, done: list[tuple[int, int, MissionReport]], before: int) -> set[int]:
         """The boats that sail no more. One that came home because nothing of its sortie is open any
-        more is not lost: it has done what there was.
+        more is not lost: it has done what there was; nor is one that had to wait for others and
+        came home for that: it sets out again, as long as any boat gets on.
         """
         fallen: set[int] = set()
+        gets_on = self.survey_file.progress().reached > before
         for boat, number, report in done:
+            if report.ended is EndReason.CAME_HOME and gets_on and self._lookouts[boat].sails_again:
+                continue
             if report.ended is EndReason.CAME_HOME and self._closed and self._is_shut(number):
                 self._shut.add(number)
             elif report.ended in LOST:
@@ -250,10 +260,12 @@ class FleetRun:
         }
         for departure in departures.values():
             check_home(departure.survey, self.settings.safety)
-        together = _Together(Traffic(apart_m=fleet.apart_m), list(departures), self.survey_file)
-        # Where the boats lie is known before the first of them moves.
+        traffic = Traffic(apart_m=fleet.apart_m, order=_by_way(departures))
+        together = _Together(traffic, self.survey_file)
+        # Where the boats lie is known before the first of them moves; those ashore are in no way.
         for boat, departure in departures.items():
-            together.traffic.claim(boat, np.array([departure.state[:2]]))
+            if _harbour_of(departure) is None:
+                traffic.claim(boat, np.array([departure.state[:2]]))
         say_first(next(iter(departures.values())), self.survey_file, self.watches(min(departures)))
         with ExitStack() as watch, no_long_pauses():
             missions = {
@@ -274,6 +286,8 @@ class FleetRun:
         known = as_known_to(link, departure)
         helm = self.helm_of(known)
         guards = watch.enter_context(guarded(link, journal_beside(self.survey_file.path)))
+        lookout = Lookout(traffic=together.traffic, boat=boat, harbour=_harbour_of(departure))
+        self._lookouts[boat] = lookout
         mission = Mission(
             departure.survey,
             helm,
@@ -285,8 +299,9 @@ class FleetRun:
             started=departure.started,
             reached=departure.reached,
             pilot=pilot_of(known, self.helm_of),
-            lookout=Lookout(traffic=together.traffic, boat=boat),
-            stands_by=lambda: together.others_sail(boat),
+            lookout=lookout,
+            # Who is taken ashore need not make room for others.
+            stands_by=None if lookout.harbour else lambda: together.others_sail(boat),
             instruments=self.instruments.get(boat),
             replanner=self._replanner(sortie, known, together),
         )
@@ -391,3 +406,28 @@ class FleetRun:
             reason="boat_lost",
             note=f"boat {sortie.boat} dropped out, and another takes what it has left",
         )
+
+
+def _harbour_of(departure: Departure) -> Place | None:
+    """Where a boat is launched and taken ashore again; None for one that has no harbour, or sets
+    out from the midst of the water.
+    """
+    survey = departure.survey
+    if survey.start is None or survey.settings is None or survey.settings.sorties is None:
+        return None
+    harbour = (survey.start.north_m, survey.start.east_m)
+    return harbour if math.dist(harbour, departure.state[:2]) < AT_HARBOUR_M else None
+
+
+def _by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:
+    """The boats in the order in which they set out: first who goes farthest from its harbour, for
+    in narrow water nobody passes; those without a harbour by their numbers.
+    """
+
+    def farthest_m(departure: Departure) -> float:
+        harbour = _harbour_of(departure)
+        if harbour is None:
+            return 0.0
+        return max(math.dist(harbour, one.centre) for one in departure.survey.sets)
+
+    return tuple(sorted(departures, key=lambda boat: (-farthest_m(departures[boat]), boat)))

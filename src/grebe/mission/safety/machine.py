@@ -20,6 +20,7 @@ from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import ENDS, Cause, Facts, Finding, Place, SafetyState
 from grebe.mission.safety.stuck import Motion, held_fast, watched_motion
 from grebe.mission.safety.thrusters import Turning, dead_thruster, watched_turning
+from grebe.mission.safety.waiting import Stuck
 
 # A boat that is braked at the fence goes on when it has been braked for so long [s], is slower than
 # this [m/s] and as near to its refuge [m]; or after a time, for a wind may keep it off that [s].
@@ -163,11 +164,20 @@ def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
     return _put_on_hold(memory, facts, finding, refuge, _going(memory))
 
 
-def crowded_out(memory: Memory, facts: Facts) -> Memory:
-    """Return the end of a mission whose boat has waited for others for too long."""
-    waited_s = facts.time_s - memory.since_s
-    text = f"other boats have stood in its way for {waited_s / 60:.0f} minutes"
-    return _stopped(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
+def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | None:
+    """Return what a boat does that waits for others, by how it is stuck; None where it waits on."""
+    match stuck:
+        case Stuck.WAITS:
+            return None
+        case Stuck.GOES_FIRST:
+            return gone_on(memory, facts)
+        case Stuck.GOES_HOME:
+            text = "other boats and this one wait for each other: it makes way and goes home"
+            return _sent_home(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
+        case Stuck.GIVES_UP:
+            waited_s = facts.time_s - memory.since_s
+            text = f"other boats have stood in its way for {waited_s / 60:.0f} minutes"
+            return _stopped(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
 
 
 def gone_on(memory: Memory, facts: Facts) -> Memory:

@@ -9,20 +9,26 @@ and a stop that is always at hand, is how distributed predictive control keeps w
 (Schouwenaars, How and Feron 2004, AIAA GNC, "Decentralized cooperative trajectory planning of
 multiple aircraft with hard safety guarantees").
 
-Who may go first is decided beforehand, by the boats' numbers: a boat also says where it wishes to
-go, and one of a higher number that lies in the way makes room.
+Who may go first is decided beforehand, by the order in which the boats set out: a boat also says
+where it wishes to go, and one of a later place that lies in the way makes room. Boats that wait for
+each other would do so for good: one of them then goes before its turn, or home (`Traffic.stuck`).
+
+A boat that is ashore at its harbour claims nothing, and sets out once its place there is clear.
 """
 
 from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
+
+from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_makes_way
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,12 +43,17 @@ ROUNDING_M = 0.05
 class Traffic:
     """What the boats of one fleet claim and wish, by their numbers; safe from any thread.
 
-    `apart_m` is the distance between two boats' centres that is kept.
+    `apart_m` is the distance between two boats' centres that is kept. `order`: who goes before
+    whom; by their numbers without it.
     """
 
     apart_m: float
+    order: Sequence[int] = ()
     _claims: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
     _wishes: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
+    _waits: dict[int, Waiting] = field(default_factory=dict[int, Waiting])
+    _first: set[int] = field(default_factory=set[int])
+    _over: set[int] = field(default_factory=set[int])
     _lock: threading.RLock = field(default_factory=threading.RLock)
 
     def nearest_m(self, boat: int, place: tuple[float, float]) -> float:
@@ -54,14 +65,67 @@ class Traffic:
         return _around(self._of_others(boat), self.apart_m + 2 * WANDER_M)
 
     def wished(self, boat: int, *, by_all: bool = False) -> BaseGeometry:
-        """The water that boats of lower numbers wish to cross, or all others."""
+        """The water that boats which go before this one wish to cross, or all others."""
         with self._lock:
             wishes = [
                 wish
                 for other, wish in self._wishes.items()
-                if other < boat or (by_all and other != boat)
+                if other != boat and (by_all or self._goes_before(other, boat))
             ]
-        return _around(wishes, self.apart_m + 3 * WANDER_M)
+        return _around(wishes, self._wish_m)
+
+    def in_the_way(self, boat: int, way: NDArray[np.float64]) -> Waiting:
+        """Whose claims, and whose mere wishes that go before this boat's, are on its way (n, 2)."""
+        line, claimed_m = _line(way), self.apart_m + 2 * WANDER_M
+        with self._lock:
+            claimed = {
+                other
+                for other, claim in self._claims.items()
+                if other != boat and claim.distance(line) <= claimed_m
+            }
+            wished = {
+                other
+                for other, wish in self._wishes.items()
+                if self._goes_before(other, boat) and wish.distance(line) <= self._wish_m
+            }
+        return Waiting(claimed_by=frozenset(claimed), wished_by=frozenset(wished - claimed))
+
+    def waits(self, boat: int, waiting: Waiting | None) -> None:
+        """Say for whom this boat waits; None for nobody any more."""
+        with self._lock:
+            if waiting is None:
+                self._waits.pop(boat, None)
+            else:
+                self._waits[boat] = waiting
+
+    def stuck(self, boat: int) -> Stuck:
+        """What this boat is to do that waits and has waited: where boats wait for each other, those
+        go first whose way nobody has claimed; where it is claimed for all of them, the one goes
+        home that is nearest to it.
+        """
+        with self._lock:
+            among = ring(self._waits, boat)
+            if not among:
+                return Stuck.WAITS
+            if not self._waits[boat].claimed_by:
+                self._first.add(boat)
+                return Stuck.GOES_FIRST
+            if any(not self._waits[one].claimed_by for one in among):
+                return Stuck.WAITS
+            home = who_makes_way(self._waits, among) == boat
+            return Stuck.GOES_HOME if home else Stuck.WAITS
+
+    def takes_turn(self, boat: int) -> None:
+        """Let a boat that went before its turn go in its turn again, once nobody waits for it."""
+        with self._lock:
+            if not any(boat in one.waits_for for one in self._waits.values()):
+                self._first.discard(boat)
+
+    def is_blocked_for_good(self, boat: int) -> bool:
+        """Whether one is in the way of this boat, which waits, that is over and lies there."""
+        with self._lock:
+            waiting = self._waits.get(boat)
+            return waiting is not None and bool(waiting.claimed_by & self._over)
 
     def claim(self, boat: int, way: NDArray[np.float64]) -> bool:
         """Take the way (n, 2) as this boat's claim; False where it is too near to another's."""
@@ -82,9 +146,33 @@ class Traffic:
                     _line(way).buffer(room_m, quad_segs=4) if room_m else _line(way)
                 )
 
-    def leave(self, boat: int) -> None:
-        """A boat that is over wishes nothing any more; it keeps its claim, for it lies there."""
+    def is_alone(self, boat: int) -> bool:
+        """Whether all others are over."""
+        with self._lock:
+            return not set(self.order) - self._over - {boat}
+
+    def leave(self, boat: int, *, ashore: bool = False) -> None:
+        """A boat that is over wishes nothing any more; it keeps its claim, for it lies there, but
+        for one that is taken ashore.
+        """
         self.wish(boat, None)
+        self.waits(boat, None)
+        with self._lock:
+            self._over.add(boat)
+            if ashore:
+                self._claims.pop(boat, None)
+
+    @property
+    def _wish_m(self) -> float:
+        """How far a boat keeps from the ways that others wish to go."""
+        return self.apart_m + 3 * WANDER_M
+
+    def _goes_before(self, one: int, other: int) -> bool:
+        return self._turn(one) < self._turn(other)
+
+    def _turn(self, boat: int) -> tuple[bool, int]:
+        place = self.order.index(boat) if boat in self.order else len(self.order) + boat
+        return boat not in self._first, place
 
     def _of_others(self, boat: int) -> list[BaseGeometry]:
         with self._lock:

@@ -1,0 +1,71 @@
+"""Who waits for whom: boats of which each waits for another, round in a ring, wait for good.
+
+A boat that waits needs all of those to move that it waits for, so a ring in the graph of who waits
+for whom is a deadlock, and without a ring there is none (Coffman, Elphick and Shoshani 1971, ACM
+Computing Surveys 3:2, "System deadlocks", for resources of which there is one each).
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+class Stuck(enum.Enum):
+    """What a boat does that waits: it waits on, goes before its turn, makes way and goes home, or
+    gives up.
+    """
+
+    WAITS = "waits"
+    GOES_FIRST = "goes first"
+    GOES_HOME = "goes home"
+    GIVES_UP = "gives up"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Waiting:
+    """What is known of a boat that waits: the numbers of the boats whose water is in its way, and
+    of those whose mere wish is; the length of its way home [m], infinite for one that is on it
+    already or has none.
+    """
+
+    claimed_by: frozenset[int]
+    wished_by: frozenset[int] = frozenset()
+    home_m: float = math.inf
+
+    @property
+    def waits_for(self) -> frozenset[int]:
+        """All for whom it waits."""
+        return self.claimed_by | self.wished_by
+
+
+def ring(waits: Mapping[int, Waiting], boat: int) -> frozenset[int]:
+    """Return the boats that wait for each other with this one, itself among them; empty where it
+    is in no ring.
+    """
+    after = _waited_for(waits, boat)
+    if boat not in after:
+        return frozenset()
+    return frozenset(one for one in after if boat in _waited_for(waits, one))
+
+
+def who_makes_way(waits: Mapping[int, Waiting], among: frozenset[int]) -> int | None:
+    """Return the boat of a ring that goes home: the nearest to its harbour, for no other lies on
+    its way there; None where none can.
+    """
+    nearest = min(among, key=lambda boat: (waits[boat].home_m, boat), default=None)
+    return nearest if nearest is not None and math.isfinite(waits[nearest].home_m) else None
+
+
+def _waited_for(waits: Mapping[int, Waiting], boat: int) -> set[int]:
+    """All for whom a boat waits, at first hand or through others."""
+    found: set[int] = set()
+    left = [boat]
+    while left:
+        waiting = waits.get(left.pop())
+        new = set() if waiting is None else set(waiting.waits_for) - found
+        found |= new
+        left += sorted(new)
+    return found
