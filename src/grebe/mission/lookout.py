@@ -25,8 +25,9 @@ WISH_M = 12.0
 NEAR_M = 60.0
 # A boat that waits, waits so long at least, and at most: then others stand in its way for good [s].
 LEAST_WAIT_S, LONGEST_WAIT_S = 2.0, 600.0
-# Boats that have waited so long on the way to one place, and wait for each other, are stuck [s].
-STUCK_S = 6.0
+# Boats that have waited so long on the way to one place, and wait for each other, are stuck; after
+# so long it has not helped that one of them makes way [s].
+STUCK_S, LONG_STUCK_S = 6.0, 60.0
 # With each time that it is refused on its way to a place a boat asks for so much more room beside
 # it, up to the second: a large hull turns wide [m].
 MORE_ROOM_M, MOST_ROOM_M = 1.0, 12.0
@@ -91,8 +92,11 @@ class Lookout:
         self.waited_s += 0.0 if self._seen_s is None else time_s - self._seen_s
         self._seen_s = time_s
         stands = self.traffic.in_the_way(self.boat, _way_to(place, towards))
-        self.traffic.waits(self.boat, replace(stands, home_m=home_m))
-        stuck = self.traffic.stuck(self.boat) if self.waited_s > STUCK_S else Stuck.WAITS
+        makes_way = self.gave_way and not math.isfinite(home_m)
+        self.traffic.waits(self.boat, replace(stands, home_m=home_m, makes_way=makes_way))
+        stuck = Stuck.WAITS
+        if self.waited_s > STUCK_S:
+            stuck = self.traffic.stuck(self.boat, for_long=self.waited_s > LONG_STUCK_S)
         if stuck is not Stuck.WAITS or held_s <= LONGEST_WAIT_S:
             return stuck
         if math.isfinite(home_m):
@@ -146,8 +150,11 @@ class Lookout:
         return not self._blocked().intersects(way)
 
     def place_to_wait(self, fence: Fence, place: Place) -> Place:
-        """Where to wait in nobody's way, if a straight way leads there; else where the boat is."""
-        if not self._wished().intersects(shapely.Point(place)):
+        """Where to wait in nobody's way, if a straight way leads there; else where the boat is.
+
+        So one that has stopped a little nearer to another than it may set out from backs off.
+        """
+        if not self._blocked().intersects(shapely.Point(place)):
             return place
         refuge = self.fence(fence, place).refuge(place)
         way = shapely.LineString([place, refuge])

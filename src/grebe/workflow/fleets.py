@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
@@ -26,14 +25,14 @@ from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
 from grebe.mission.replanning import Extension, KeptPlan, Replanner
 from grebe.mission.rota import InTurn, Rota
 from grebe.mission.safety.states import Place
-from grebe.mission.safety.traffic import Traffic
+from grebe.mission.safety.traffic import WANDER_M, Traffic
 from grebe.mission.settings import MissionSettings
-from grebe.mission.spent import AT_HARBOUR_M
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
+from grebe.workflow.berths import by_way, harbour_of, lying
 from grebe.workflow.run import (
     HelmOf,
     as_known_to,
@@ -260,12 +259,15 @@ class FleetRun:
         }
         for departure in departures.values():
             check_home(departure.survey, self.settings.safety)
-        traffic = Traffic(apart_m=fleet.apart_m, order=_by_way(departures))
+        traffic = Traffic(apart_m=fleet.apart_m, order=by_way(departures))
         together = _Together(traffic, self.survey_file)
         # Where the boats lie is known before the first of them moves; those ashore are in no way.
         for boat, departure in departures.items():
-            if _harbour_of(departure) is None:
+            if harbour_of(departure) is None:
                 traffic.claim(boat, np.array([departure.state[:2]]))
+        for boat, place in lying(self.survey_file, departures).items():
+            traffic.claim(boat, np.array([place]))
+            traffic.leave(boat)
         say_first(next(iter(departures.values())), self.survey_file, self.watches(min(departures)))
         with ExitStack() as watch, no_long_pauses():
             missions = {
@@ -286,7 +288,7 @@ class FleetRun:
         known = as_known_to(link, departure)
         helm = self.helm_of(known)
         guards = watch.enter_context(guarded(link, journal_beside(self.survey_file.path)))
-        lookout = Lookout(traffic=together.traffic, boat=boat, harbour=_harbour_of(departure))
+        lookout = Lookout(traffic=together.traffic, boat=boat, harbour=harbour_of(departure))
         self._lookouts[boat] = lookout
         mission = Mission(
             departure.survey,
@@ -368,8 +370,12 @@ class FleetRun:
             return (north - first[0]) ** 2 + (east - first[1]) ** 2
 
         heir = min(places, key=away)
+        fleet = file.survey.fleet
+        assert fleet is not None
+        radius_m = fleet.apart_m + 2 * WANDER_M
+        about = [shapely.Point(at).buffer(radius_m) for at in lying(file, boats).values()]
         try:
-            new = self._replanned(sortie, reached, places[heir], self._vessel_of(heir))
+            new = self._replanned(sortie, reached, places[heir], self._vessel_of(heir), about)
         # What is left is closed, or the way to the harbour alone: there is nothing to take over.
         except PlanError:
             return
@@ -387,8 +393,16 @@ class FleetRun:
         return vessel
 
     def _replanned(
-        self, sortie: Sortie, reached: int, place: tuple[float, float], vessel: Vessel
+        self,
+        sortie: Sortie,
+        reached: int,
+        place: Place,
+        vessel: Vessel,
+        about: Sequence[shapely.Polygon] = (),
     ) -> PlanRevision:
+        """The plan in which the rest of a sortie is planned anew, out of what is closed and of the
+        water `about` boats that lie in it.
+        """
         survey, revision = self.survey_file.survey, self.survey_file.revision
         weather = survey.settings.weather if survey.settings else None
         if weather is None:
@@ -396,38 +410,14 @@ class FleetRun:
         # Where boats had gone on to of themselves need not be taken over: it was not planned.
         planned = survey_of(survey, as_planned(self.survey_file.revisions()))
         open_ = open_water(planned, water_of(survey))
+        closed = [*self._closed, *about]
         return replanned(
             revision,
             survey,
-            open_.closing(self._closed, place) if self._closed else open_,
+            open_.closing(closed, place) if closed else open_,
             Halfway(reached=reached, place=place, sortie=sortie),
             vessel=vessel,
             weather=weather,
             reason="boat_lost",
             note=f"boat {sortie.boat} dropped out, and another takes what it has left",
         )
-
-
-def _harbour_of(departure: Departure) -> Place | None:
-    """Where a boat is launched and taken ashore again; None for one that has no harbour, or sets
-    out from the midst of the water.
-    """
-    survey = departure.survey
-    if survey.start is None or survey.settings is None or survey.settings.sorties is None:
-        return None
-    harbour = (survey.start.north_m, survey.start.east_m)
-    return harbour if math.dist(harbour, departure.state[:2]) < AT_HARBOUR_M else None
-
-
-def _by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:
-    """The boats in the order in which they set out: first who goes farthest from its harbour, for
-    in narrow water nobody passes; those without a harbour by their numbers.
-    """
-
-    def farthest_m(departure: Departure) -> float:
-        harbour = _harbour_of(departure)
-        if harbour is None:
-            return 0.0
-        return max(math.dist(harbour, one.centre) for one in departure.survey.sets)
-
-    return tuple(sorted(departures, key=lambda boat: (-farthest_m(departures[boat]), boat)))

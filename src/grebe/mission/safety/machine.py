@@ -172,7 +172,7 @@ def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | Non
         case Stuck.GOES_FIRST:
             return gone_on(memory, facts)
         case Stuck.GOES_HOME:
-            text = "other boats and this one wait for each other: it makes way and goes home"
+            text = "other boats stand in its way: it makes way for them, and goes home"
             return _sent_home(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
         case Stuck.GIVES_UP:
             waited_s = facts.time_s - memory.since_s

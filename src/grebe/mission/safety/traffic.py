@@ -98,10 +98,10 @@ class Traffic:
             else:
                 self._waits[boat] = waiting
 
-    def stuck(self, boat: int) -> Stuck:
+    def stuck(self, boat: int, *, for_long: bool = False) -> Stuck:
         """What this boat is to do that waits and has waited: where boats wait for each other, those
         go first whose way nobody has claimed; where it is claimed for all of them, the one goes
-        home that is nearest to it.
+        home that is nearest to it. Another goes home after it only where they wait `for_long`.
         """
         with self._lock:
             among = ring(self._waits, boat)
@@ -110,10 +110,11 @@ class Traffic:
             if not self._waits[boat].claimed_by:
                 self._first.add(boat)
                 return Stuck.GOES_FIRST
-            if any(not self._waits[one].claimed_by for one in among):
+            others = [self._waits[one] for one in among if one != boat]
+            helps = any(not one.claimed_by or one.makes_way for one in others)
+            if (helps and not for_long) or who_makes_way(self._waits, among) != boat:
                 return Stuck.WAITS
-            home = who_makes_way(self._waits, among) == boat
-            return Stuck.GOES_HOME if home else Stuck.WAITS
+            return Stuck.GOES_HOME
 
     def takes_turn(self, boat: int) -> None:
         """Let a boat that went before its turn go in its turn again, once nobody waits for it."""

@@ -27,13 +27,14 @@ class Stuck(enum.Enum):
 @dataclass(frozen=True, kw_only=True)
 class Waiting:
     """What is known of a boat that waits: the numbers of the boats whose water is in its way, and
-    of those whose mere wish is; the length of its way home [m], infinite for one that is on it
-    already or has none.
+    of those whose mere wish is; the length of its way home [m], infinite for one that cannot make
+    way so; and whether it is making way already.
     """
 
     claimed_by: frozenset[int]
     wished_by: frozenset[int] = frozenset()
     home_m: float = math.inf
+    makes_way: bool = False
 
     @property
     def waits_for(self) -> frozenset[int]:

@@ -1,0 +1,56 @@
+"""Where the boats of a fleet lie that do not sail, and the order in which the others set out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+
+from grebe.io.store import SurveyFile
+from grebe.mission.departure import Departure
+from grebe.mission.safety.states import Place
+from grebe.mission.spent import AT_HARBOUR_M
+
+
+def harbour_of(departure: Departure) -> Place | None:
+    """Where a boat is launched and taken ashore again; None for one that has no harbour, or sets
+    out from the midst of the water.
+    """
+    survey = departure.survey
+    if survey.start is None or survey.settings is None or survey.settings.sorties is None:
+        return None
+    harbour = (survey.start.north_m, survey.start.east_m)
+    return harbour if math.dist(harbour, departure.state[:2]) < AT_HARBOUR_M else None
+
+
+def by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:
+    """The boats in the order in which they set out: first who goes farthest from its harbour, for
+    in narrow water nobody passes; those without a harbour by their numbers.
+    """
+
+    def farthest_m(departure: Departure) -> float:
+        harbour = harbour_of(departure)
+        if harbour is None:
+            return 0.0
+        return max(math.dist(harbour, one.centre) for one in departure.survey.sets)
+
+    return tuple(sorted(departures, key=lambda boat: (-farthest_m(departures[boat]), boat)))
+
+
+def lying(survey_file: SurveyFile, sailing: Collection[int]) -> dict[int, Place]:
+    """Return where boats lie on the water (north, east) that have sailed and are not `sailing`, by
+    their numbers; one at a harbour has been taken ashore.
+    """
+    survey = survey_file.survey
+    assert survey.fleet is not None
+    has_harbours = survey.settings is not None and survey.settings.sorties is not None
+    sorties = survey_file.revision.sorties if has_harbours else ()
+    harbours = [(one.start.north_m, one.start.east_m) for one in sorties]
+    found: dict[int, Place] = {}
+    for boat in range(1, survey.fleet.boats + 1):
+        ends = None if boat in sailing else survey_file.track_ends(boat)
+        if ends is None:
+            continue
+        place = (ends[1].state[0], ends[1].state[1])
+        if all(math.dist(place, one) >= AT_HARBOUR_M for one in harbours):
+            found[boat] = place
+    return found
