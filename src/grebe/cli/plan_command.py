@@ -25,6 +25,7 @@ from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.revision import Sortie
 from grebe.core.vessel import PRESETS, Vessel
+from grebe.planning.fleet_times import BoatTime, boat_times, fleet_s
 from grebe.planning.planned import Planned, PlannedSorties
 from grebe.workflow.plans import (
     checked_sorties,
@@ -306,6 +307,9 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
             f"{one.number}: {one.time_s / 60:.0f} min, {one.energy_wh:.0f} Wh{_whose(planned, one)}"
             for one in planned.revision.sorties
         ]
+        if survey.fleet is not None:
+            numbers["duration_s"] = round(fleet_s(planned.revision), 1)
+            numbers["boats"] = [_boat(planned, one) for one in boat_times(planned.revision)]
         over = round(planned.legs_s / planned.bound_s - 1, 4)
         settings = planned.survey.settings
         in_one_go = settings is not None and settings.sorties is None
@@ -324,6 +328,13 @@ def _sorties_proved(checks: Sequence[SortieCheck]) -> dict[str, Any]:
     failed = [str(one.number) for one in checks if not one.holds]
     text = f"not proved for {', '.join(failed)}" if failed else "proved for every sortie"
     return {"home_in_time": f"{text}; at least {left_min:.1f} min to spare beside the reserve"}
+
+
+def _boat(planned: PlannedSorties, one: BoatTime) -> str:
+    """What a boat of a fleet is predicted to do, in words."""
+    sailed = f"{one.under_way_s / 60:.0f} min under way, sorties: {one.sorties}"
+    moved = f", changes of harbour: {one.moves}" if one.moves else ""
+    return f"{planned.survey.whose(one.boat)}: {sailed}{moved}"
 
 
 def _whose(planned: PlannedSorties, sortie: Sortie) -> str:

@@ -37,10 +37,11 @@ MORE_ROOM_M, MOST_ROOM_M = 1.0, 12.0
 class Lookout:
     """What one boat, by its number, sees of a fleet's traffic. `is_done`: it has nothing left to
     do, and makes room for all. `room_m`: what it asks for beside its way `towards` a place.
+
     `harbour`: where it is launched, and taken ashore when it comes home; None for a boat that lies
-    on the water before and after. `waited_s`: how long it has waited for others on its way to
-    that place, and `was_held` whether it ever had to. `gave_way`: it went home for their sake, and
-    `is_called`: because somebody asked it to.
+    on the water before and after; `is_afloat` where it is on it already. `waited_s`: how long it
+    has waited for others on its way to that place, and `was_held` whether it ever had to.
+    `gave_way`: it went home for their sake, and `is_called`: because somebody asked it to.
     """
 
     traffic: Traffic
@@ -49,6 +50,7 @@ class Lookout:
     room_m: float = 0.0
     towards: Place | None = None
     harbour: Place | None = None
+    is_afloat: bool = True
     waited_s: float = 0.0
     was_held: bool = False
     gave_way: bool = False
@@ -59,11 +61,12 @@ class Lookout:
         """Whether the boat is on the water: one that is ashore waits until its place is neither
         claimed nor wished by another.
         """
-        if self.harbour is None:
+        if self.is_afloat:
             return True
         if self.traffic.wished(self.boat, by_all=True).intersects(shapely.Point(place)):
             return False
-        return self.traffic.claim(self.boat, np.array([place]))
+        self.is_afloat = self.traffic.claim(self.boat, np.array([place]))
+        return self.is_afloat
 
     @property
     def sails_again(self) -> bool:

@@ -16,6 +16,7 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import Vessel
 from grebe.planning.endurance import endurance_of
 from grebe.planning.fewest_trips import Trips, trips_within
+from grebe.planning.fleet_times import MOVE_S
 from grebe.planning.lake import Lake, lake_of
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import planner_of
@@ -23,9 +24,6 @@ from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region
 from grebe.planning.trip_surveys import trip_surveys
 from grebe.planning.unlike_sorties import share_sorties
-
-# What it takes to bring a boat to another harbour by land [s].
-MOVE_S = 1800.0
 
 
 def plan_sorties(

@@ -3,12 +3,12 @@
 The cells are shared out first, as stretches of one good order; which boat takes which, and how much
 of the order it is given, goes by what the stretch takes it in trips: a small battery goes out and
 home more often, so it is given less, and what lies near. Then each boat's trips are found within
-its own stretch.
+its own stretch, and where they take longer than was thought the boat is given less.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -38,6 +38,9 @@ Heard = Callable[[int, int], None] | None
 # What of a trip is left for its cells at the least, as a share, where the way there takes it all:
 # a stretch that a boat cannot come home from takes it so many times as long.
 LEAST_LEFT = 0.02
+# How often the lake is shared out at the most, and by how much the longest may be over the mean
+# where that ends.
+SHARINGS, EVEN = 4, 1.04
 
 
 def share_sorties(
@@ -60,36 +63,17 @@ def share_sorties(
             "share; give smaller cells or fewer boats.",
             settings=("cell_m", "boats"),
         )
-    boats = _boats_of(planner, draft, places, fleet)
     bound_m = planner.bound_m(draft)
-    parts: list[Survey] = []
-    whose: list[int] = []
-    found: list[Trips] = []
-    shared = _shared(boats, draft)
-    # No boat's trips are looked for in vain because another's cannot be.
-    for boat, stretch in shared:
-        with boat.named():
-            check_reach(boat.lake.part(stretch), boat.endurance)
-    for boat, stretch in shared:
-        trips = boat.trips(stretch, _heard(on_done, len(found), fleet.boats))
-        surveys = trip_surveys(boat.lake, trips, bound_m)
-        parts += surveys
-        whose += [boat.number] * len(surveys)
-        found.append(trips)
+    shares = _evened(_boats_of(planner, draft, places, fleet), draft, bound_m, on_done)
+    parts = [part for one in shares for part in one.parts]
+    whose = [one.boat.number for one in shares for _ in one.parts]
     survey, revision = put_together(parts, bound_m, whose)
     assert survey.outcome is not None
     return PlannedSorties(
         survey=survey, outcome=survey.outcome, check=checked(survey, revision, planner.water),
-        notes=notes, revision=revision, bound_s=sum(one.bound_s for one in found),
-        legs_s=sum(one.legs_s for one in found),
+        notes=notes, revision=revision, bound_s=sum(one.trips.bound_s for one in shares),
+        legs_s=sum(one.trips.legs_s for one in shares),
     )  # fmt: skip
-
-
-def _heard(on_done: Heard, before: int, boats: int) -> Heard:
-    """Who hears of one boat's search, of several that take alike."""
-    if on_done is None:
-        return None
-    return lambda done, most: on_done(before * most + done, boats * most)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,10 +104,17 @@ class _Boat:
         footprints = [self.lake.draft.cells[i].footprint for i in stretch.tolist()]
         return self.lake.travel.path_s(taut_way((north, east), footprints))
 
-    def trips(self, stretch: Order, on_done: Heard) -> Trips:
-        """The fewest trips within the stretch."""
+    def check_reach(self, stretch: Order) -> None:
+        """Raise `PlanError` where a cell of the stretch is too far for any trip."""
         with self.named():
-            return trips_within(self.lake.part(stretch), self.endurance, on_done=on_done)
+            check_reach(self.lake.part(stretch), self.endurance)
+
+    def share(self, stretch: Order, bound_m: float, on_done: Heard) -> _Share:
+        """The fewest trips within the stretch, and their surveys."""
+        with self.named():
+            trips = trips_within(self.lake.part(stretch), self.endurance, on_done=on_done)
+        parts = trip_surveys(self.lake, trips, bound_m)
+        return _Share(boat=self, stretch=stretch, trips=trips, parts=parts)
 
     @contextmanager
     def named(self) -> Generator[None]:
@@ -162,18 +153,83 @@ def _boats_of(
     return boats
 
 
-def _shared(boats: Sequence[_Boat], draft: Draft) -> list[tuple[_Boat, Order]]:
-    """Each boat with its stretch of the order, in the boats' order, all of which take alike."""
+@dataclass(frozen=True, kw_only=True)
+class _Share:
+    """What one boat has of the lake: a stretch of the order, its trips there, and their surveys."""
+
+    boat: _Boat
+    stretch: Order
+    trips: Trips
+    parts: list[Survey]
+
+    @property
+    def time_s(self) -> float:
+        """What the trips are predicted to take together [s]."""
+        return sum(part.outcome.time_s for part in self.parts if part.outcome is not None)
+
+
+def _evened(boats: Sequence[_Boat], draft: Draft, bound_m: float, on_done: Heard) -> list[_Share]:
+    """The shares, in the boats' order, whose longest is the shortest that was found.
+
+    What a stretch takes in trips is estimated before they are known. By how much the trips that
+    were found take longer is what the estimate is corrected by when the lake is shared out again.
+    """
+    longer = dict.fromkeys((boat.number for boat in boats), 1.0)
+    whose: list[_Boat] = []
+    best: tuple[float, list[_Share]] | None = None
+    for sharing in range(SHARINGS):
+        try:
+            shared = _shared(boats, draft, longer, whose)
+            # No boat's trips are looked for in vain because another's cannot be.
+            for boat, stretch in shared:
+                boat.check_reach(stretch)
+            heard = [
+                _heard(on_done, sharing * len(boats) + k, SHARINGS * len(boats))
+                for k in range(len(boats))
+            ]
+            shares = [
+                boat.share(stretch, bound_m, hears)
+                for (boat, stretch), hears in zip(shared, heard, strict=True)
+            ]
+        except PlanError:
+            # What was found before holds; another sharing out need not.
+            if best is None:
+                raise
+            break
+        times = np.array([one.time_s for one in shares])
+        if best is None or times.max() < best[0]:
+            best = float(times.max()), shares
+        if times.max() < EVEN * times.mean():
+            break
+        for one in shares:
+            longer[one.boat.number] = one.time_s / one.boat.takes_s(one.stretch)
+    assert best is not None
+    return best[1]
+
+
+def _heard(on_done: Heard, before: int, searches: int) -> Heard:
+    """Who hears of one search, of several that take alike."""
+    if on_done is None:
+        return None
+    return lambda done, most: on_done(before * most + done, searches * most)
+
+
+def _shared(
+    boats: Sequence[_Boat], draft: Draft, longer: Mapping[int, float], whose: list[_Boat]
+) -> list[tuple[_Boat, Order]]:
+    """Each boat with its stretch of the order, in the boats' order, all of which take alike by an
+    estimate that is corrected by the boat's factor in `longer`; `whose` stretch each is stays as it
+    was found first.
+    """
     order = draft.route.order
     legs = boats[0].lake.travel.leg_s(np.diff(draft.network.centres[order], axis=0))
-    chosen: list[_Boat] = []
 
     def parts_of(stretches: Sequence[Order]) -> tuple[list[tuple[_Boat, Order]], list[float]]:
         # How much a stretch may hold is found for the boat that has it.
-        if not chosen:
-            chosen[:] = _assigned(boats, stretches)
-        parts = list(zip(chosen, stretches, strict=True))
-        return parts, [boat.takes_s(stretch) for boat, stretch in parts]
+        if not whose:
+            whose[:] = _assigned(boats, stretches)
+        parts = list(zip(whose, stretches, strict=True))
+        return parts, [longer[boat.number] * boat.takes_s(stretch) for boat, stretch in parts]
 
     # No leg takes no time, that cells at one place are not cut apart at will.
     legs_s = np.concatenate([[0.0], legs]) + 1e-3 * float(np.mean(legs))

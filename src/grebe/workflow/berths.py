@@ -12,14 +12,17 @@ from grebe.mission.spent import AT_HARBOUR_M
 
 
 def harbour_of(departure: Departure) -> Place | None:
-    """Where a boat is launched and taken ashore again; None for one that has no harbour, or sets
-    out from the midst of the water.
-    """
+    """Where a boat is launched and taken ashore again; None for one that has no harbour."""
     survey = departure.survey
     if survey.start is None or survey.settings is None or survey.settings.sorties is None:
         return None
-    harbour = (survey.start.north_m, survey.start.east_m)
-    return harbour if math.dist(harbour, departure.state[:2]) < AT_HARBOUR_M else None
+    return survey.start.north_m, survey.start.east_m
+
+
+def is_afloat(departure: Departure) -> bool:
+    """Whether a boat is on the water when its mission begins, and not ashore at its harbour."""
+    harbour = harbour_of(departure)
+    return harbour is None or math.dist(harbour, departure.state[:2]) >= AT_HARBOUR_M
 
 
 def by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:

@@ -32,7 +32,7 @@ from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
-from grebe.workflow.berths import by_way, harbour_of, lying
+from grebe.workflow.berths import by_way, harbour_of, is_afloat, lying
 from grebe.workflow.run import (
     HelmOf,
     as_known_to,
@@ -263,7 +263,7 @@ class FleetRun:
         together = _Together(traffic, self.survey_file)
         # Where the boats lie is known before the first of them moves; those ashore are in no way.
         for boat, departure in departures.items():
-            if harbour_of(departure) is None:
+            if is_afloat(departure):
                 traffic.claim(boat, np.array([departure.state[:2]]))
         for boat, place in lying(self.survey_file, departures).items():
             traffic.claim(boat, np.array([place]))
@@ -288,7 +288,12 @@ class FleetRun:
         known = as_known_to(link, departure)
         helm = self.helm_of(known)
         guards = watch.enter_context(guarded(link, journal_beside(self.survey_file.path)))
-        lookout = Lookout(traffic=together.traffic, boat=boat, harbour=harbour_of(departure))
+        lookout = Lookout(
+            traffic=together.traffic,
+            boat=boat,
+            harbour=harbour_of(departure),
+            is_afloat=is_afloat(departure),
+        )
         self._lookouts[boat] = lookout
         mission = Mission(
             departure.survey,
