@@ -40,8 +40,8 @@ class Lookout:
 
     `harbour`: where it is launched, and taken ashore when it comes home; None for a boat that lies
     on the water before and after; `is_afloat` where it is on it already. `waited_s`: how long it
-    has waited for others on its way to that place, and `was_held` whether it ever had to.
-    `gave_way`: it went home for their sake, and `is_called`: because somebody asked it to.
+    has waited for others on its way to that place. `gave_way`: it went home for their sake;
+    `is_spent`: for its time or its battery; `is_called`: because somebody asked it to.
     """
 
     traffic: Traffic
@@ -52,8 +52,8 @@ class Lookout:
     harbour: Place | None = None
     is_afloat: bool = True
     waited_s: float = 0.0
-    was_held: bool = False
     gave_way: bool = False
+    is_spent: bool = False
     is_called: bool = False
     _seen_s: float | None = None
 
@@ -71,14 +71,15 @@ class Lookout:
     @property
     def sails_again(self) -> bool:
         """Whether the boat, once home, sets out again for what it has left."""
-        return self.gave_way and not self.is_called
+        return (self.gave_way or self.is_spent) and not self.is_called
 
     def sent_home(self, cause: Cause | None) -> None:
-        """The boat goes home: for others, also where its time or battery went in waiting for them;
-        or for a cause of its own.
+        """The boat goes home: for others, for its time or its battery, which it has anew at its
+        harbour; or for what is wrong.
         """
-        spent = cause in (Cause.TIME, Cause.BATTERY) and self.was_held
-        self.gave_way = self.gave_way or spent or cause is Cause.TRAFFIC
+        self.gave_way = self.gave_way or cause is Cause.TRAFFIC
+        spent = cause in (Cause.TIME, Cause.BATTERY) and self.harbour is not None
+        self.is_spent = self.is_spent or spent
 
     def goes(self) -> None:
         """The boat waits for nobody."""
@@ -91,7 +92,6 @@ class Lookout:
         """Say that the boat, held for so long, waits to go on towards a place, and how long its
         way home is [m], infinite where it cannot make way so; return what it is to do.
         """
-        self.was_held = True
         self.waited_s += 0.0 if self._seen_s is None else time_s - self._seen_s
         self._seen_s = time_s
         stands = self.traffic.in_the_way(self.boat, _way_to(place, towards))

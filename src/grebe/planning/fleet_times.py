@@ -71,7 +71,5 @@ def _sorties_of(revision: PlanRevision) -> dict[int, list[Sortie]]:
 def _moves(own: Sequence[Sortie]) -> list[bool]:
     """Whether a boat is brought to another harbour before each of its sorties."""
     places = [(one.start.north_m, one.start.east_m) for one in own]
-    changes = [
-        math.dist(*two) > SAME_HARBOUR_M for two in pairwise(places)
-    ]
+    changes = [math.dist(*two) > SAME_HARBOUR_M for two in pairwise(places)]
     return [False, *changes]

@@ -210,8 +210,8 @@ class FleetRun:
 
     def _fallen(self, done: list[tuple[int, int, MissionReport]], before: int) -> set[int]:
         """The boats that sail no more. One that came home because nothing of its sortie is open any
-        more is not lost: it has done what there was; nor is one that had to wait for others and
-        came home for that: it sets out again, as long as any boat gets on.
+        more is not lost: it has done what there was; nor is one that came home for
+        others' sake, or for its time or battery: it sets out again, as long as any boat gets on.
         """
         fallen: set[int] = set()
         gets_on = self.survey_file.progress().reached > before
