@@ -101,7 +101,7 @@ def test_the_check_goes_by_each_boats_own_battery(by_battery):
 
 def test_the_boats_are_out_for_about_as_long_as_each_other(by_battery):
     times = [spent_s(by_battery, boat) for boat in (1, 2)]
-    assert max(times) < 1.35 * min(times)
+    assert max(times) < 1.15 * min(times)
 
 
 def test_a_small_battery_is_given_less_and_what_lies_near():
