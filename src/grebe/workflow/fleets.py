@@ -31,11 +31,11 @@ from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
+from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.run import (
     HelmOf,
     as_known_to,
     counting,
-    no_long_pauses,
     pilot_of,
     say_first,
     spent_as_said,
