@@ -39,10 +39,6 @@ from grebe.mission.safety.fence import (
     reckoned,
 )
 from grebe.mission.safety.machine import (
-    WAITS,
-    Asked,
-    Memory,
-    Request,
     advised,
     at_the_fence,
     blinded,
@@ -52,6 +48,7 @@ from grebe.mission.safety.machine import (
     shut_in,
     without_way_home,
 )
+from grebe.mission.safety.memory import WAITS, Asked, Memory, Request
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
 from grebe.mission.way_home import Pilot, UnderWay, WayHome

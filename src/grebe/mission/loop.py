@@ -49,7 +49,7 @@ from grebe.mission.lookout import Lookout
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.replanning import Replanner
-from grebe.mission.safety.machine import Request
+from grebe.mission.safety.memory import Request
 from grebe.mission.safety.states import SafetyState
 from grebe.mission.sampler import Sampler
 from grebe.mission.settings import MissionSettings
