@@ -18,8 +18,9 @@ from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS
-from grebe.links.mavlink.link import MavlinkSettings, open_link
+from grebe.links.mavlink.link import open_link
 from grebe.links.mavlink.rehearsal import CLEAR, Air, MemoryWire
+from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder

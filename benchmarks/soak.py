@@ -6,7 +6,6 @@ command that answers it, on the clock, with the survey file written as in a real
 
 from __future__ import annotations
 
-import gc
 import math
 import os
 import subprocess
@@ -36,6 +35,7 @@ from grebe.mission.settings import MissionSettings
 from grebe.mission.trial import bare_survey
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
+from grebe.workflow.collector import no_long_pauses
 
 PERIOD_S = 0.1
 EIGHT_HOURS = 288_000
@@ -250,7 +250,6 @@ def _flight(path: Path, seconds: float, limit_s: float) -> list[float]:
         recorder = SlowDisk(file)
         recorder.seconds = seconds
         link = OnTheClock(Plant(BOAT, START), limit_s)
-        gc.freeze()  # as run_survey does
-        Mission(survey, helm, link, recorder).run()
-        gc.unfreeze()
+        with no_long_pauses():
+            Mission(survey, helm, link, recorder).run()
         return link.latency_ms

@@ -24,7 +24,7 @@ from grebe.planning.fewest_trips import Trips, trips_within
 from grebe.planning.lake import Lake, lake_of, ports_of
 from grebe.planning.planner import planner_of
 from grebe.planning.region import Region
-from grebe.planning.trips import Ports
+from grebe.planning.trip_times import Ports
 
 BOAT = PRESETS["blueboat"]
 CURRENT = Weather(current_north_mps=0.3, current_east_mps=0.1)

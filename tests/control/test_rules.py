@@ -153,7 +153,7 @@ def test_settings_out_of_bounds_are_refused():
 def test_a_plan_whose_last_stage_lasts_no_time_ends_where_it_ends():
     states = np.array([np.full(6, 0.0), np.full(6, 1.0), np.full(6, 5.0)])
     plan = Plan(states=states, thrusts=np.zeros((2, 2)), durations=np.array([1.0, 0.0]))
-    found, _ = plan.sampled(np.array([0.5, 1.5, 9.0]))
+    found, _, _ = plan.sampled(np.array([0.5, 1.5, 9.0]))
     assert found[:, 0].tolist()[0] == 0.5
     assert found[1:, 0].tolist() == [1.0, 1.0]
 

@@ -9,8 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from grebe.control.controller import Controller
 from grebe.core.dynamics import CALM
-from grebe.links.mavlink.link import MavlinkSettings, open_link
+from grebe.links.mavlink.link import open_link
 from grebe.links.mavlink.rehearsal import CLEAR, MemoryWire
+from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import MemoryRecorder

@@ -15,9 +15,10 @@ from grebe.core.errors import LinkError, StoppedError, UsageError
 from grebe.core.events import EndReason, Estimate, Step
 from grebe.links.base import IDLE, Order
 from grebe.links.mavlink.clock import BoatClock
-from grebe.links.mavlink.link import MavlinkSettings, open_link
+from grebe.links.mavlink.link import open_link
 from grebe.links.mavlink.preflight import preflight
 from grebe.links.mavlink.rehearsal import Air
+from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.simulation.autopilot import Faults, Mode
 
 AHEAD = Order(thrusts=(5.0, 5.0), surge_mps=1.0, yaw_rate_radps=0.1)

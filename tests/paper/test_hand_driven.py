@@ -12,7 +12,8 @@ from conftest import needs_tracks
 from grebe.cli.main import grebe
 from grebe.core.errors import UsageError
 from grebe.paper import claim
-from grebe.paper.hand_driven import HAND_FIGURES, HandDriven
+from grebe.paper.hand_driven import HandDriven
+from grebe.paper.hand_figures import HAND_FIGURES
 
 pytestmark = needs_tracks
 

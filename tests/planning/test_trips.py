@@ -18,7 +18,8 @@ from grebe.planning.lake import lake_of, ports_of
 from grebe.planning.planner import planner_of
 from grebe.planning.region import Region
 from grebe.planning.repaired_trips import predicted_trip_s, repaired
-from grebe.planning.trips import HOT, improved_trips, shortest_stretch, trip_s
+from grebe.planning.trip_times import shortest_stretch, trip_s
+from grebe.planning.trips import HOT, improved_trips
 from grebe.planning.ways_home import around_the_harbour
 from grebe.planning.wedges import wedges
 

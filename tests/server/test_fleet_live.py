@@ -14,7 +14,7 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.planning.fleets import plan_fleet
 from grebe.planning.region import Region
-from grebe.server import library
+from grebe.server import views
 from grebe.server.fleet_state import together
 from grebe.server.live import Watch
 from grebe.server.mission_delta import Telling
@@ -45,7 +45,7 @@ def sailed(tmp_path_factory):
     wanted = PlanSettings(cell_m=10.0, fleet=FleetSettings(boats=2, apart_m=6.0))
     planned = plan_fleet(region, PRESETS["spyboat"], wanted)
     write_survey(path, planned.survey, revision=planned.revision)
-    before = library.snapshot("x", path)
+    before = views.snapshot("x", path)
     with SurveyFile.open(path) as file:
         tellings = {boat: Telling(file.survey, list(file.quantities)) for boat in (1, 2)}
         ears = Heard(tellings, of_fleet=True)
@@ -79,7 +79,7 @@ def watched(path, state, told):
 def test_what_the_boats_tell_is_what_their_file_holds(sailed):
     path, before, told = sailed
     watch, said = watched(path, before, told)
-    after = library.snapshot("x", path)
+    after = views.snapshot("x", path)
     status = watch.state["status"]
     for name in ("state", "reached", "targets", "samples", "coverage"):
         assert status[name] == after["status"][name], name
@@ -98,8 +98,8 @@ def test_what_the_boats_tell_is_what_their_file_holds(sailed):
 
 def test_a_page_that_looks_on_late_counts_nothing_of_a_boat_twice(sailed):
     path, _, told = sailed
-    watch, _ = watched(path, library.snapshot("x", path), told[-40:])
-    after = library.snapshot("x", path)
+    watch, _ = watched(path, views.snapshot("x", path), told[-40:])
+    after = views.snapshot("x", path)
     assert watch.state["status"]["samples"] == after["status"]["samples"]
     assert watch.state["status"]["reached"] == after["status"]["reached"]
 

@@ -23,7 +23,7 @@ from starlette.routing import Route  # noqa: E402
 
 from grebe.core.errors import GrebeError, InputError  # noqa: E402
 from grebe.io.store import SurveyFile  # noqa: E402
-from grebe.server import library, maps, plans  # noqa: E402
+from grebe.server import library, maps, plans, views  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
 from grebe.server.failures import NoMapError  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
@@ -281,10 +281,10 @@ def test_a_kept_plan_is_a_survey_file_of_that_name(tmp_path):
     plans.keep({"region": REGION, "settings": {"cell_m": 20.0}, "name": "Étang"}, str(path))
     [line] = Library(tmp_path).summaries()
     assert (line["name"], line["state"], line["reached"]) == ("Étang", "planned", 0)
-    shown = library.detail(line["id"], path)
+    shown = views.detail(line["id"], path)
     assert len(shown["targets"]) == line["cells"]
     json.dumps(shown, allow_nan=False)
-    json.dumps(library.snapshot(line["id"], path), allow_nan=False)
+    json.dumps(views.snapshot(line["id"], path), allow_nan=False)
 
 
 def test_a_slow_tab_is_told_all_again_instead_of_a_queue():
@@ -401,7 +401,7 @@ def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
     assert sum(word == "reached" for one in told for _, word in one.get("targets", ())) == reached
     assert sum(len(one.get("samples", ())) for one in told) == samples
     assert told[-1]["status"]["state"] == "complete"
-    assert library.snapshot("x", path)["status"]["state"] == "complete"
+    assert views.snapshot("x", path)["status"]["state"] == "complete"
     for one in told:
         json.dumps(one, allow_nan=False)
 
@@ -410,7 +410,7 @@ def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
 def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
     path, _, told = simulated_survey
     watch = Watch("x", path, Lease())
-    watch.state = library.snapshot("x", path)
+    watch.state = views.snapshot("x", path)
     count = watch.state["status"]["samples"]
     # The file was read when the mission had told the last of these already.
     for one in told[-50:]:
@@ -426,7 +426,7 @@ def test_targets_are_known_by_their_numbers_and_not_by_their_places(simulated_su
     """After a revision the order is another; a page must not mark its neighbours."""
     path, _, _ = simulated_survey
     watch = Watch("x", path, Lease())
-    watch.state = library.snapshot("x", path)
+    watch.state = views.snapshot("x", path)
     targets = watch.state["targets"] = [
         {**one, "state": "open"} for one in reversed(watch.state["targets"])
     ]

@@ -8,10 +8,10 @@ import sys
 import click
 
 from grebe.cli import output
-from grebe.cli.collector import leave_all, uncollected
 from grebe.cli.flags import sentence
 from grebe.cli.interruption import INTERRUPTED, heed_signals
 from grebe.core.errors import GrebeError, InputError
+from grebe.workflow.collector import leave_all, uncollected
 
 COMMANDS = {
     "app": "plan, watch, steer and read a survey in a browser",

@@ -96,7 +96,7 @@ def command(
 def _reproduced(
     names: Sequence[str], out: Path, hand: HandDriven | None, boat: Vessel, *, quiet: bool
 ) -> list[Reproduction]:
-    from grebe.paper.hand_driven import HAND_FIGURES
+    from grebe.paper.hand_figures import HAND_FIGURES
     from grebe.paper.reproduce import FIGURES
 
     made: list[Reproduction] = []

@@ -19,7 +19,6 @@ from grebe.cli.accuracy_options import (
     refuse_with_goal,
     refuse_without_goal,
 )
-from grebe.cli.collector import uncollected
 from grebe.cli.sortie_options import fleet_settings, sortie_options, sortie_settings
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
@@ -27,6 +26,7 @@ from grebe.core.revision import Sortie
 from grebe.core.vessel import PRESETS, Vessel
 from grebe.planning.fleet_times import BoatTime, boat_times, fleet_s
 from grebe.planning.planned import Planned, PlannedSorties
+from grebe.workflow.collector import uncollected
 from grebe.workflow.plans import (
     checked_sorties,
     plan_region,

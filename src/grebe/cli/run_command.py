@@ -14,11 +14,12 @@ import click
 from click.core import ParameterSource
 
 from grebe.cli import options, output
-from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_again, wish_of
+from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_of
 from grebe.cli.fleet_run import explain, fleet_numbers, run_fleet
 from grebe.cli.interruption import heed_mission, ignore_hangup
 from grebe.cli.live_view import live_view
-from grebe.cli.rule_options import refuse_foreign, rule_of, rule_options, typed_again
+from grebe.cli.rule_options import refuse_foreign, rule_of, rule_options
+from grebe.cli.run_preview import say_which, show_preview
 from grebe.cli.safety_options import ONCE, safety_of, safety_options
 from grebe.cli.world_options import world_of, world_options
 from grebe.control.rules.base import Rule
@@ -30,7 +31,7 @@ from grebe.core.survey import Survey
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
-from grebe.mission.departure import Departure, prepare
+from grebe.mission.departure import prepare
 from grebe.mission.loop import Mission
 from grebe.mission.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
@@ -47,7 +48,6 @@ from grebe.workflow.instruments import (
     of_one_boat,
     refuse_unopened,
 )
-from grebe.workflow.preview import fleet_preview, preview_of, way_home_of
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -138,7 +138,7 @@ def command(
         raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
     _judge(urls, instruments, run, now)
     if preview:
-        _show_preview(file, sortie, run, now, resume=goes_on, force=force, as_json=as_json)
+        show_preview(file, sortie, run, now, resume=goes_on, force=force, as_json=as_json)
         return
     ignore_hangup()
     own = user_quantities(run.pop("quantities_file"), file)
@@ -239,7 +239,7 @@ def _run(
     departure = prepare(
         survey_file, now, resume=how["resume"], force=how["force"], sortie=how["sortie"]
     )
-    _say_which(departure, survey_file)
+    say_which(departure, survey_file)
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
     closures = _closures_of(run, survey_file)
     onward = onward_of(run, survey_file, force=how["force"])
@@ -328,62 +328,11 @@ def _settings_for(
     return replace(settings, safety=kept_by_plan(settings.safety, survey, spent))
 
 
-def _say_which(departure: Departure, survey_file: SurveyFile) -> None:
-    """Which sortie sets out, and what its boat's battery has given already."""
-    one, battery = departure.sortie, survey_file.survey.settings
-    if one is not None:
-        lon, lat = survey_file.survey.frame.to_wgs84(departure.state[:2]).tolist()
-        count = len(survey_file.revision.sorties)
-        whose = survey_file.survey.whose(one.boat)
-        which = f"sortie {one.number} of {count}{', ' * bool(whose)}{whose}"
-        output.note(f"{which}, from latitude {lat:.5f}, longitude {lon:.5f}")
-    if departure.spent.energy_wh >= 1 and battery is not None and battery.sorties is not None:
-        output.note(
-            f"its boat has spent {departure.spent.energy_wh:.0f} Wh and "
-            f"{departure.spent.seconds / 60:.0f} min since its harbour, which count; where the "
-            "battery was changed, say what it holds by --battery-wh"
-        )
-
-
 def _closures_of(run: dict[str, Any], survey_file: SurveyFile) -> Closures | None:
     """What closes areas to a mission; None where nothing does."""
     if run["closed"] is None:
         return None
     return Closures(path=Path(run["closed"]), survey=survey_file.survey, say=output.note)
-
-
-def _again(run: dict[str, Any]) -> str:
-    """What was typed of who steers and of going on."""
-    return typed_again(run) + wish_again(run)
-
-
-def _show_preview(
-    file: Path,
-    sortie: int | None,
-    run: dict[str, Any],
-    now: datetime,
-    *,
-    resume: bool,
-    force: bool,
-    as_json: bool,
-) -> None:
-    with SurveyFile.open(file) as survey_file:
-        fleet = survey_file.survey.fleet if sortie is None and not force else None
-        if fleet is not None and not run["returns"]:
-            go = f"grebe run {file}{' --resume' if resume else ''}{_again(run)}"
-            numbers = fleet_preview(survey_file, now)
-            output.result(numbers, as_json=as_json, next_command=go)
-            return
-        departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
-    if run["returns"]:
-        numbers = way_home_of(departure, safety_of(run, now))
-        output.result(numbers, as_json=as_json, next_command=f"grebe run {file} --return")
-        return
-    which = "" if sortie is None else f" --sortie {sortie}"
-    again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
-    go = f"grebe run {file}{which}{again}{_again(run)}"
-    _say_which(departure, survey_file)
-    output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
 
 
 def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:

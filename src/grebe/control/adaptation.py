@@ -233,9 +233,8 @@ class _Problem:
         )  # fmt: skip
 
     def cost(self, numbers: Array) -> float:
-        """Half the sum of the squared residuals."""
-        residuals = self.residuals(numbers)
-        return 0.5 * float(residuals @ residuals)
+        """What some numbers cost."""
+        return _cost(self.residuals(numbers))
 
     def _ends(self, numbers: Array, states: Array) -> Array:
         """Where the pieces end that begin at some states, (pieces, 6)."""
@@ -253,7 +252,7 @@ class _Problem:
         """
         numbers = np.clip(start, LOW, HIGH)
         residuals = self.residuals(numbers)
-        cost, damping = 0.5 * float(residuals @ residuals), 1e-2
+        cost, damping = _cost(residuals), 1e-2
         which = np.arange(COUNT)[free]
         for _ in range(WEATHER_ITERATIONS if free is WEATHER else ITERATIONS):
             if cost < enough:
@@ -264,7 +263,7 @@ class _Problem:
             tried = np.clip(tried, LOW, HIGH)
             there = self.residuals(tried)
             yield
-            its_cost = 0.5 * float(there @ there)
+            its_cost = _cost(there)
             if not its_cost < cost:
                 damping *= 10
                 continue
@@ -286,6 +285,11 @@ class _Problem:
             slopes[:, column] = (self.residuals(moved) - residuals) / probe
             yield
         return slopes
+
+
+def _cost(residuals: Array) -> float:
+    """Half the sum of the squared residuals."""
+    return 0.5 * float(residuals @ residuals)
 
 
 def _step(

@@ -122,8 +122,18 @@ def turned(states: Array, angle_rad: float) -> Array:
     if angle_rad == 0.0:
         return states
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    out = states.copy()
-    out[:, 2] += angle_rad
-    out[:, 3] = cos * states[:, 3] + sin * states[:, 4]
-    out[:, 4] = cos * states[:, 4] - sin * states[:, 3]
+    out = np.empty_like(states)
+    turn(states.T, angle_rad, cos, sin, out.T)
     return out
+
+
+def turn(state: Array, angle_rad: float, cos: float, sin: float, out: Array) -> None:
+    """Put a state (6,), or states side by side (6, n), into `out` as a compass shows them that
+    shows `angle_rad` more, an angle of this cosine and sine. The search for a correction compiles
+    it.
+    """
+    for i in range(6):
+        out[i] = state[i]
+    out[2] += angle_rad
+    out[3] = cos * state[3] + sin * state[4]
+    out[4] = cos * state[4] - sin * state[3]

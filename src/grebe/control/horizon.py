@@ -163,26 +163,24 @@ class Plan:
         last sets of the paper's problems move on with the horizon, and what they cost with them.
         """
         moments = np.concatenate([[0.0], np.cumsum(self.durations)]) + step_s
-        states, thrusts = self.sampled(moments)
+        states, thrusts, _ = self.sampled(moments)
         return Plan(states=states, thrusts=thrusts, durations=self.durations)
 
-    def sampled(self, moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Return states (m, 6) at `moments` (m,) [s] and the thrusts (m - 1, 2) half-way
-        between them; beyond its end the plan's last ones.
+    def sampled(
+        self, moments: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
+        """Return states (m, 6) at `moments` (m,) [s], the thrusts (m - 1, 2) half-way between them,
+        and the costates (m, 6) where they are known. Beyond the plan's end state and thrusts are
+        its last ones, and the costates nothing: nothing is planned to cost anything there.
         """
-        return self._between(moments, self.states), self.thrusts[
-            self._stage_at(0.5 * (moments[1:] + moments[:-1]))
-        ]
-
-    def costates_at(self, moments: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Return the costates (m, 6) at `moments` (m,) [s], where they are known; nothing is
-        planned to cost anything beyond the plan's end.
-        """
+        stage, share = self._shares_at(moments)
+        states = _between(self.states, stage, share)
+        thrusts = self.thrusts[self._stage_at(0.5 * (moments[1:] + moments[:-1]))]
         if self.costates is None:
-            return None
-        costates = self._between(moments, self.costates)
+            return states, thrusts, None
+        costates = _between(self.costates, stage, share)
         costates[moments > self._ends[-1] + 1e-9] = 0.0
-        return costates
+        return states, thrusts, costates
 
     def thrusts_at(self, moment_s: float) -> tuple[float, float]:
         """Thrusts planned at a moment [s]; beyond the plan's end its last ones."""
@@ -197,18 +195,24 @@ class Plan:
     def _stage_at(self, moments: NDArray[np.float64]) -> NDArray[np.int64]:
         return np.minimum(np.searchsorted(self._ends, moments, side="right"), len(self._ends) - 1)
 
-    def _between(
-        self, moments: NDArray[np.float64], values: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Rows of `values` (N + 1, 6) at the nodes, interpolated to `moments` (m,) [s]; before the
-        first node and beyond the last their values.
+    def _shares_at(
+        self, moments: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """In which stage each of `moments` (m,) [s] lies, and how much of it is over then, (m, 1):
+        none before the first node, all beyond the last.
         """
         ends, durations = self._ends, self.durations
         stage = np.minimum(np.searchsorted(ends, moments), len(ends) - 1)
         span = durations[stage]
         gone = np.minimum(np.maximum(moments - ends[stage] + span, 0.0), span)
-        share = (gone / np.where(span > 0, span, 1.0))[:, None]
-        return values[stage] + share * (values[stage + 1] - values[stage])
+        return stage, (gone / np.where(span > 0, span, 1.0))[:, None]
+
+
+def _between(
+    nodes: NDArray[np.float64], stage: NDArray[np.int64], share: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Values (N + 1, 6) at the nodes, interpolated to a `share` (m, 1) of each `stage` (m,)."""
+    return nodes[stage] + share * (nodes[stage + 1] - nodes[stage])
 
 
 def rows_needed(sides: Sequence[int]) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from grebe.control.correction import turn
 from grebe.control.rollout import piece_end
 from grebe.core.kernels import machine_code
 
@@ -21,6 +22,8 @@ SHARES, COMPASS, WEATHER_AT, DRIFT_AT = 0, 8, 9, 13
 FACTORS_OF, FACTORS = (2, 3, 4, 5, 6, 7, 8), (4, 2, 3, 5, 2, 3, 5)
 # Standard deviations beyond which a miss counts by its size and no longer by its square.
 ROBUST = 3.0
+
+_turn = machine_code(turn)
 
 
 @machine_code
@@ -71,13 +74,3 @@ def misfit(
         size = ROBUST * np.sqrt(2.0 * (np.sqrt(1.0 + share * share) - 1.0))
         out[i] = size if share >= 0 else -size
     return out
-
-
-@machine_code
-def _turn(state, angle, cos, sin, out):
-    """A state whose compass shows `angle` more; see `correction.turned`."""
-    for i in range(6):
-        out[i] = state[i]
-    out[2] += angle
-    out[3] = cos * state[3] + sin * state[4]
-    out[4] = cos * state[4] - sin * state[3]

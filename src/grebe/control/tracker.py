@@ -257,6 +257,7 @@ class Tracker:
         pair = self.righted(start), thrusts, self.righted(end), seconds
         self._observer.update(*pair)
         if self._filter is not None:
+            # Predicted once more: in the weather that has just been learned, and in finer steps.
             vessel = self.vessel
             per_second = max(SUBSTEPS_PER_S, vessel.fastest_rate_hz)
             substeps = max(2, math.ceil(seconds * per_second))

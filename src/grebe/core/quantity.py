@@ -136,8 +136,9 @@ class Quantity:
                 ) from None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle and copy by the plain table: a read-only mapping cannot be."""
-        return _from_table, (self.key, self.as_table())
+        """Pickle and copy with the labels as a plain table: a read-only mapping cannot be."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return _of_values, (values | {"labels": dict(self.labels)},)
 
     @property
     def label(self) -> str:
@@ -242,7 +243,5 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _from_table(key: str, table: Mapping[str, Any]) -> Quantity:
-    from grebe.core.quantity_tables import quantities_of
-
-    return quantities_of({key: table}, {}, "a copy")[key]
+def _of_values(values: Mapping[str, Any]) -> Quantity:
+    return Quantity(**values)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from grebe.core.crossing import crossing
 from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.core.sets import footprints_of
 from grebe.core.survey import Survey
@@ -111,13 +112,13 @@ def _settle(
     way: NDArray[np.float64], i: int, ring: NDArray[np.float64], first: int, last: int
 ) -> None:
     """Put place i on the inside of its ring[first : last + 1], or its edge, where the way by it is
-    shortest. Rings are said by their ends: a slice of an array takes longer than what is done here.
+    shortest.
     """
     ax, ay = way[i - 1, 0], way[i - 1, 1]
     # The last place has nobody behind it: it comes as near to the one before as it may.
     behind = i + 1 if i + 1 < way.shape[0] else i - 1
     bx, by = way[behind, 0], way[behind, 1]
-    enter, leave = _crossing(ax, ay, bx, by, ring, first, last)
+    enter, leave = crossing(ax, ay, bx, by, ring, first, last, 0.0)
     if enter <= leave:
         # Anywhere between is as good: half-way between where it stands and the middle.
         dx, dy = bx - ax, by - ay
@@ -141,27 +142,6 @@ def _length(x: float, y: float) -> float:
     price.
     """
     return math.sqrt(x * x + y * y)
-
-
-@inlined_machine_code
-def _crossing(
-    ax: float, ay: float, bx: float, by: float, ring: NDArray[np.float64], first: int, last: int
-) -> tuple[float, float]:
-    """Shares of the leg from a to b at which it enters and leaves a convex ring; enter > leave
-    where it misses it (Cyrus and Beck 1978).
-    """
-    enter, leave = 0.0, 1.0
-    for k in range(first, last):
-        nx, ny = ring[k + 1, 1] - ring[k, 1], ring[k, 0] - ring[k + 1, 0]
-        room = nx * (ring[k, 0] - ax) + ny * (ring[k, 1] - ay)
-        outwards = nx * (bx - ax) + ny * (by - ay)
-        if outwards > 0:
-            leave = min(leave, room / outwards)
-        elif outwards < 0:
-            enter = max(enter, room / outwards)
-        elif room < 0:
-            return 1.0, 0.0
-    return enter, leave
 
 
 @inlined_machine_code

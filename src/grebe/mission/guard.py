@@ -17,8 +17,6 @@ from typing import Protocol
 import numpy as np
 import shapely
 
-from grebe.control.controller import Controller
-from grebe.control.station import StationKeeper
 from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.events import EndReason, State
 from grebe.core.survey import Survey
@@ -27,22 +25,8 @@ from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
 from grebe.mission.lookout import LEAST_WAIT_S, Lookout
 from grebe.mission.safety.enclosure import Enclosure
-from grebe.mission.safety.fence import (
-    FOLLOWED_DOUBT,
-    FOLLOWED_S,
-    STEP_S,
-    Escape,
-    Fence,
-    Schedule,
-    escape,
-    fence_of,
-    reckoned,
-)
+from grebe.mission.safety.fence import Schedule, fence_of, reckoned
 from grebe.mission.safety.machine import (
-    WAITS,
-    Asked,
-    Memory,
-    Request,
     advised,
     at_the_fence,
     blinded,
@@ -52,17 +36,16 @@ from grebe.mission.safety.machine import (
     stood_in_the_way,
     without_way_home,
 )
+from grebe.mission.safety.memory import WAITS, Asked, Memory, Request
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
-from grebe.mission.way_home import Pilot, UnderWay, WayHome
+from grebe.mission.stopping import Stopping, Thrusts
+from grebe.mission.way_home import Pilot, UnderWay, WayHome, default_pilot
 
-Thrusts = tuple[float, float]
 # A blind boat that is reckoned to be slower than this is not braked any more [m/s].
 LEAST_WAY_MPS = 0.05
 # What is known of a boat that has not said anything.
 NOTHING_SAID = BoatStatus(mode="", armed=False)
-# A way out that was found so long ago is of another place [s].
-PROVED_S = 1.0
 # Share of reverse thrust with which a boat is freed.
 ASTERN_SHARE = 0.8
 
@@ -73,15 +56,6 @@ class Tells(Protocol):
     def __call__(self, time_s: float, *, before: str, after: str, code: str, message: str) -> None:
         """Hear of a change."""
         ...
-
-
-def default_pilot(vessel: Vessel) -> Pilot:
-    """Return what makes Grebe's controller for a way home."""
-
-    def pilot(survey: Survey) -> Helm:
-        return Controller(vessel, survey.sets, corridors=survey.corridors)
-
-    return pilot
 
 
 class Guard:
@@ -103,8 +77,9 @@ class Guard:
         by_motion: bool = False,
         waits: bool = True,
     ) -> None:
-        self._lookout, self._by_motion, self._waits = lookout, by_motion, waits
+        self._lookout, self._waits = lookout, waits
         self._survey, self._vessel, self._settings = survey, vessel, settings
+        self._stopping = Stopping(vessel, settings, lookout, by_motion=by_motion)
         self._tell = tell
         # Faults show beside the boat as it was said to be, not as its faults have made it.
         self._as_said = vessel
@@ -119,7 +94,6 @@ class Guard:
         self._enclosure = Enclosure()
         self._home = WayHome(survey, settings)
         self._next_home: WayHome | None = None
-        self._escape: tuple[float, Escape] | None = None
         self._reckoned: tuple[float, State] | None = None
         self._began_s: float | None = None
         self._before_s = 0.0
@@ -130,7 +104,7 @@ class Guard:
 
     def take_for(self, vessel: Vessel) -> None:
         """Judge another boat from now on: it is not what it was said to be."""
-        self._vessel = vessel
+        self._vessel = self._stopping.vessel = vessel
 
     def take_order(self, survey: Survey) -> None:
         """Judge another order of the same survey from now on."""
@@ -165,7 +139,7 @@ class Guard:
 
     def waits_at(self, observation: Observation, weather: Weather, place: Place) -> Thrusts:
         """Return the thrusts that keep the boat at a place, while it waits for where to go."""
-        return self._keeper.keep(observation.state, weather, place)
+        return self._stopping.keeper.keep(observation.state, weather, place)
 
     def ask(self, request: Request, why: str) -> None:
         """Ask something; it is answered at the next estimate. Safe from any thread."""
@@ -242,50 +216,17 @@ class Guard:
         fence = self._enclosure.fence
         if fence is None or not self._enclosure.fenced or not drives:
             return True
-        if self._may_go_on(fence, observation, ahead, weather):
+        if self._stopping.is_sure(fence, observation, ahead, weather):
             return True
         facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
-        if self._lookout and self._way_out(fence, observation, ahead, weather):
+        if self._lookout and self._stopping.way_out(fence, observation, ahead, weather):
             self._lookout.refused()
             waits = self._lookout.place_to_wait(fence, facts.place)
             self._become(in_traffic(self._memory, facts, waits), observation)
             return False
-        refuge = self._proved_refuge(observation.time_s) or fence.refuge(facts.place)
+        refuge = self._stopping.refuge(observation.time_s) or fence.refuge(facts.place)
         self._become(at_the_fence(self._memory, facts, self._settings, refuge), observation)
         return False
-
-    def _may_go_on(
-        self, fence: Fence, observation: Observation, ahead: Schedule, weather: Weather
-    ) -> bool:
-        """Whether the boat could still stop inside, and away from others; how, is remembered."""
-        place, lookout = (observation.state[0], observation.state[1]), self._lookout
-        near = lookout is not None and lookout.is_near(place)
-        within = lookout.fence(fence, place) if lookout and near else fence
-        way_out = self._way_out(within, observation, ahead, weather, foresees=near)
-        if way_out is None or (lookout and not lookout.claim(way_out.way)):
-            return False
-        self._escape = (observation.time_s, way_out)
-        return True
-
-    def _way_out(
-        self,
-        fence: Fence,
-        observation: Observation,
-        ahead: Schedule,
-        weather: Weather,
-        *,
-        foresees: bool = False,
-    ) -> Escape | None:
-        return escape(
-            fence,
-            self._keeper,
-            observation.state,
-            ahead,
-            weather,
-            reaction_s=self._reaction_s + observation.age_s,
-            doubt=FOLLOWED_DOUBT if self._by_motion else 0.0,
-            foresees=foresees,
-        )
 
     def _look_out(self, observation: Observation, facts: Facts) -> None:
         """Say where the boat would go; where it waits for others, make room or go on."""
@@ -337,40 +278,15 @@ class Guard:
         if self.state is SafetyState.STOPPED:
             return 0.0, 0.0
         if self.state is SafetyState.HOLDING:
-            left = self._left_of_escape(observation.time_s)
-            return left or self._keeper.keep(observation.state, weather, self._memory.place)
+            braked = self._memory.cause is Cause.FENCE
+            left = self._stopping.thrusts(observation.time_s) if braked else None
+            return left or self._stopping.keeper.keep(
+                observation.state, weather, self._memory.place
+            )
         if self.state is SafetyState.FREEING:
             each = ASTERN_SHARE * self._vessel.thrust_min_n
             return each, each
         return None
-
-    def _proved_refuge(self, time_s: float) -> Place | None:
-        """The refuge of the way out that was found last: with another, which differs by what the
-        boat has gone meanwhile, a heavy boat's way leads elsewhere.
-        """
-        since, way_out = self._escape or (-math.inf, None)
-        return way_out.refuge if way_out and time_s - since < PROVED_S else None
-
-    def _left_of_escape(self, time_s: float) -> Thrusts | None:
-        """The thrusts now of the way out that was found last, while it is one of a plan."""
-        if self._memory.cause is not Cause.FENCE or self._escape is None:
-            return None
-        since, way_out = self._escape
-        step = round((time_s - since) / STEP_S)
-        reaction = math.ceil(self._reaction_s / STEP_S)
-        planned = len(way_out.thrusts) > reaction + 1
-        return way_out.thrusts[step] if planned and step < len(way_out.thrusts) else None
-
-    @property
-    def _reaction_s(self) -> float:
-        """How long an order needs until the boat follows it, beside its model's own lags."""
-        return self._settings.reaction_s + (FOLLOWED_S if self._by_motion else 0.0)
-
-    @property
-    def _keeper(self) -> StationKeeper:
-        """How the boat is braked and kept where it is."""
-        share = self._settings.weaker_share
-        return StationKeeper(vessel=self._vessel, weaker_share=share, by_motion=self._by_motion)
 
     @property
     def reckoned(self) -> State | None:
@@ -390,7 +306,7 @@ class Guard:
         self._reckoned = (now.time_s, state)
         if state[3] < LEAST_WAY_MPS:
             return 0.0, 0.0
-        return self._keeper.brake(state, weather)
+        return self._stopping.keeper.brake(state, weather)
 
     def _begin(self, observation: Observation) -> None:
         self._began_s = self._before_s = observation.time_s

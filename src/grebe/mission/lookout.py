@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -178,3 +179,13 @@ def _way_to(place: Place, towards: Place) -> NDArray[np.float64]:
     north, east = towards[0] - place[0], towards[1] - place[1]
     share = min(1.0, WISH_M / max(math.hypot(north, east), 1e-9))
     return np.array([place, (place[0] + share * north, place[1] + share * east)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class InFleet:
+    """What a mission has to know of the fleet that its boat is one of: `lookout` is the boat's, and
+    `stands_by` says whether it is to wait when it is done, for others still sail.
+    """
+
+    lookout: Lookout
+    stands_by: Callable[[], bool]

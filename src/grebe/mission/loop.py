@@ -45,11 +45,11 @@ from grebe.mission.announcer import Announcer
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard
 from grebe.mission.helm import AdaptableHelm, Helm
-from grebe.mission.lookout import Lookout
+from grebe.mission.lookout import InFleet
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.replanning import Replanner
-from grebe.mission.safety.machine import Request
+from grebe.mission.safety.memory import Request
 from grebe.mission.safety.states import SafetyState
 from grebe.mission.sampler import Sampler
 from grebe.mission.settings import MissionSettings
@@ -77,8 +77,8 @@ class Mission:
 
     `reached` targets count as reached before it begins; `started` is the UTC time of the link's
     second zero; `stopwatch` times the steps [s]; `pilot` makes who steers a way home;
-    `instruments` are sondes apart from the boat, which the caller closes. Of a fleet `lookout` is
-    the boat's, and `stands_by` says whether it is to wait when it is done, for others still sail.
+    `instruments` are sondes apart from the boat, which the caller closes; `fleet` is what is to be
+    known of others, where the boat is not alone.
     """
 
     def __init__(
@@ -97,11 +97,11 @@ class Mission:
         pilot: Pilot | None = None,
         replanner: Replanner | None = None,
         instruments: Instruments | None = None,
-        lookout: Lookout | None = None,
-        stands_by: Callable[[], bool] | None = None,
+        fleet: InFleet | None = None,
     ) -> None:
         self._replanner = replanner
-        self._lookout, self._stands_by = lookout, stands_by
+        self._fleet = fleet
+        self._lookout = None if fleet is None else fleet.lookout
         self._targets = survey.targets
         self._sets = survey.sets
         driven = as_driven(link)
@@ -123,7 +123,7 @@ class Mission:
             self._announcer.change,
             started,
             pilot,
-            lookout,
+            self._lookout,
             by_motion=driven.holds_motion,
             waits=replanner is None or replanner.waits,
         )
@@ -283,12 +283,12 @@ class Mission:
 
     def _waits_for_others(self) -> bool:
         """Whether the boat is not free to end: it is sent home, or makes room for others."""
-        if self._lookout is None or self._stands_by is None:
+        if self._fleet is None:
             return self._guard.state is not SafetyState.SURVEYING
-        if not self._stands_by():
+        if not self._fleet.stands_by():
             return self._guard.state is SafetyState.RETURNING
-        if not self._lookout.is_done:
-            self._lookout.is_done = True
+        if not self._fleet.lookout.is_done:
+            self._fleet.lookout.is_done = True
             self._guard.ask(Request.HOLD, "its part is done, and it makes room for others")
         return True
 

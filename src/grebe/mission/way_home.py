@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import shapely
 
+from grebe.control.controller import Controller
 from grebe.control.rules.base import reached_count
 from grebe.core.dynamics import Weather
 from grebe.core.errors import PlanError
@@ -32,6 +33,15 @@ Pilot = Callable[[Survey], Helm]
 HOME_PERIOD_S = 5.0
 # A way home that is nearer than this to an area's edge touches it by its rounding [m].
 ACROSS_M = 0.5
+
+
+def default_pilot(vessel: Vessel) -> Pilot:
+    """Return what makes Grebe's controller for a way home."""
+
+    def pilot(survey: Survey) -> Helm:
+        return Controller(vessel, survey.sets, corridors=survey.corridors)
+
+    return pilot
 
 
 def home_of(survey: Survey, settings: SafetySettings) -> Place:

@@ -19,7 +19,8 @@ from grebe.planning.endurance import HOME_SLACK_S, Endurance
 from grebe.planning.lake import Lake, ports_of
 from grebe.planning.repaired_trips import predicted_trip_s, repaired
 from grebe.planning.travel import WANDER
-from grebe.planning.trips import HOT, WARM, Ports, improved_trips, shortest_stretch, trip_s
+from grebe.planning.trip_times import Ports, shortest_stretch, trip_s
+from grebe.planning.trips import HOT, WARM, improved_trips
 from grebe.planning.wedges import wedges
 
 if TYPE_CHECKING:

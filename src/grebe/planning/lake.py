@@ -15,7 +15,7 @@ from grebe.planning.endurance import HOME_SLACK_S, Endurance
 from grebe.planning.planner import Draft, Planner
 from grebe.planning.route import Route
 from grebe.planning.travel import Travel
-from grebe.planning.trips import Ports
+from grebe.planning.trip_times import Ports
 from grebe.planning.ways_home import WaysHome, ways_home
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from grebe.core.crossing import crossing
 from grebe.core.kernels import machine_code
 from grebe.core.sets import polygons_of
 
@@ -67,15 +68,16 @@ def _cut_all(
     """
     n = len(bounds)
     found, sides = np.zeros((n, MOST_SIDES, 2)), np.zeros(n, dtype=np.int64)
-    region, spare = np.empty((4 + MOST_CUTS, 2)), np.empty((4 + MOST_CUTS, 2))
+    # Each cut adds a corner at most, and the first stands at the end once more.
+    region, spare = np.empty((5 + MOST_CUTS, 2)), np.empty((5 + MOST_CUTS, 2))
     for i in range(n):
-        for k in range(4):
+        for k in range(5):
             region[k, 0] = bounds[i, 2 if k in (1, 2) else 0]
-            region[k, 1] = bounds[i, 3 if k > 1 else 1]
+            region[k, 1] = bounds[i, 3 if k in (2, 3) else 1]
         count = 4
         hull, beside = corners[starts[i] : starts[i + 1]], side[near[i] : near[i + 1]]
         for cut in range(MOST_CUTS + 1):
-            away, ax, ay, b = _nearest_land(hull, region[:count], shore, beside)
+            away, ax, ay, b = _nearest_land(hull, region[: count + 1], shore, beside)
             if away == np.inf:
                 sides[i] = count if count <= MOST_SIDES else 0
                 break
@@ -92,13 +94,13 @@ def _cut_all(
 def _nearest_land(
     hull: Floats, region: Floats, shore: Floats, beside: Integers
 ) -> tuple[float, float, float, float]:
-    """How far the nearest shore within a convex region is from a hull, infinite where there is
-    none, and the line a x + b y = c that parts them: (distance, a, b, c).
+    """How far the nearest shore within a convex region, a closed ring, is from a hull, infinite
+    where there is none, and the line a x + b y = c that parts them: (distance, a, b, c).
     """
     nearest, a, b, c = np.inf, 0.0, 0.0, 0.0
     for k in beside:
         (px, py), (qx, qy) = shore[k]
-        enter, leave = _within(px, py, qx, qy, region)
+        enter, leave = crossing(px, py, qx, qy, region, 0, len(region) - 1, BESIDE_M)
         if enter >= leave:
             continue
         dx, dy = qx - px, qy - py
@@ -113,27 +115,6 @@ def _nearest_land(
         else:
             a, b, c = _own_side(hull, px, py, qx, qy)
     return nearest, a, b, c
-
-
-@machine_code
-def _within(px: float, py: float, qx: float, qy: float, region: Floats) -> tuple[float, float]:
-    """Shares of the way from p to q at which it enters and leaves a convex region, which is drawn
-    in by `BESIDE_M`; enter >= leave where it misses it (Cyrus and Beck 1978).
-    """
-    enter, leave = 0.0, 1.0
-    for k in range(len(region)):
-        after = region[(k + 1) % len(region)]
-        nx, ny = after[1] - region[k, 1], region[k, 0] - after[0]
-        length = math.hypot(nx, ny)
-        room = nx * (region[k, 0] - px) + ny * (region[k, 1] - py) - BESIDE_M * length
-        outwards = nx * (qx - px) + ny * (qy - py)
-        if outwards > 0:
-            leave = min(leave, room / outwards)
-        elif outwards < 0:
-            enter = max(enter, room / outwards)
-        elif room < 0:
-            return 1.0, 0.0
-    return enter, leave
 
 
 @machine_code
@@ -191,13 +172,14 @@ def _own_side(
 
 @machine_code
 def _clipped(region: Floats, count: int, a: float, b: float, c: float, out: Floats) -> int:
-    """Put the part of a convex region of `count` corners where a x + b y <= c into `out`; how many
-    corners it has (Sutherland and Hodgman 1974).
+    """Put the part of a convex region where a x + b y <= c into `out`; how many corners it has
+    (Sutherland and Hodgman 1974). The region's `count` corners, and those of its part, are closed:
+    the first follows the last once more.
     """
     kept = 0
     for k in range(count):
         x, y = region[k]
-        to_x, to_y = region[(k + 1) % count]
+        to_x, to_y = region[k + 1]
         here, ahead = a * x + b * y - c, a * to_x + b * to_y - c
         if here <= 0:
             out[kept, 0], out[kept, 1] = x, y
@@ -207,4 +189,6 @@ def _clipped(region: Floats, count: int, a: float, b: float, c: float, out: Floa
             out[kept, 0] = x + share * (to_x - x)
             out[kept, 1] = y + share * (to_y - y)
             kept += 1
+    if kept:
+        out[kept, 0], out[kept, 1] = out[0]
     return kept

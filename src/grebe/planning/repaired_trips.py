@@ -15,7 +15,7 @@ import numpy as np
 from grebe.core.taut import taut_way
 from grebe.planning.lake import Lake
 from grebe.planning.travel import WANDER
-from grebe.planning.trips import Ports, shortest_stretch, trip_s
+from grebe.planning.trip_times import Ports, shortest_stretch, trip_s
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,7 +13,7 @@ import numpy as np
 from grebe.planning.costs import costs_of
 from grebe.planning.lake import Lake
 from grebe.planning.polish import polished
-from grebe.planning.trips import Ports
+from grebe.planning.trip_times import Ports
 from grebe.planning.ways_home import around_the_harbour
 
 if TYPE_CHECKING:

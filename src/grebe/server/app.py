@@ -21,7 +21,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from grebe.core.errors import GrebeError, UsageError
-from grebe.server import choices, endpoints, library, requests
+from grebe.server import choices, endpoints, library, requests, views
 from grebe.server.background import DEEPEST, Background
 from grebe.server.failures import ConflictError, failed, missing
 from grebe.server.library import Library, UnknownSurveyError
@@ -88,7 +88,7 @@ class App:
         """All about a survey."""
         survey_id = request.path_params["id"]
         path = self.surveys.path(survey_id)
-        found = await run_in_threadpool(library.detail, survey_id, path)
+        found = await run_in_threadpool(views.detail, survey_id, path)
         found["state"] = self.fleet.state(survey_id) or found["state"]
         return JSONResponse(found)
 
@@ -247,7 +247,7 @@ class App:
     async def replay(self, request: Request) -> Response:
         """A recorded mission as columns."""
         path = self.surveys.path(request.path_params["id"])
-        return JSONResponse(await run_in_threadpool(library.replay, path))
+        return JSONResponse(await run_in_threadpool(views.replay, path))
 
     async def make_report(self, request: Request) -> Response:
         """Make the report."""

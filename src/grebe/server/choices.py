@@ -10,7 +10,7 @@ from typing import Any
 from grebe.core.plan_settings import PATTERNS
 from grebe.core.quantities import BUILTIN
 from grebe.core.vessel import PRESETS
-from grebe.server import library
+from grebe.server import views
 from grebe.server.background import Background, shown
 
 
@@ -41,7 +41,7 @@ def options(background: Background | None) -> dict[str, Any]:
         ],
         "patterns": [{"id": name, "label": patterns[name]} for name in PATTERNS],
         "rules": [{"id": name, "label": label} for name, label in rules.items()],
-        "quantities": library.quantity_table(BUILTIN, list(BUILTIN)),
+        "quantities": views.quantity_table(BUILTIN, list(BUILTIN)),
         "settings": {
             "cell_m": setting("m", 10.0, 0.5, 1000.0),
             "speed_min_mps": setting("m/s", 0.5, 0.0, 5.0),

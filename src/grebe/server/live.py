@@ -22,7 +22,7 @@ from typing import Any
 from starlette.concurrency import run_in_threadpool
 
 from grebe.core.errors import InputError, LinkError
-from grebe.server import library
+from grebe.server import library, views
 from grebe.server.fleet_state import carried_on, part_of, together
 from grebe.server.mission_delta import iso
 from grebe.server.mission_request import Voyage
@@ -68,7 +68,7 @@ class Watch:
                 await self._read()
 
     async def _read(self) -> None:
-        state = await run_in_threadpool(library.snapshot, self.survey_id, self.path)
+        state = await run_in_threadpool(views.snapshot, self.survey_id, self.path)
         if self.under_way:
             state["status"] |= {"state": "running", "doing": "surveying"}
             carried_on(self.state, state)
@@ -166,7 +166,7 @@ class Watch:
         if told.get("targets"):
             delta["targets"] = self._take_targets(told, counts=one is not state)
         if told.get("events"):
-            state["events"] = [*state["events"], *told["events"]][-library.LOG_LINES :]
+            state["events"] = [*state["events"], *told["events"]][-views.LOG_LINES :]
             delta["events"] = [_since(event, zero) for event in told["events"]]
 
     def _take_targets(self, told: dict[str, Any], *, counts: bool) -> list[Any]:

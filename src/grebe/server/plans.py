@@ -23,9 +23,9 @@ from grebe.io.store import SurveyFile
 from grebe.planning.planned import Planned
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region
-from grebe.server.library import geojson, rings
 from grebe.server.mission_request import weather
 from grebe.server.requests import setting_number
+from grebe.server.views import geojson, rings
 from grebe.workflow.demo import NOTE, demo_survey
 from grebe.workflow.files import write_survey
 

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
 from grebe.core.errors import LinkError
 from grebe.links.base import BoatLink
+from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.mission.departure import Departure
 from grebe.workflow.own_files import function_of
 from grebe.workflow.run import BoatAt
@@ -21,7 +23,7 @@ from grebe.workflow.simulated import SimulatedWorld
 if TYPE_CHECKING:
     from grebe.core.frames import LocalFrame
     from grebe.core.vessel import Vessel
-    from grebe.links.mavlink.link import MavlinkLink, MavlinkSettings
+    from grebe.links.mavlink.link import MavlinkLink
 
 # A real boat is armed once this has said yes to what it is told.
 Confirm = Callable[[str], bool]
@@ -104,12 +106,8 @@ def _mavlink(rest: str, harbour: Harbour) -> BoatAt:
 
 def mavlink_address(rest: str) -> tuple[str, MavlinkSettings]:
     """Split what follows `mavlink:` into the wire's address and the settings after its `?`."""
-    try:
-        from grebe.links.mavlink.link import MavlinkSettings
-    except ModuleNotFoundError as error:
-        raise LinkError(
-            "MAVLink needs pymavlink; install it with: pip install 'grebe[mavlink]'"
-        ) from error
+    if find_spec("pymavlink") is None:
+        raise LinkError("MAVLink needs pymavlink; install it with: pip install 'grebe[mavlink]'")
     address, _, query = rest.partition("?")
     given: dict[str, Any] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):

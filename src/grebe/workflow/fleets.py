@@ -19,7 +19,7 @@ from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments
 from grebe.mission.departure import Departure, prepare
-from grebe.mission.lookout import Lookout
+from grebe.mission.lookout import InFleet, Lookout
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
 from grebe.mission.replanning import Extension, KeptPlan, Replanner
@@ -33,11 +33,11 @@ from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
 from grebe.planning.revise import Halfway, open_water, replanned
 from grebe.workflow.berths import by_way, harbour_of, is_afloat, lying
+from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.run import (
     HelmOf,
     as_known_to,
     counting,
-    no_long_pauses,
     pilot_of,
     say_first,
     spent_as_said,
@@ -306,9 +306,11 @@ class FleetRun:
             started=departure.started,
             reached=departure.reached,
             pilot=pilot_of(known, self.helm_of),
-            lookout=lookout,
-            # Who is taken ashore need not make room for others.
-            stands_by=None if lookout.harbour else lambda: together.others_sail(boat),
+            fleet=InFleet(
+                lookout=lookout,
+                # Who is taken ashore need not make room for others.
+                stands_by=lambda: lookout.harbour is None and together.others_sail(boat),
+            ),
             instruments=self.instruments.get(boat),
             replanner=self._replanner(sortie, known, together),
         )

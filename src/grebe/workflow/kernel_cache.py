@@ -14,12 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from grebe.core import kernels
+from grebe.workflow.collector import uncollected
 
-# Python's collector would walk over all that the compiler keeps, again and again.
-COMPILE = (
-    "import gc; gc.disable(); "
-    "from grebe.workflow.kernel_cache import sail_a_little; sail_a_little()"
-)
+COMPILE = "from grebe.workflow.kernel_cache import sail_a_little; sail_a_little()"
 
 
 def compile_controller() -> bool:
@@ -30,6 +27,7 @@ def compile_controller() -> bool:
     return kernels.is_compiled()
 
 
+@uncollected()
 def sail_a_little() -> None:
     """Sail a boat with weak and late thrusters by noisy estimates, for longer than it takes to find
     that out: every kernel is needed then that a mission may need, also in its middle.

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 
@@ -27,6 +25,7 @@ from grebe.mission.spent import Spent
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside, taken_notes
 from grebe.mission.way_home import Pilot, check_home
+from grebe.workflow.collector import no_long_pauses
 
 BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]
@@ -178,18 +177,6 @@ def counting(settings: MissionSettings | None, departure: Departure) -> MissionS
     if settings.safety.used_wh is not None:
         return settings
     return replace(settings, safety=replace(settings.safety, used_wh=departure.spent.energy_wh))
-
-
-@contextmanager
-def no_long_pauses() -> Generator[None]:
-    """Spare the loop the collector's walks over all that was imported and compiled: each takes
-    some 100 ms, in which the boat hears nothing. What a mission makes itself is collected still.
-    """
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()
 
 
 def say_first(departure: Departure, survey_file: SurveyFile, listeners: Sequence[Listener]) -> None:

@@ -10,15 +10,8 @@ import pytest
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
 from grebe.core.vessel import PRESETS, vessel_named
-from grebe.mission.safety.machine import (
-    Asked,
-    Memory,
-    Request,
-    advised,
-    at_the_fence,
-    blinded,
-    without_way_home,
-)
+from grebe.mission.safety.machine import advised, at_the_fence, blinded, without_way_home
+from grebe.mission.safety.memory import Asked, Memory, Request
 from grebe.mission.safety.reserve import Battery, must_go_home, watched_battery, way_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, SafetyState

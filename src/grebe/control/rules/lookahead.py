@@ -259,19 +259,17 @@ def _start(situation: Situation, arrivals: Sequence[float], stages: Sequence[int
         times += [begin + i * stage_s for i in range(1, count)]
         times.append(end)
     moments = np.array(times)
-    states, thrusts = _sample(situation, moments, np.array([0.0, *arrivals]))
+    states, thrusts, costates = _sample(situation, moments, np.array([0.0, *arrivals]))
     states[0] = situation.state
-    plan, later = situation.plan, moments + situation.elapsed_s
-    costates = None if plan is None else plan.costates_at(later)
     return Plan(states=states, thrusts=thrusts, durations=np.diff(moments), costates=costates)
 
 
-def _sample(situation: Situation, moments: Array, ends: Array) -> tuple[Array, Array]:
+def _sample(situation: Situation, moments: Array, ends: Array) -> tuple[Array, Array, Array | None]:
     plan = situation.plan
     if plan is None:
-        return _along_centres(situation, situation.state, 0.0, moments, ends)
+        return *_along_centres(situation, situation.state, 0.0, moments, ends), None
     over = plan.duration_s - situation.elapsed_s
-    states, thrusts = plan.sampled(moments + situation.elapsed_s)
+    states, thrusts, costates = plan.sampled(moments + situation.elapsed_s)
     beyond = moments > over + 1e-9
     if beyond.any():
         far_states, far_thrusts = _along_centres(
@@ -279,7 +277,7 @@ def _sample(situation: Situation, moments: Array, ends: Array) -> tuple[Array, A
         )
         states[beyond] = far_states[beyond]
         thrusts[beyond[1:]] = far_thrusts[beyond[1:]]
-    return states, thrusts
+    return states, thrusts, costates
 
 
 def _along_centres(

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from grebe.core.errors import LinkError, StoppedError, UsageError
+from grebe.core.errors import LinkError, StoppedError
 from grebe.core.frames import LocalFrame
 from grebe.core.inner_loop import braking_share, under_speed_control
 from grebe.core.vessel import Vessel
@@ -22,10 +21,10 @@ from grebe.links.base import IDLE, NOT_A_STATE, AsDriven, BoatStatus, Observatio
 from grebe.links.emergency import EmergencyStop
 from grebe.links.mavlink.navigation import Fix, Navigator
 from grebe.links.mavlink.orders import motion_order, sticks_order, sticks_released
+from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.station import Station
 from grebe.links.wires import Wire
 
-Drive = Literal["motion", "sticks"]
 # Messages by their number and how often they are asked for [Hz].
 STREAMS = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 10.0,
@@ -43,33 +42,6 @@ VITAL = (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ATTIT
 SEND_AGAIN_S = 0.2
 # Without an estimate for this long an order of before is no longer repeated [s].
 BLIND_S = 1.5
-
-
-@dataclass(frozen=True, kw_only=True)
-class MavlinkSettings:
-    """`drive`: what orders become. `silence_s`: without any message for so long the line counts
-    as lost. `find_s`: how long an autopilot is waited for, and `settle_s` until it knows where it
-    is. `system`: its number, 0 for the first.
-    The lags [s] are those of the autopilot's inner loops, None where they are not known.
-
-    Raises `UsageError`.
-    """
-
-    drive: Drive = "motion"
-    silence_s: float = 15.0
-    find_s: float = 10.0
-    settle_s: float = 60.0
-    system: int = 0
-    surge_lag_s: float | None = None
-    yaw_lag_s: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.drive not in ("motion", "sticks"):
-            raise UsageError(f"A boat is driven by motion or by sticks, not by {self.drive!r}.")
-        if not min(self.silence_s, self.find_s, self.settle_s) > 0:
-            raise UsageError("Time-outs of a MAVLink line must be longer than 0 s.")
-        if not 0 <= self.system <= 255:
-            raise UsageError(f"A MAVLink system has a number from 1 to 255, not {self.system}.")
 
 
 class MavlinkLink:

@@ -7,19 +7,28 @@ Each cause has its row in docs/safety.md.
 
 from __future__ import annotations
 
-import enum
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from grebe.control.station import reach_mps
-from grebe.core.events import EndReason
 from grebe.core.vessel import Vessel
 from grebe.links.base import Observation
-from grebe.mission.safety.reserve import Battery, must_go_home, watched_battery
+from grebe.mission.safety.memory import (
+    WAITS,
+    Asked,
+    Memory,
+    Request,
+    changed,
+    going_on_with,
+    put_on_hold,
+    sent_home,
+    stopped,
+)
+from grebe.mission.safety.reserve import must_go_home, watched_battery
 from grebe.mission.safety.settings import SafetySettings
-from grebe.mission.safety.states import ENDS, Cause, Facts, Finding, Place, SafetyState
+from grebe.mission.safety.states import Cause, Facts, Finding, Place, SafetyState
 from grebe.mission.safety.stuck import Motion, held_fast, watched_motion
-from grebe.mission.safety.thrusters import Turning, dead_thruster, watched_turning
+from grebe.mission.safety.thrusters import dead_thruster, watched_turning
 from grebe.mission.safety.waiting import Stuck
 
 # A boat that is braked at the fence goes on when it has been braked for so long [s], is slower than
@@ -32,65 +41,8 @@ OUTSIDE_S = 60.0
 TIRED_SHARE, TIRED_S = 0.35, 5.0
 # A boat that has fallen no further behind its thrust moves freely [m].
 UNHELD_M = 1.0
-# What a boat holds its place for until somebody, or something, lets it go on.
-WAITS = (Cause.HOLD, Cause.UNMEASURED)
 # The speed that the boat must have in hand over the current to make headway [m/s].
 LEAST_REACH_MPS = 0.05
-
-
-class Request(enum.Enum):
-    """What somebody may ask of a mission, beside the end."""
-
-    HOME = "home"
-    HOLD = "hold"
-    GO_ON = "go on"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Asked:
-    """A request and its reason."""
-
-    request: Request
-    why: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Memory:
-    """What the machine knows from before.
-
-    `state` since `since_s` for `cause`, and `message` says why; `resumes` is the state that a
-    passing one goes back to; `place` the one that is held. `fenced` and `astern` count what was
-    tried since `reached` targets. `against_s`: since when the boat is carried off
-    (`carried`: by a current or a wind that is stronger than it) or outside its fence;
-    `tired_s`: since when it is little faster than what carries it. `unheeded`: somebody has told
-    the boat to go on without the instrument that is silent. `asked` is what somebody has asked and
-    nobody has answered yet.
-    """
-
-    state: SafetyState = SafetyState.SURVEYING
-    cause: Cause | None = None
-    message: str = ""
-    since_s: float = 0.0
-    resumes: SafetyState = SafetyState.SURVEYING
-    homeward: str = ""
-    place: Place = (0.0, 0.0)
-    fenced: int = 0
-    astern: int = 0
-    reached: int = 0
-    against_s: float | None = None
-    carried: bool = False
-    tired_s: float | None = None
-    unheeded: bool = False
-    asked: tuple[Asked, ...] = ()
-    motion: Motion = field(default_factory=Motion)
-    turning: Turning = field(default_factory=Turning)
-    battery: Battery = field(default_factory=Battery)
-
-    @property
-    def end(self) -> EndReason | None:
-        """What the mission ends with; None while it goes on."""
-        stopped = self.state is SafetyState.STOPPED and self.cause is not None
-        return ENDS[self.cause] if stopped and self.cause is not None else None
 
 
 def advised(
@@ -107,9 +59,9 @@ def advised(
     asked = (*memory.asked, *asked)
     seen = replace(_watched(memory, facts, settings, vessel), asked=asked)
     for judge in (_stops, _frees):
-        changed = judge(seen, facts, settings)
-        if changed is not None:
-            return changed
+        found = judge(seen, facts, settings)
+        if found is not None:
+            return found
     if asked:
         seen = replace(seen, asked=())
         for one in asked:
@@ -123,14 +75,14 @@ def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
     if memory.state is SafetyState.SURVEYING or _waits_in_the_survey(memory):
         finding = must_go_home(memory.battery, facts, settings) or _tired(memory, facts)
         if finding is not None:
-            return _sent_home(memory, facts, finding)
+            return sent_home(memory, facts, finding)
     if memory.state is SafetyState.SURVEYING:
         return _unmeasured(memory, facts, settings)
     if memory.state is SafetyState.HOLDING:
         return _held(memory, facts)
     if memory.state is SafetyState.RETURNING and facts.at_home:
         text = f"the boat is home; it had turned back because: {memory.homeward}"
-        return _stopped(memory, facts, Finding(cause=Cause.HOME, message=text))
+        return stopped(memory, facts, Finding(cause=Cause.HOME, message=text))
     return memory
 
 
@@ -140,17 +92,17 @@ def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge:
     """
     if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
         return memory
-    going, tried = _going(memory), memory.fenced + 1
+    going, tried = going_on_with(memory), memory.fenced + 1
     if tried > settings.fence_tries:
         text = f"braked at the fence {memory.fenced} times on the way to one place"
         finding = Finding(cause=Cause.FENCE, message=text)
         if going is SafetyState.RETURNING:
-            return _stopped(memory, facts, finding)
+            return stopped(memory, facts, finding)
         memory, going = replace(memory, homeward=text), SafetyState.RETURNING
         tried = 0
     text = "it could not stop inside the fence any more if it went on"
     finding = Finding(cause=Cause.FENCE, message=text)
-    return replace(_put_on_hold(memory, facts, finding, refuge, going), fenced=tried)
+    return replace(put_on_hold(memory, facts, finding, refuge, going), fenced=tried)
 
 
 def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
@@ -161,7 +113,7 @@ def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
         return memory
     text = "it would have come too near to another boat"
     finding = Finding(cause=Cause.TRAFFIC, message=text)
-    return _put_on_hold(memory, facts, finding, refuge, _going(memory))
+    return put_on_hold(memory, facts, finding, refuge, going_on_with(memory))
 
 
 def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | None:
@@ -173,17 +125,17 @@ def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | Non
             return gone_on(memory, facts)
         case Stuck.GOES_HOME:
             text = "other boats stand in its way: it makes way for them, and goes home"
-            return _sent_home(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
+            return sent_home(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
         case Stuck.GIVES_UP:
             waited_s = facts.time_s - memory.since_s
             text = f"other boats have stood in its way for {waited_s / 60:.0f} minutes"
-            return _stopped(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
+            return stopped(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
 
 
 def gone_on(memory: Memory, facts: Facts) -> Memory:
     """Return what the boat does that waited for another, now that its way is clear."""
     finding = Finding(cause=Cause.CLEAR, message="the way is clear of other boats")
-    return _changed(memory, facts, memory.resumes, finding)
+    return changed(memory, facts, memory.resumes, finding)
 
 
 def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySettings) -> Memory:
@@ -268,13 +220,13 @@ def _stops(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | N
     """What ends the mission at once."""
     dead = dead_thruster(memory.turning)
     if dead is not None:
-        return _stopped(memory, facts, dead)
+        return stopped(memory, facts, dead)
     carried = _carried_off(memory, facts, settings)
     if carried is not None:
         return carried
     if memory.state is SafetyState.RETURNING and facts.home_given_up:
         text = f"home was not reached: {memory.homeward}"
-        return _stopped(memory, facts, Finding(cause=Cause.NO_WAY_HOME, message=text))
+        return stopped(memory, facts, Finding(cause=Cause.NO_WAY_HOME, message=text))
     return None
 
 
@@ -285,7 +237,7 @@ def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memo
         return None
     if not memory.carried:
         text = f"the boat has been outside its fence for {seconds:.0f} s"
-        return _stopped(memory, facts, Finding(cause=Cause.FENCE, message=text))
+        return stopped(memory, facts, Finding(cause=Cause.FENCE, message=text))
     speed = math.hypot(facts.weather.current_north_mps, facts.weather.current_east_mps)
     text = f"a current of {speed:.1f} m/s, with the wind, is more than the boat can make"
     finding = Finding(cause=Cause.CURRENT, message=text)
@@ -293,8 +245,8 @@ def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memo
     if memory.state is SafetyState.RETURNING and carries_home:
         return None
     if memory.state is SafetyState.SURVEYING and carries_home:
-        return _sent_home(memory, facts, finding)
-    return _stopped(memory, facts, finding)
+        return sent_home(memory, facts, finding)
+    return stopped(memory, facts, finding)
 
 
 def _tired(memory: Memory, facts: Facts) -> Finding | None:
@@ -316,15 +268,15 @@ def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | N
         if facts.time_s - memory.since_s < settings.astern_s:
             return None
         text = f"astern for {settings.astern_s:g} s, try {memory.astern} of {settings.tries}"
-        return _changed(memory, facts, memory.resumes, Finding(cause=Cause.FREE, message=text))
+        return changed(memory, facts, memory.resumes, Finding(cause=Cause.FREE, message=text))
     held = held_fast(memory.motion, settings)
     # A boat that may have lost a thruster is not freed by going astern with the other.
     if held is None or memory.turning.side:
         return None
     if memory.astern >= settings.tries:
         text = f"{held.message}, and going astern {memory.astern} times has not freed the boat"
-        return _stopped(memory, facts, Finding(cause=held.cause, message=text))
-    freeing = _changed(memory, facts, SafetyState.FREEING, held)
+        return stopped(memory, facts, Finding(cause=held.cause, message=text))
+    freeing = changed(memory, facts, SafetyState.FREEING, held)
     return replace(freeing, resumes=memory.state, astern=memory.astern + 1)
 
 
@@ -333,16 +285,16 @@ def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
     if asked.request is Request.HOME:
         if SafetyState.RETURNING in (memory.state, memory.resumes):
             return memory
-        return _sent_home(memory, facts, Finding(cause=Cause.COME_HOME, message=asked.why))
+        return sent_home(memory, facts, Finding(cause=Cause.COME_HOME, message=asked.why))
     if asked.request is Request.HOLD:
         if memory.state is SafetyState.HOLDING:
             return replace(memory, cause=Cause.HOLD, message=asked.why)
         finding = Finding(cause=Cause.HOLD, message=asked.why)
-        return _put_on_hold(memory, facts, finding, facts.place, _going(memory))
+        return put_on_hold(memory, facts, finding, facts.place, going_on_with(memory))
     if memory.state is not SafetyState.HOLDING or memory.cause not in WAITS:
         return memory
     finding = Finding(cause=Cause.GO_ON, message=asked.why)
-    going = _changed(memory, facts, memory.resumes, finding)
+    going = changed(memory, facts, memory.resumes, finding)
     return replace(going, unheeded=memory.cause is Cause.UNMEASURED)
 
 
@@ -358,17 +310,17 @@ def _unmeasured(memory: Memory, facts: Facts, settings: SafetySettings) -> Memor
         return memory
     text = f"{facts.mute} has said nothing for {facts.mute_s:.0f} s: the survey waits for it"
     finding = Finding(cause=Cause.UNMEASURED, message=text)
-    return _put_on_hold(memory, facts, finding, facts.place, SafetyState.SURVEYING)
+    return put_on_hold(memory, facts, finding, facts.place, SafetyState.SURVEYING)
 
 
 def _held(memory: Memory, facts: Facts) -> Memory:
     """Whether a boat that holds its place may go on."""
     if memory.cause is Cause.UNMEASURED and not facts.mute:
         finding = Finding(cause=Cause.MEASURES, message="every instrument sends readings again")
-        return _changed(memory, facts, memory.resumes, finding)
+        return changed(memory, facts, memory.resumes, finding)
     if memory.cause is Cause.BLIND:
         finding = Finding(cause=Cause.SEES, message="estimates come again")
-        return _changed(memory, facts, memory.resumes, finding)
+        return changed(memory, facts, memory.resumes, finding)
     if memory.cause is not Cause.FENCE or facts.outside:
         return memory
     held_s = facts.time_s - memory.since_s
@@ -377,38 +329,4 @@ def _held(memory: Memory, facts: Facts) -> Memory:
     if held_s < BRAKED_S or not ((slow and away < BACK_M) or held_s > LONGEST_S):
         return memory
     finding = Finding(cause=Cause.INSIDE_AGAIN, message="the boat has been braked inside the fence")
-    return _changed(memory, facts, memory.resumes, finding)
-
-
-def _sent_home(memory: Memory, facts: Facts, finding: Finding) -> Memory:
-    sent = _changed(memory, facts, SafetyState.RETURNING, finding)
-    return replace(sent, homeward=finding.message, resumes=SafetyState.RETURNING)
-
-
-def _going(memory: Memory) -> SafetyState:
-    """What a boat was about before it got out of something astern, or is about now."""
-    return memory.resumes if memory.state is SafetyState.FREEING else memory.state
-
-
-def _put_on_hold(
-    memory: Memory, facts: Facts, finding: Finding, place: Place, going: SafetyState
-) -> Memory:
-    """The boat holds a place, and goes back to what it was about."""
-    held = _changed(memory, facts, SafetyState.HOLDING, finding)
-    return replace(held, resumes=going, place=place)
-
-
-def _stopped(memory: Memory, facts: Facts, finding: Finding) -> Memory:
-    return _changed(memory, facts, SafetyState.STOPPED, finding)
-
-
-def _changed(memory: Memory, facts: Facts, state: SafetyState, finding: Finding) -> Memory:
-    return replace(
-        memory,
-        state=state,
-        cause=finding.cause,
-        message=finding.message,
-        since_s=facts.time_s,
-        motion=Motion(),
-        against_s=None,
-    )
+    return changed(memory, facts, memory.resumes, finding)

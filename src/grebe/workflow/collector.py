@@ -10,7 +10,8 @@ from contextlib import contextmanager
 @contextmanager
 def uncollected() -> Generator[None]:
     """Let the collector wait: it walks over all records again whenever there are a quarter more,
-    and finds nothing where none of them refer to each other in a circle. A plan's do not.
+    and finds nothing where none of them refer to each other in a circle, as a plan's, or where all
+    are kept, as a compiler's.
     """
     was_on = gc.isenabled()
     gc.disable()
@@ -19,6 +20,18 @@ def uncollected() -> Generator[None]:
     finally:
         if was_on:
             gc.enable()
+
+
+@contextmanager
+def no_long_pauses() -> Generator[None]:
+    """Spare the loop the collector's walks over all that was imported and compiled: each takes
+    some 100 ms, in which the boat hears nothing. What a mission makes itself is collected still.
+    """
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 def leave_all() -> None:

@@ -1,0 +1,67 @@
+"""What `grebe run` would do, and which sortie sets out."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from grebe.cli import output
+from grebe.cli.adaptive_options import wish_again
+from grebe.cli.rule_options import typed_again
+from grebe.cli.safety_options import safety_of
+from grebe.io.store import SurveyFile
+from grebe.mission.departure import Departure, prepare
+from grebe.workflow.preview import fleet_preview, preview_of, way_home_of
+
+
+def say_which(departure: Departure, survey_file: SurveyFile) -> None:
+    """Which sortie sets out, and what its boat's battery has given already."""
+    one, battery = departure.sortie, survey_file.survey.settings
+    if one is not None:
+        lon, lat = survey_file.survey.frame.to_wgs84(departure.state[:2]).tolist()
+        count = len(survey_file.revision.sorties)
+        whose = survey_file.survey.whose(one.boat)
+        which = f"sortie {one.number} of {count}{', ' * bool(whose)}{whose}"
+        output.note(f"{which}, from latitude {lat:.5f}, longitude {lon:.5f}")
+    if departure.spent.energy_wh >= 1 and battery is not None and battery.sorties is not None:
+        output.note(
+            f"its boat has spent {departure.spent.energy_wh:.0f} Wh and "
+            f"{departure.spent.seconds / 60:.0f} min since its harbour, which count; where the "
+            "battery was changed, say what it holds by --battery-wh"
+        )
+
+
+def _again(run: dict[str, Any]) -> str:
+    """What was typed of who steers and of going on."""
+    return typed_again(run) + wish_again(run)
+
+
+def show_preview(
+    file: Path,
+    sortie: int | None,
+    run: dict[str, Any],
+    now: datetime,
+    *,
+    resume: bool,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Say what a run would do, and what to type for it."""
+    with SurveyFile.open(file) as survey_file:
+        fleet = survey_file.survey.fleet if sortie is None and not force else None
+        if fleet is not None and not run["returns"]:
+            go = f"grebe run {file}{' --resume' if resume else ''}{_again(run)}"
+            numbers = fleet_preview(survey_file, now)
+            output.result(numbers, as_json=as_json, next_command=go)
+            return
+        departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
+    if run["returns"]:
+        numbers = way_home_of(departure, safety_of(run, now))
+        output.result(numbers, as_json=as_json, next_command=f"grebe run {file} --return")
+        return
+    which = "" if sortie is None else f" --sortie {sortie}"
+    again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
+    go = f"grebe run {file}{which}{again}{_again(run)}"
+    say_which(departure, survey_file)
+    output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)

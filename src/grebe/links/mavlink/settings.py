@@ -1,0 +1,37 @@
+"""What is said of a boat behind MAVLink before anybody has heard it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from grebe.core.errors import UsageError
+
+Drive = Literal["motion", "sticks"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MavlinkSettings:
+    """`drive`: what orders become. `silence_s`: without any message for so long the line counts
+    as lost. `find_s`: how long an autopilot is waited for, and `settle_s` until it knows where it
+    is. `system`: its number, 0 for the first.
+    The lags [s] are those of the autopilot's inner loops, None where they are not known.
+
+    Raises `UsageError`.
+    """
+
+    drive: Drive = "motion"
+    silence_s: float = 15.0
+    find_s: float = 10.0
+    settle_s: float = 60.0
+    system: int = 0
+    surge_lag_s: float | None = None
+    yaw_lag_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.drive not in ("motion", "sticks"):
+            raise UsageError(f"A boat is driven by motion or by sticks, not by {self.drive!r}.")
+        if not min(self.silence_s, self.find_s, self.settle_s) > 0:
+            raise UsageError("Time-outs of a MAVLink line must be longer than 0 s.")
+        if not 0 <= self.system <= 255:
+            raise UsageError(f"A MAVLink system has a number from 1 to 255, not {self.system}.")

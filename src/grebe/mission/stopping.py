@@ -1,0 +1,109 @@
+"""Whether the boat could still stop inside its fence, and away from others; and how."""
+
+from __future__ import annotations
+
+import math
+
+from grebe.control.station import StationKeeper
+from grebe.core.dynamics import Weather
+from grebe.core.vessel import Vessel
+from grebe.links.base import Observation
+from grebe.mission.lookout import Lookout
+from grebe.mission.safety.fence import (
+    FOLLOWED_DOUBT,
+    FOLLOWED_S,
+    STEP_S,
+    Escape,
+    Fence,
+    Schedule,
+    escape,
+)
+from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.safety.states import Place
+
+Thrusts = tuple[float, float]
+# A way out that was found so long ago is of another place [s].
+PROVED_S = 1.0
+
+
+class Stopping:
+    """Looks for ways out of one boat's motion, and remembers the last that may be had.
+
+    `by_motion`: an autopilot holds the boat's motion, and is not known to the last.
+    """
+
+    def __init__(
+        self,
+        vessel: Vessel,
+        settings: SafetySettings,
+        lookout: Lookout | None,
+        *,
+        by_motion: bool,
+    ) -> None:
+        self.vessel = vessel
+        self._settings, self._lookout, self._by_motion = settings, lookout, by_motion
+        self._proved: tuple[float, Escape] | None = None
+
+    @property
+    def keeper(self) -> StationKeeper:
+        """How the boat is braked and kept where it is."""
+        share = self._settings.weaker_share
+        return StationKeeper(vessel=self.vessel, weaker_share=share, by_motion=self._by_motion)
+
+    @property
+    def _reaction_s(self) -> float:
+        """How long an order needs until the boat follows it, beside its model's own lags."""
+        return self._settings.reaction_s + (FOLLOWED_S if self._by_motion else 0.0)
+
+    def is_sure(
+        self, fence: Fence, observation: Observation, ahead: Schedule, weather: Weather
+    ) -> bool:
+        """Whether the boat, with the thrusts that are ahead of it until the next estimate, could
+        still stop inside and away from others; how, is remembered.
+        """
+        place, lookout = (observation.state[0], observation.state[1]), self._lookout
+        near = lookout is not None and lookout.is_near(place)
+        within = lookout.fence(fence, place) if lookout and near else fence
+        way_out = self.way_out(within, observation, ahead, weather, foresees=near)
+        if way_out is None or (lookout and not lookout.claim(way_out.way)):
+            return False
+        self._proved = (observation.time_s, way_out)
+        return True
+
+    def way_out(
+        self,
+        fence: Fence,
+        observation: Observation,
+        ahead: Schedule,
+        weather: Weather,
+        *,
+        foresees: bool = False,
+    ) -> Escape | None:
+        """Return how the boat would stop inside a fence; None where it would not."""
+        return escape(
+            fence,
+            self.keeper,
+            observation.state,
+            ahead,
+            weather,
+            reaction_s=self._reaction_s + observation.age_s,
+            doubt=FOLLOWED_DOUBT if self._by_motion else 0.0,
+            foresees=foresees,
+        )
+
+    def refuge(self, time_s: float) -> Place | None:
+        """The refuge of the way out that was found last: with another, which differs by what the
+        boat has gone meanwhile, a heavy boat's way leads elsewhere.
+        """
+        since, way_out = self._proved or (-math.inf, None)
+        return way_out.refuge if way_out and time_s - since < PROVED_S else None
+
+    def thrusts(self, time_s: float) -> Thrusts | None:
+        """The thrusts now of the way out that was found last, while it is one of a plan."""
+        if self._proved is None:
+            return None
+        since, way_out = self._proved
+        step = round((time_s - since) / STEP_S)
+        reaction = math.ceil(self._reaction_s / STEP_S)
+        planned = len(way_out.thrusts) > reaction + 1
+        return way_out.thrusts[step] if planned and step < len(way_out.thrusts) else None
