@@ -4,16 +4,14 @@ islands, and in a current that the helm is not told.
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache
 
 from benchmarks.common import BOAT, CELLS, START, print_head, print_row
-from benchmarks.optimum import Optimum, Task, flown, optimum
+from benchmarks.optimum import Optimum, Task, flown, optima, optimum
 from benchmarks.peers import LineOfSightPilot, SetPoint
 from benchmarks.planning import FRAME, lake
 from grebe.control.controller import Controller, Margins
-from grebe.control.horizon import Plan
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.lookahead import Lookahead
@@ -81,22 +79,13 @@ def best(scene: str) -> Optimum:
 
 
 @cache
-def best_in_currents(scene: str) -> dict[str, Optimum]:
-    """The optimum that knows its current, towards each direction; two at a time, each in a process
-    of its own.
-    """
-    still = best(scene).plan
-    with ProcessPoolExecutor(2) as pool:
-        jobs = {
-            name: pool.submit(_best_in, one, still)
-            for name, one in towards_each(task(scene)).items()
-        }
-        return {name: job.result() for name, job in jobs.items()}
-
-
-def _best_in(moving: Task, still: Plan) -> Optimum:
-    guesses = [flown(moving, moving.sailed(Lookahead())), still]
-    return optimum(moving, guesses, SUBSTEPS)
+def best_in_currents(scene: str) -> dict[str, Optimum | None]:
+    """The optimum that knows its current, towards each direction: none where none was found."""
+    moving = towards_each(task(scene))
+    asked = [
+        (one, [flown(one, one.sailed(Lookahead())), best(scene).plan]) for one in moving.values()
+    ]
+    return dict(zip(moving, optima(asked, SUBSTEPS), strict=True))
 
 
 def towards_each(still: Task) -> dict[str, Task]:
@@ -176,15 +165,15 @@ def in_currents() -> None:
             least = best_in_currents(scene)[towards]
             flights = [noisy(moving, rule) for rule in (Lookahead(), Dual())]
             columns = [column for one in flights for column in _summed_up(one, least)]
-            print_row(scene, towards, least, *columns)
+            print_row(scene, towards, least or "not found", *columns)
 
 
-def _summed_up(flights: list[Trial], least: Optimum) -> tuple[str, str, str]:
+def _summed_up(flights: list[Trial], least: Optimum | None) -> tuple[str, str, str]:
     """Mean time, its ratio to the optimum's with the worst one, and mean energy."""
     if not all(flight.complete for flight in flights):
         return f"{sum(flight.complete for flight in flights)} complete", "-", "-"
     times = [flight.duration_s for flight in flights]
     mean, worst = sum(times) / len(times), max(times)
     energy = sum(flight.report.energy_wh for flight in flights) / len(flights)
-    over = f"{mean / least.duration_s:.3f} / {worst / least.duration_s:.3f}"
+    over = f"{mean / least.duration_s:.3f} / {worst / least.duration_s:.3f}" if least else "-"
     return f"{mean:.1f}", over, f"{energy:.2f}"

@@ -52,7 +52,7 @@ def measure_all(rows: Sequence[Row]) -> tuple[list[str], int]:
         try:
             told = row.measure()
         except Exception as error:  # whatever it is, the other rows are worth having
-            told = f"failed: {type(error).__name__}: {error}".splitlines()[0]
+            told = f"failed: {type(error).__name__}: {error}".splitlines()[0].replace("|", "/")
             failures += 1
         _say(f"    {told}")
         measured.append(told)

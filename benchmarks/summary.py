@@ -87,23 +87,25 @@ def over_optimum(scene: str) -> str:
 
 def over_optimum_in_currents(scene: str) -> str:
     """Missions in unknown currents over the optima that know them: mean and worst of all."""
-    optima = missions.best_in_currents(scene)
     over: list[float] = []
-    lost = 0
+    caveats: list[str] = []
     for towards, moving in missions.towards_each(missions.task(scene)).items():
-        for flight in missions.noisy(moving, Lookahead()):
-            lost += not flight.complete
-            over += [flight.duration_s / optima[towards].duration_s] * flight.complete
-    loose = sum(not best.counts for best in optima.values())
-    caveats = [
-        f", {number} {what}"
-        for number, what in (
-            (lost, "missions not complete"),
-            (loose, f"of {len(optima)} optima not converged"),
-        )
-        if number
-    ]
-    return f"mean {np.mean(over):.3f}, worst {max(over):.3f} of {len(over)}" + "".join(caveats)
+        best = missions.best_in_currents(scene)[towards]
+        if best is None:
+            caveats.append(f"no optimum found towards {towards}")
+            continue
+        if not best.counts:
+            caveats.append(f"the optimum towards {towards} not converged")
+        flights = missions.noisy(moving, Lookahead())
+        complete = [flight for flight in flights if flight.complete]
+        if lost := len(flights) - len(complete):
+            caveats.append(f"{lost} missions towards {towards} not complete")
+        over += [flight.duration_s / best.duration_s for flight in complete]
+    if not over:
+        return "; ".join(caveats)
+    return "; ".join(
+        [f"mean {np.mean(over):.3f}, worst {max(over):.3f} of {len(over)} missions", *caveats]
+    )
 
 
 def agreed(sample: int) -> str:
