@@ -38,7 +38,7 @@ check: $(STAMP)  ## style, types, import contract
 	$(BIN)/lint-imports
 	$(BIN)/python tools/check_web.py
 
-bench: $(STAMP)  ## what is wanted of speed, measured in one run of half an hour, in one table
+bench: $(STAMP)  ## what is wanted of speed, measured in one short run, in one table
 	$(INSTALL) '.[dev,bench]' || $(PIP_INSTALL) '.[dev,bench]'
 	$(BIN)/python -m benchmarks
 

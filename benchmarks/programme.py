@@ -28,10 +28,13 @@ def run(title: str, rows: Sequence[Row]) -> None:
 
     Raises `SystemExit` where some could not be measured.
     """
+    began = time.monotonic()
     measured, failures = measure_all(rows)
+    minutes = (time.monotonic() - began) / 60
     print_head(title, "what", "measured", "at least", "aim")
     for row, told in zip(rows, measured, strict=True):
         print_row(row.what, told, row.at_least, row.aim)
+    print(f"\nMeasured in {minutes:.0f} minutes.")
     if failures:
         raise SystemExit(f"{failures} of {len(rows)} rows could not be measured.")
 

@@ -42,7 +42,9 @@ def test_the_table_has_every_row_with_what_is_wanted_and_a_failure_ends_the_comm
 
 def test_rows_that_are_all_measured_end_well(capsys):
     run("Title", ROWS[1:])
-    assert "failed" not in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "| second | 2 s |" in printed
+    assert "failed" not in printed
 
 
 def test_what_is_left_is_reckoned_at_the_pace_so_far(capsys, monkeypatch):
