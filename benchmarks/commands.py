@@ -108,7 +108,10 @@ def _outline(folder: Path, water: shapely.Polygon) -> Path:
 def told(
     program: tuple[str, ...], *words: object, environment: Mapping[str, str] | None = None
 ) -> tuple[float, dict]:
-    """CPU seconds of a command, its children with it, and what it printed as JSON."""
+    """CPU seconds of a command, its children with it, and what it printed as JSON.
+
+    Raises `RuntimeError` with its last words where it fails.
+    """
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
         [*program, *map(str, words), "--json"],
