@@ -37,7 +37,7 @@ from grebe.mission.trial import Conditions, Trial, fly
 
 STAGES_A_LEG = 5
 MOST_ITERATIONS = 1000
-# For one start: those of a lake of 97 cells take some hundred seconds, and 2 GB of memory.
+# For one start: that of 195 cells takes 150 s, and 2.7 GB of memory.
 MOST_CPU_S = 600
 AT_A_TIME = 2
 # What a plan may lie outside and still do the task [m, m/s].
