@@ -60,8 +60,7 @@ def minutes_used() -> str:
 
 def first_run() -> str:
     """CPU seconds of the first `grebe run` after installation."""
-    used = commands.of_a_new_copy()
-    return f"{used.first_s:.1f} s; the next one {used.next_s:.1f} s"
+    return str(commands.of_a_new_copy())
 
 
 @cache
