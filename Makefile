@@ -13,10 +13,10 @@ PIP_INSTALL := $(BIN)/pip install --quiet --no-compile --disable-pip-version-che
 # Compiled modules are kept, whatever the environment says: each process would compile a thousand.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help demo test check bench docs arm64 clean
+.PHONY: help demo test check bench bench-all docs arm64 clean
 
 help:  ## what there is to make
-	@grep -E '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Grebe needs Python 3.11 or newer; name one with PYTHON=...") if sys.version_info < (3, 11) else None'
@@ -38,9 +38,13 @@ check: $(STAMP)  ## style, types, import contract
 	$(BIN)/lint-imports
 	$(BIN)/python tools/check_web.py
 
-bench: $(STAMP)  ## benchmarks: ratios against baselines in the same run
+bench: $(STAMP)  ## what is wanted of speed, measured in one short run, in one table
 	$(INSTALL) '.[dev,bench]' || $(PIP_INSTALL) '.[dev,bench]'
 	$(BIN)/python -m benchmarks
+
+bench-all: $(STAMP)  ## all benchmarks, for many hours
+	$(INSTALL) '.[dev,bench]' || $(PIP_INSTALL) '.[dev,bench]'
+	$(BIN)/python -m benchmarks all
 
 docs: $(STAMP)  ## the documentation as a site, its examples run: build/docs/index.html
 	$(INSTALL) '.[dev,docs]' || $(PIP_INSTALL) '.[dev,docs]'

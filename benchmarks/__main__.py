@@ -1,5 +1,6 @@
 """Run the benchmarks: `python -m benchmarks [NAME ...]`; each prints a table in Markdown.
 
+Without a name it is the summary of what is wanted; `all` runs all the others, for many hours.
 Times are CPU times of one process; what counts are the ratios within a run.
 """
 
@@ -9,14 +10,19 @@ import importlib
 import os
 import platform
 import sys
-from importlib.metadata import version
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 # One thread: what a small boat's computer would give.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+PACKAGES = ("grebe", "casadi", "numba", "numpy", "shapely", "do-mpc", "ortools")
+
 # Each with the module that holds it. One is imported when it is run: the peers of another need not
 # be installed for it.
 BENCHMARKS = {
+    "summary": "summary",
     "steps": "steps",
     "missions": "missions",
     "thrift": "thrift",
@@ -48,11 +54,48 @@ BENCHMARKS = {
 }
 
 
+SUMMARY, ALL = "summary", "all"
+
+
 def main() -> None:
-    packages = ", ".join(f"{name} {version(name)}" for name in ("casadi", "numba", "numpy"))
-    print(f"Python {platform.python_version()}, {packages}; {os.cpu_count()} cores, noisy.")
-    for name in sys.argv[1:] or BENCHMARKS:
+    names = sys.argv[1:] or [SUMMARY]
+    if names == [ALL]:
+        names = [name for name in BENCHMARKS if name != SUMMARY]
+    if unknown := set(names) - set(BENCHMARKS):
+        names_known = ", ".join([ALL, *BENCHMARKS])
+        raise SystemExit(f"No benchmark {', '.join(sorted(unknown))}; there are {names_known}.")
+    print(machine(), flush=True)
+    # Imported here, for it reads how many threads there may be.
+    from grebe.workflow.kernel_cache import compile_controller
+
+    compile_controller()
+    for name in names:
         getattr(importlib.import_module(f"benchmarks.{BENCHMARKS[name]}"), name)()
+
+
+def machine() -> str:
+    """What the figures are of: the computer, and the versions of what counts."""
+    packages = ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
+    return (
+        f"{_processor()}, {os.cpu_count()} cores, {platform.system()}; "
+        f"Python {platform.python_version()}, {packages}."
+    )
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _processor() -> str:
+    """The processor's name: Linux tells it in a file alone."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()
 
 
 if __name__ == "__main__":

@@ -2,49 +2,92 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from benchmarks.common import BOAT, CELLS, print_head, print_row
 from grebe.control.controller import Controller
+from grebe.control.horizon import Horizon, HorizonShape, Plan
 from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.lookahead import Lookahead
+from grebe.control.solvers.base import Solution, Solver
 from grebe.control.solvers.builders import Fast, Ipopt
+from grebe.core.vessel import Vessel
 from grebe.mission.trial import Conditions, fly
 
+# What a solver is asked: state, horizon, weather and the plan to start from.
+Asked = tuple[np.ndarray, Horizon, np.ndarray, Plan]
+
 # The solver was tuned on the first sample; the second was not looked at before, nor the third.
-SAMPLES = ((Dual(), 7), (Dual(), 11), (Lookahead(), 13))
+SAMPLES: tuple[tuple[Rule, int], ...] = ((Dual(), 7), (Dual(), 11), (Lookahead(), 13))
+INSTANCES = 500
+# "The same input": within so much of the thrust range.
+NEAR = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """Shares of the instances, each from 0 to 1."""
+
+    converged: float
+    same_start: float
+    from_our_plan: float
+    best_found: float
+    no_dearer: float
+
+
+TOLD = {
+    "converged": "converged",
+    "same_start": "first input within 1 % of the thrust range of IPOPT's, same start",
+    "from_our_plan": "the same, IPOPT started from our plan",
+    "best_found": "the same, the cheaper of IPOPT's two",
+    "no_dearer": "cost no higher than IPOPT's from the same start",
+}
 
 
 class Recorder:
     """Builds the fast solver, passes on what a controller asks it and keeps it."""
 
     def __init__(self) -> None:
-        self.inner, self.asked = None, []
+        self.asked: list[Asked] = []
 
-    def build(self, vessel, shape):
+    def build(self, vessel: Vessel, shape: HorizonShape) -> Recorder:
         self.inner = Fast().build(vessel, shape)
         return self
 
-    def solve(self, state, horizon, weather, guess):
+    def solve(
+        self, state: np.ndarray, horizon: Horizon, weather: np.ndarray, guess: Plan
+    ) -> Solution:
         self.asked.append((state, horizon, weather, guess))
         return self.inner.solve(state, horizon, weather, guess)
 
 
-def agreement(instances: int = 500) -> None:
+def agreement() -> None:
     """First input of the fast path against IPOPT from the same start, on recorded instances."""
-    columns = [_compared(instances, rule, seed) for rule, seed in SAMPLES]
+    columns = [agreed(rule, seed) for rule, seed in SAMPLES]
     print_head(
-        f"The fast path against the oracle, {instances} instances of each sample, %",
+        f"The fast path against the oracle, {INSTANCES} instances of each sample, %",
         "", *(f"`{type(rule).__name__.lower()}`, sample {seed}" for rule, seed in SAMPLES),
     )  # fmt: skip
-    for what in columns[0]:
-        print_row(what, *(f"{100 * column[what] / instances:.1f}" for column in columns))
+    for name, what in TOLD.items():
+        print_row(what, *(f"{100 * getattr(column, name):.1f}" for column in columns))
 
 
-def _compared(instances: int, rule: Rule, seed: int) -> dict[str, int]:
+def agreed(rule: Rule, seed: int, instances: int = INSTANCES) -> Agreement:
+    """How often the fast path and the oracle agree, on so many instances of a sample."""
+    chosen = _recorded(rule, seed, instances)
+    shape = chosen[0][1].shape
+    fast, oracle = Fast().build(BOAT, shape), Ipopt().build(BOAT, shape)
+    seen = [_compared(fast, oracle, asked) for asked in chosen]
+    return Agreement(**dict(zip(TOLD, np.mean(seen, axis=0).tolist(), strict=True)))
+
+
+def _recorded(rule: Rule, seed: int, instances: int) -> list[Asked]:
+    """Instances drawn from twice as many, of missions from random starts."""
     rng = np.random.default_rng(seed)
-    asked = []
+    asked: list[Asked] = []
     while len(asked) < 2 * instances:
         recorder = Recorder()
         controller = Controller(BOAT, CELLS, rule, solver=recorder)
@@ -52,29 +95,21 @@ def _compared(instances: int, rule: Rule, seed: int) -> dict[str, int]:
         start = (*place, rng.uniform(-np.pi, np.pi), 0, 0, 0)
         fly(BOAT, CELLS, controller, start, Conditions(limit_s=80, observes=False))
         asked += recorder.asked
-    chosen = [asked[i] for i in rng.choice(len(asked), instances, replace=False)]
-    shape = chosen[0][1].shape
-    fast, oracle = Fast().build(BOAT, shape), Ipopt().build(BOAT, shape)
+    return [asked[i] for i in rng.choice(len(asked), instances, replace=False)]
+
+
+def _compared(fast: Solver, oracle: Solver, asked: Asked) -> tuple[bool, ...]:
+    """What holds of one instance, in the order of `Agreement`."""
+    state, horizon, weather, guess = asked
+    ours = fast.solve(state, horizon, weather, guess)
+    exact = oracle.solve(state, horizon, weather, guess)
+    refined = oracle.solve(state, horizon, weather, ours.plan)
+    best = min(exact, refined, key=lambda one: (not one.solved, one.cost))
+    near = [_apart(ours, other) < NEAR for other in (exact, refined, best)]
+    return ours.solved, *near, ours.cost <= exact.cost * (1 + 1e-4) + 1e-4
+
+
+def _apart(a: Solution, b: Solution) -> float:
+    """How far apart two first inputs are, as a share of the thrust range."""
     reach = BOAT.thrust_max_n - BOAT.thrust_min_n
-    same_start, near_optimum, best_found, solved, cheaper = 0, 0, 0, 0, 0
-    for state, horizon, weather, guess in chosen:
-        ours = fast.solve(state, horizon, weather, guess)
-        exact = oracle.solve(state, horizon, weather, guess)
-        refined = oracle.solve(state, horizon, weather, ours.plan)
-        solved += ours.solved
-        same_start += _apart(ours, exact) < 0.01 * reach
-        near_optimum += _apart(ours, refined) < 0.01 * reach
-        best = min(exact, refined, key=lambda one: (not one.solved, one.cost))
-        best_found += _apart(ours, best) < 0.01 * reach
-        cheaper += ours.cost <= exact.cost * (1 + 1e-4) + 1e-4
-    return {
-        "converged": solved,
-        "first input within 1 % of the thrust range of IPOPT's, same start": same_start,
-        "the same, IPOPT started from our plan": near_optimum,
-        "the same, the cheaper of IPOPT's two": best_found,
-        "cost no higher than IPOPT's from the same start": cheaper,
-    }
-
-
-def _apart(a, b) -> float:
-    return float(np.abs(np.subtract(a.plan.first_input, b.plan.first_input)).max())
+    return float(np.abs(np.subtract(a.plan.first_input, b.plan.first_input)).max()) / reach

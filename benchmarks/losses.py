@@ -8,8 +8,15 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks.common import BOAT, CELLS, START, print_head, print_row
-from benchmarks.missions import CLOSER_M, CURRENT_MPS, NOISE, lake_task, towards_each
+from benchmarks.common import print_head, print_row
+from benchmarks.missions import (
+    CLOSER_M,
+    CURRENT_MPS,
+    NOISE,
+    cells_task,
+    lake_task,
+    towards_each,
+)
 from benchmarks.optimum import STILL, Task
 from grebe.control.controller import Command, Controller
 from grebe.control.rules.lookahead import Lookahead
@@ -34,7 +41,7 @@ class Told(Controller):
 
 
 def losses() -> None:
-    tasks = {"100 cells": Task(vessel=BOAT, targets=CELLS, start=START), "lake": lake_task()}
+    tasks = {"100 cells": cells_task(), "lake": lake_task()}
     print_head("Seconds of `lookahead` in still water", "changed", *tasks)
     for name, sail in IN_STILL_WATER.items():
         print_row(name, *(_seconds([sail(task, STILL)]) for task in tasks.values()))

@@ -5,12 +5,14 @@ islands, and in a current that the helm is not told.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 from benchmarks.common import BOAT, CELLS, START, print_head, print_row
-from benchmarks.optimum import Optimum, Task, flown, optimum
+from benchmarks.optimum import Optimum, Task, flown, optima, optimum
 from benchmarks.peers import LineOfSightPilot, SetPoint
 from benchmarks.planning import FRAME, lake
-from grebe.control.controller import Controller
+from grebe.control.controller import Controller, Margins
+from grebe.control.rules.base import Rule
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.lookahead import Lookahead
 from grebe.control.rules.single import Single
@@ -32,15 +34,15 @@ SEEDS = range(4)
 CLOSER_M = 0.05
 
 
-def missions() -> None:
+def cells_task() -> Task:
+    """The 100 cells that all benchmarks fly."""
+    return Task(vessel=BOAT, targets=CELLS, start=START)
+
+
+def figure_task() -> Task:
+    """The paper's Fig. 7."""
     scene = exploration()
-    cells = Task(vessel=BOAT, targets=CELLS, start=START)
-    figure = Task(vessel=scene.vessel, targets=list(scene.targets), start=scene.start)
-    islands = lake_task()
-    best = _open_water("100 cells", cells)
-    _open_water("Fig. 7", figure)
-    best_of_lake = _islands(islands)
-    in_currents({"100 cells": (cells, best), "lake": (islands, best_of_lake)})
+    return Task(vessel=scene.vessel, targets=list(scene.targets), start=scene.start)
 
 
 def lake_task() -> Task:
@@ -51,70 +53,46 @@ def lake_task() -> Task:
     return Task(vessel=BOAT, targets=survey.sets, start=start, corridors=survey.corridors)
 
 
-def _open_water(name: str, task: Task) -> Optimum:
-    rules = (("lookahead", Lookahead()), ("dual", Dual()), ("single", Single()))
-    flights = {f"Grebe `{label}`": task.sailed(rule) for label, rule in rules}
-    guess = flown(task, next(iter(flights.values())))
-    best = optimum(task, [guess], SUBSTEPS)
-    finer = optimum(task, [guess], 2 * SUBSTEPS)
-    set_point = Controller(task.vessel, task.targets, SetPoint())
-    flights["set-point NMPC on the centres"] = task.sailed_by(set_point)
-    for label, stopping in (
-        ("waypoints, line of sight, PID", False),
-        ("the same, stopping at each turn", True),
-    ):
-        pilot = LineOfSightPilot(task.vessel, task.targets, stopping=stopping)
-        flights[label] = task.sailed_by(pilot)
-    _table(name, flights, best)
-    print(f"With half the integration step {finer}.")
-    return best
+CELLS_100, FIGURE, LAKE = "100 cells", "Fig. 7", "a concave lake with islands"
+TASKS = {CELLS_100: cells_task, FIGURE: figure_task, LAKE: lake_task}
+IN_CURRENTS = (CELLS_100, LAKE)
 
 
-def _islands(task: Task) -> Optimum:
-    flights = {
-        "Grebe `lookahead`": task.sailed(Lookahead()),
-        f"the same, {CLOSER_M} m inside the sets": task.sailed(Lookahead(), set_m=CLOSER_M),
-    }
-    best = optimum(task, [flown(task, flight) for flight in flights.values()], SUBSTEPS)
-    flights["Grebe `dual`"] = task.sailed(Dual())
-    _table(f"a concave lake with islands, {len(task.targets)} targets", flights, best)
-    return best
+@cache
+def task(scene: str) -> Task:
+    """What is to be sailed in a scene, in still water."""
+    return TASKS[scene]()
 
 
-def _table(name: str, flights: dict[str, Trial], best: Optimum) -> None:
-    print_head(
-        f"Mission time over the optimum, {name}",
-        "controller", "reached", "mission s", "over the optimum", "Wh",
-    )  # fmt: skip
-    for label, flight in flights.items():
-        over = f"{flight.duration_s / best.duration_s:.3f}" if flight.complete else "-"
-        energy = f"{flight.report.energy_wh:.2f}"
-        print_row(label, flight.arrivals, f"{flight.duration_s:.1f}", over, energy)
-    print(f"\nOptimum {best}.")
+@cache
+def flight(scene: str, set_m: float = Margins().set_m) -> Trial:
+    """The scene as `lookahead` sails it in still water, aiming so far inside the sets."""
+    return task(scene).sailed(Lookahead(), set_m=set_m)
 
 
-def in_currents(scenes: dict[str, tuple[Task, Optimum]]) -> None:
-    """Each scene in a current that the helm is not told, over the optimum that knows it."""
-    print_head(
-        f"Mission time in an unknown current of {CURRENT_MPS} m/s with noise of "
-        f"{NOISE.velocity_mps} m/s, over the optimum that knows it; {len(SEEDS)} flights each",
-        "scene", "towards", "optimum", "`lookahead` s", "over it, mean / worst", "Wh",
-        "`dual` s", "over it, mean / worst", "Wh",
-    )  # fmt: skip
-    for name, (still, best_in_still) in scenes.items():
-        for towards, task in towards_each(still).items():
-            flights = {rule: _noisy(task, rule) for rule in (Lookahead(), Dual())}
-            guesses = [flown(task, task.sailed(Lookahead())), best_in_still.plan]
-            best = optimum(task, guesses, SUBSTEPS)
-            columns = [column for one in flights.values() for column in _summed_up(one, best)]
-            print_row(name, towards, best, *columns)
+@cache
+def best(scene: str) -> Optimum:
+    """The optimum of a scene in still water. On the lake, where ways differ, the lesser of two."""
+    margins = (Margins().set_m, CLOSER_M) if scene == LAKE else (Margins().set_m,)
+    guesses = [flown(task(scene), flight(scene, margin)) for margin in margins]
+    return optimum(task(scene), guesses, SUBSTEPS)
 
 
-def towards_each(task: Task) -> dict[str, Task]:
+@cache
+def best_in_currents(scene: str) -> dict[str, Optimum | None]:
+    """The optimum that knows its current, towards each direction: none where none was found."""
+    moving = towards_each(task(scene))
+    asked = [
+        (one, [flown(one, one.sailed(Lookahead())), best(scene).plan]) for one in moving.values()
+    ]
+    return dict(zip(moving, optima(asked, SUBSTEPS), strict=True))
+
+
+def towards_each(still: Task) -> dict[str, Task]:
     """The task in a current towards each direction."""
     return {
         name: replace(
-            task,
+            still,
             weather=Weather(
                 current_north_mps=CURRENT_MPS * north, current_east_mps=CURRENT_MPS * east
             ),
@@ -123,16 +101,79 @@ def towards_each(task: Task) -> dict[str, Task]:
     }
 
 
-def _noisy(task: Task, rule: Lookahead | Dual) -> list[Trial]:
-    return [task.sailed(rule, Conditions(errors=NOISE, seed=seed)) for seed in SEEDS]
+def noisy(moving: Task, rule: Rule) -> list[Trial]:
+    """Flights by noisy estimates, each with a noise of its own."""
+    return [moving.sailed(rule, Conditions(errors=NOISE, seed=seed)) for seed in SEEDS]
 
 
-def _summed_up(flights: list[Trial], best: Optimum) -> tuple[str, str, str]:
+def missions() -> None:
+    _open_water(CELLS_100)
+    _open_water(FIGURE)
+    _islands()
+    in_currents()
+
+
+def _open_water(scene: str) -> None:
+    sailed = task(scene)
+    flights = {"Grebe `lookahead`": flight(scene)}
+    for label, rule in (("dual", Dual()), ("single", Single())):
+        flights[f"Grebe `{label}`"] = sailed.sailed(rule)
+    set_point = Controller(sailed.vessel, sailed.targets, SetPoint())
+    flights["set-point NMPC on the centres"] = sailed.sailed_by(set_point)
+    for label, stopping in (
+        ("waypoints, line of sight, PID", False),
+        ("the same, stopping at each turn", True),
+    ):
+        pilot = LineOfSightPilot(sailed.vessel, sailed.targets, stopping=stopping)
+        flights[label] = sailed.sailed_by(pilot)
+    _table(scene, flights)
+    finer = optimum(sailed, [flown(sailed, flight(scene))], 2 * SUBSTEPS)
+    print(f"With half the integration step {finer}.")
+
+
+def _islands() -> None:
+    flights = {
+        "Grebe `lookahead`": flight(LAKE),
+        f"the same, {CLOSER_M} m inside the sets": flight(LAKE, CLOSER_M),
+        "Grebe `dual`": task(LAKE).sailed(Dual()),
+    }
+    _table(LAKE, flights)
+
+
+def _table(scene: str, flights: dict[str, Trial]) -> None:
+    print_head(
+        f"Mission time over the optimum, {scene}, {len(task(scene).targets)} targets",
+        "controller", "reached", "mission s", "over the optimum", "Wh",
+    )  # fmt: skip
+    for label, one in flights.items():
+        over = f"{one.duration_s / best(scene).duration_s:.3f}" if one.complete else "-"
+        energy = f"{one.report.energy_wh:.2f}"
+        print_row(label, one.arrivals, f"{one.duration_s:.1f}", over, energy)
+    print(f"\nOptimum {best(scene)}.")
+
+
+def in_currents() -> None:
+    """Each scene in a current that the helm is not told, over the optimum that knows it."""
+    print_head(
+        f"Mission time in an unknown current of {CURRENT_MPS} m/s with noise of "
+        f"{NOISE.velocity_mps} m/s, over the optimum that knows it; {len(SEEDS)} flights each",
+        "scene", "towards", "optimum", "`lookahead` s", "over it, mean / worst", "Wh",
+        "`dual` s", "over it, mean / worst", "Wh",
+    )  # fmt: skip
+    for scene in IN_CURRENTS:
+        for towards, moving in towards_each(task(scene)).items():
+            least = best_in_currents(scene)[towards]
+            flights = [noisy(moving, rule) for rule in (Lookahead(), Dual())]
+            columns = [column for one in flights for column in _summed_up(one, least)]
+            print_row(scene, towards, least or "not found", *columns)
+
+
+def _summed_up(flights: list[Trial], least: Optimum | None) -> tuple[str, str, str]:
     """Mean time, its ratio to the optimum's with the worst one, and mean energy."""
     if not all(flight.complete for flight in flights):
         return f"{sum(flight.complete for flight in flights)} complete", "-", "-"
     times = [flight.duration_s for flight in flights]
     mean, worst = sum(times) / len(times), max(times)
     energy = sum(flight.report.energy_wh for flight in flights) / len(flights)
-    over = f"{mean / best.duration_s:.3f} / {worst / best.duration_s:.3f}"
+    over = f"{mean / least.duration_s:.3f} / {worst / least.duration_s:.3f}" if least else "-"
     return f"{mean:.1f}", over, f"{energy:.2f}"

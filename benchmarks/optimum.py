@@ -11,9 +11,13 @@ what it is held to. FATROP solves it from flown tracks.
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from multiprocessing import get_context
 
 import numpy as np
 import shapely
@@ -33,6 +37,9 @@ from grebe.mission.trial import Conditions, Trial, fly
 
 STAGES_A_LEG = 5
 MOST_ITERATIONS = 1000
+# For one start: that of 195 cells takes 150 s, and 2.7 GB of memory.
+MOST_CPU_S = 600
+AT_A_TIME = 2
 # What a plan may lie outside and still do the task [m, m/s].
 LARGEST_MISS = 1e-3
 STILL = Conditions()
@@ -107,11 +114,54 @@ def optimum(task: Task, guesses: Sequence[Plan], substeps: int) -> Optimum:
     Which way the boat turns first and where it comes into a cell are choices that a solver does not
     change on its way: an optimum is a local one, and the more starts the better the yardstick. One
     that pays for a set or a corridor which it misses does another task and is no yardstick.
+
+    Raises `TimeoutError` where none is found; see `optima`.
     """
+    found = optima([(task, guesses)], substeps)[0]
+    if found is None:
+        raise TimeoutError(f"No optimum was found in {MOST_CPU_S} s of CPU.")
+    return found
+
+
+def optima(asked: Sequence[tuple[Task, Sequence[Plan]]], substeps: int) -> list[Optimum | None]:
+    """Return the optimum of each task, as `optimum` does, some at a time; none where none is found.
+
+    Each start is followed in a process of its own that may take so much and no more: from a few
+    starts FATROP was seen to go on for ever within one iteration.
+    """
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        waiting = [
+            [pool.submit(_found_alone, task, guess, substeps) for guess in guesses]
+            for task, guesses in asked
+        ]
+        found = [[job.result() for job in jobs] for jobs in waiting]
+    return [
+        min(
+            (one for one in some if one is not None),
+            key=lambda one: (not one.counts, one.duration_s),
+            default=None,
+        )
+        for some in found
+    ]
+
+
+def _found_alone(task: Task, guess: Plan, substeps: int) -> Optimum | None:
+    """The optimum near a guess, or none where its process took more than it may."""
+    with ProcessPoolExecutor(1, get_context("spawn"), _may_take, (MOST_CPU_S,)) as process:
+        try:
+            return process.submit(_found, task, guess, substeps).result()
+        except BrokenProcessPool:
+            return None
+
+
+def _may_take(cpu_s: int) -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s))
+
+
+def _found(task: Task, guess: Plan, substeps: int) -> Optimum:
     horizon = _horizon(task, substeps)
     solver = Fatrop(most_iterations=MOST_ITERATIONS).build(task.vessel, horizon.shape)
-    found = [_judged(task, horizon, *_descended(solver, task, horizon, one)) for one in guesses]
-    return min(found, key=lambda one: (not one.counts, one.duration_s))
+    return _judged(task, horizon, *_descended(solver, task, horizon, guess))
 
 
 def _judged(task: Task, horizon: Horizon, plan: Plan, converged: bool) -> Optimum:

@@ -42,6 +42,28 @@ def lake(cells: int, cell_m: float = 5.0) -> shapely.Polygon:
     return shapely.affinity.scale(water, scale, scale, origin=(0, 0))
 
 
+def bean(hectares: float) -> shapely.Polygon:
+    """The same lake, of so many hectares."""
+    water = lake(1000)
+    scale = float(np.sqrt(1e4 * hectares / water.area))
+    return shapely.affinity.scale(water, scale, scale, origin=(0, 0))
+
+
+def archipelago(hectares: float = 1_564.0) -> shapely.Polygon:
+    """A long concave lake with three bays and eight islands."""
+    angle = np.linspace(0, 2 * np.pi, 120, endpoint=False)
+    radius = 1 + 0.3 * np.cos(2 * angle + 0.4) + 0.15 * np.sin(3 * angle) + 0.08 * np.cos(7 * angle)
+    ring = np.column_stack([1.5 * radius * np.cos(angle), radius * np.sin(angle)])
+    water = shapely.Polygon(ring)
+    for north, east, size in (
+        (0.9, 0.1, 0.12), (0.3, -0.3, 0.1), (-0.2, 0.3, 0.14), (-0.7, -0.1, 0.1),
+        (0.5, 0.4, 0.07), (-1.1, 0.2, 0.08), (0.0, 0.0, 0.06), (1.2, -0.1, 0.06),
+    ):  # fmt: skip
+        water = water.difference(shapely.Point(north, east).buffer(size, quad_segs=4))
+    scale = float(np.sqrt(1e4 * hectares / water.area))
+    return shapely.affinity.scale(water, scale, scale, origin=(0, 0))
+
+
 def planning() -> None:
     print_head(
         "Planning a concave lake with islands, predicted minutes (still water / current)",

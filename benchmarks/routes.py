@@ -7,6 +7,8 @@ consecutive cells, and the predicted time, for the same cells; every path may be
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -17,58 +19,103 @@ from benchmarks.planning import BOAT, CURRENT, lake, minutes
 from grebe.core.dynamics import CALM
 from grebe.planning.bounds import lower_bound_m
 from grebe.planning.corridors import Waterways
-from grebe.planning.costs import Costs, costs_of
+from grebe.planning.costs import costs_of
 from grebe.planning.mesh import mesh_water
-from grebe.planning.network import Network, connect
+from grebe.planning.network import connect
 from grebe.planning.polish import polished
 from grebe.planning.route import best_route, first_orders
 from grebe.planning.travel import travel_of
 
 SCALE = 1000  # OR-tools reckons in whole numbers: millimetres
 SECONDS = {100: 10, 1_000: 30}
+OR_TOOLS, GREBE = "OR-tools, guided local search", "Grebe"
+
+
+class Waters:
+    """A lake of about so many cells, and all that its orders are measured by."""
+
+    def __init__(self, count: int) -> None:
+        water = lake(count)
+        self.peer_s = SECONDS[count]
+        self.cells = [cell for cell in mesh_water(water, 5.0) if not cell.is_speck]
+        self.network = connect(self.cells, water, 5.0)
+        self.start = tuple(self.network.centres[0])
+        self.travels = [travel_of(BOAT, (1.0, 2.0), weather) for weather in (CALM, CURRENT)]
+        self.ways = Waterways(self.cells, self.network, water, 5.0)
+        self.lengths = water_lengths(water, self.network.centres)
+        self.bound_m = lower_bound_m(self.cells, "square", 5.0, self.network.around)
+
+    def metres(self, order: np.ndarray) -> float:
+        """Length of the way through the centres, through the water [m]."""
+        return float(self.lengths[order[:-1], order[1:]].sum())
+
+    def predicted_min(self, order: np.ndarray) -> list[float]:
+        """Minutes that the boat is predicted to take, in each weather."""
+        begin = tuple(self.network.centres[order[0]])
+        return [minutes(self.ways, travel, order, begin) for travel in self.travels]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ordered:
+    """An order of the cells, its length over the bound, and how long it took to find."""
+
+    order: np.ndarray
+    metres: float
+    over: float
+    took_s: float
+
+
+def ordered(waters: Waters, method: str) -> Ordered:
+    """Find an order of the cells by one of the methods."""
+    began = time.perf_counter()
+    order = METHODS[method](waters)
+    took_s = time.perf_counter() - began
+    metres = waters.metres(order)
+    return Ordered(order=order, metres=metres, over=metres / waters.bound_m, took_s=took_s)
 
 
 def routes() -> None:
-    for count, seconds in SECONDS.items():
-        _compare(lake(count), seconds)
-
-
-def _compare(water: shapely.Polygon, seconds: int) -> None:
-    cells = [cell for cell in mesh_water(water, 5.0) if not cell.is_speck]
-    network = connect(cells, water, 5.0)
-    start = tuple(network.centres[0])
-    travels = [travel_of(BOAT, (1.0, 2.0), weather) for weather in (CALM, CURRENT)]
-    costs = costs_of(network, travels[0], start, returns=False, anywhere=True)
-    ways = Waterways(cells, network, water, 5.0)
-    lengths = water_lengths(water, network.centres)
-    bound = lower_bound_m(cells, "square", 5.0, network.around)
-    print_head(
-        f"{len(cells)} cells of a concave lake with islands; bound {bound:.1f} m",
-        "method", "length m", "over the bound", "min, still", "min, current", "planned in s",
-    )  # fmt: skip
-    for name, order, took in _orders(cells, network, costs, start, lengths, seconds):
-        metres = float(lengths[order[:-1], order[1:]].sum())
-        begin = tuple(network.centres[order[0]])
-        predicted = [minutes(ways, travel, order, begin) for travel in travels]
-        print_row(
-            name, f"{metres:.1f}", f"{metres / bound:.4f}", *(f"{m:.2f}" for m in predicted),
-            f"{took:.2f}",
+    for count in SECONDS:
+        waters = Waters(count)
+        print_head(
+            f"{len(waters.cells)} cells of a concave lake with islands; "
+            f"bound {waters.bound_m:.1f} m",
+            "method", "length m", "over the bound", "min, still", "min, current", "planned in s",
         )  # fmt: skip
+        for name in METHODS:
+            found = ordered(waters, name)
+            print_row(
+                name, f"{found.metres:.1f}", f"{found.over:.4f}",
+                *(f"{m:.2f}" for m in waters.predicted_min(found.order)), f"{found.took_s:.2f}",
+            )  # fmt: skip
 
 
-def _orders(cells, network: Network, costs: Costs, start, lengths, seconds):
-    firsts = first_orders(cells, network, start)
-    yield "rows", firsts["rows"], 0.0
-    began = time.perf_counter()
-    order, _ = polished(costs, firsts["greedy"], 0)
-    yield "greedy, 2-opt, Or-opt", order, time.perf_counter() - began
-    began = time.perf_counter()
-    order = or_tools(lengths, seconds)
-    yield "OR-tools, guided local search", order, time.perf_counter() - began
-    began = time.perf_counter()
+def _rows(waters: Waters) -> np.ndarray:
+    return first_orders(waters.cells, waters.network, waters.start)["rows"]
+
+
+def _greedy(waters: Waters) -> np.ndarray:
+    network, start = waters.network, waters.start
+    costs = costs_of(network, waters.travels[0], start, returns=False, anywhere=True)
+    return polished(costs, first_orders(waters.cells, network, start)["greedy"], 0)[0]
+
+
+def _or_tools(waters: Waters) -> np.ndarray:
+    return or_tools(waters.lengths, waters.peer_s)
+
+
+def _grebe(waters: Waters) -> np.ndarray:
     travel = travel_of(BOAT, (1.0, 2.0), CALM)
-    order = best_route(cells, network, travel, start, returns=False, anywhere=True).order
-    yield "Grebe", order, time.perf_counter() - began
+    cells, network = waters.cells, waters.network
+    return best_route(cells, network, travel, waters.start, returns=False, anywhere=True).order
+
+
+METHODS: dict[str, Callable[[Waters], np.ndarray]] = {
+    "rows": _rows,
+    "greedy, 2-opt, Or-opt": _greedy,
+    OR_TOOLS: _or_tools,
+    GREBE: _grebe,
+}
 
 
 def water_lengths(water: shapely.Polygon, places: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import shapely
 from ortools.constraint_solver import pywrapcp, routing_enums_pb2
 
 from benchmarks.common import print_head, print_row
-from benchmarks.planning import FRAME, lake
+from benchmarks.planning import FRAME, archipelago, bean
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
@@ -30,28 +30,6 @@ BOAT = PRESETS["blueboat"]
 CURRENT = Weather(current_north_mps=0.3, current_east_mps=0.1)
 # OR-tools' matrix of more cells than this does not fit into the memory at hand.
 MOST_FOR_PEER = 7_000
-
-
-def bean(hectares: float) -> shapely.Polygon:
-    """The lake of the other planning benchmarks, at another size."""
-    water = lake(1000)
-    scale = float(np.sqrt(1e4 * hectares / water.area))
-    return shapely.affinity.scale(water, scale, scale, origin=(0, 0))
-
-
-def archipelago(hectares: float = 1_564.0) -> shapely.Polygon:
-    """A long concave lake with three bays and eight islands."""
-    angle = np.linspace(0, 2 * np.pi, 120, endpoint=False)
-    radius = 1 + 0.3 * np.cos(2 * angle + 0.4) + 0.15 * np.sin(3 * angle) + 0.08 * np.cos(7 * angle)
-    ring = np.column_stack([1.5 * radius * np.cos(angle), radius * np.sin(angle)])
-    water = shapely.Polygon(ring)
-    for north, east, size in (
-        (0.9, 0.1, 0.12), (0.3, -0.3, 0.1), (-0.2, 0.3, 0.14), (-0.7, -0.1, 0.1),
-        (0.5, 0.4, 0.07), (-1.1, 0.2, 0.08), (0.0, 0.0, 0.06), (1.2, -0.1, 0.06),
-    ):  # fmt: skip
-        water = water.difference(shapely.Point(north, east).buffer(size, quad_segs=4))
-    scale = float(np.sqrt(1e4 * hectares / water.area))
-    return shapely.affinity.scale(water, scale, scale, origin=(0, 0))
 
 
 def sorties() -> None:

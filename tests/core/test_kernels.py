@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from grebe.core.kernels import signals_held_back
+from grebe.core import kernels
+from grebe.core.kernels import machine_code, part_of_kernels, signals_held_back
 
 KILLED_WHILE_COMPILING = """
 import signal, sys
@@ -107,3 +108,68 @@ def test_kernels_run_without_the_compiler_and_find_the_same():
         for switched in ({}, {"NUMBA_DISABLE_JIT": "1"})
     ]
     assert float(told[0]) == pytest.approx(float(told[1]), rel=1e-12)
+
+
+@part_of_kernels
+def _doubled(x):
+    return 2 * x
+
+
+@machine_code
+def _doubled_twice(x):
+    return _doubled(_doubled(x))
+
+
+def test_a_part_of_kernels_is_refused_to_python_before_and_after_it_is_compiled():
+    """It has no way in from Python: a call would end the process."""
+    with pytest.raises(TypeError, match="_doubled is a part of other kernels"):
+        _doubled(1.0)
+    assert _doubled_twice(1.0) == 4.0
+    with pytest.raises(TypeError, match="_doubled is a part of other kernels"):
+        _doubled(1.0)
+
+
+WRITTEN_AT_ONCE = """
+import sys, time
+from grebe.core import kernels
+from grebe.core.kernels import _save_alone
+
+class Cache:
+    cache_path = sys.argv[1]
+    def save_overload(self, signature, compiled):
+        print("begins", flush=True)
+        time.sleep(0.3)
+        print("ends", flush=True)
+
+class Kernel:
+    _cache = Cache()
+
+_save_alone(Kernel)
+sys.stdin.readline()
+Kernel._cache.save_overload(None, None)
+"""
+
+
+def test_two_processes_write_machine_code_one_after_the_other(tmp_path):
+    """Each would give the same number to its file, with machine code for other arguments."""
+    told = tmp_path / "told"
+    with told.open("w") as out:
+        both = [
+            subprocess.Popen(
+                [sys.executable, "-c", WRITTEN_AT_ONCE, str(tmp_path / "cache")],
+                stdin=subprocess.PIPE, stdout=out,
+            )
+            for _ in range(2)
+        ]  # fmt: skip
+        for one in both:
+            one.stdin.write(b"go\n")
+            one.stdin.flush()
+        for one in both:
+            one.communicate(timeout=120)
+    assert told.read_text().split() == ["begins", "ends"] * 2
+
+
+def test_without_a_folder_to_write_to_nobody_waits(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    with kernels._alone(tmp_path / "file" / "cache"):
+        pass

@@ -101,3 +101,32 @@ def test_a_mission_s_machine_code_is_loaded_without_the_compiler():
         [sys.executable, "-c", LOADED], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "0"
+
+
+SHARED = """
+from numba.core import event
+from grebe.control.solvers.fast import ahead, interior, sqp
+from grebe.workflow.kernel_cache import sail_a_little
+
+with event.install_recorder("numba:compile") as compiled:
+    ahead.compile_quadratic()
+    ahead.compile_horizon()
+    ahead.compile_optimise()
+    sail_a_little(steered=False)
+    sail_a_little()
+print(len(compiled.buffer))
+parts = (
+    interior.minimise, interior.start_rows, interior.start_box, sqp.shoot, sqp.quadratic,
+    sqp.search, sqp.unfinished, sqp.optimise,
+)
+print({len(one.signatures) for one in parts})
+"""
+
+
+def test_what_two_processes_compile_is_what_a_mission_needs():
+    """A half for other arguments than the solver has would be compiled for nothing, and again."""
+    assert compile_controller()
+    done = subprocess.run(
+        [sys.executable, "-c", SHARED], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split("\n")[:2] == ["0", "{1}"]

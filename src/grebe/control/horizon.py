@@ -184,7 +184,9 @@ class Plan:
 
     def thrusts_at(self, moment_s: float) -> tuple[float, float]:
         """Thrusts planned at a moment [s]; beyond the plan's end its last ones."""
-        port, starboard = self.thrusts[int(self._stage_at(np.array([moment_s]))[0])].tolist()
+        # Asked ten times a second: one number is found without an array of it.
+        stage = min(int(self._ends.searchsorted(moment_s, side="right")), len(self._ends) - 1)
+        port, starboard = self.thrusts[stage].tolist()
         return port, starboard
 
     @cached_property

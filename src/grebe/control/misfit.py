@@ -12,7 +12,7 @@ import numpy as np
 
 from grebe.control.correction import turn
 from grebe.control.rollout import piece_end
-from grebe.core.kernels import machine_code
+from grebe.core.kernels import machine_code, part_of_kernels
 
 # Where the numbers stand: logarithms of two thrusters' shares and of four factors, dead time and
 # lag, compass, two currents and two forces of the wind, how fast the currents change.
@@ -23,7 +23,7 @@ FACTORS_OF, FACTORS = (2, 3, 4, 5, 6, 7, 8), (4, 2, 3, 5, 2, 3, 5)
 # Standard deviations beyond which a miss counts by its size and no longer by its square.
 ROBUST = 3.0
 
-_turn = machine_code(turn)
+_turn = part_of_kernels(turn)
 
 
 @machine_code

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from grebe.core.copies import put
-from grebe.core.kernels import machine_code
+from grebe.core.kernels import machine_code, part_of_kernels
 from grebe.core.motion import CE, CN, advance
 
 SUBSTEPS_PER_S = 20.0
@@ -30,7 +30,7 @@ def lagged(thrusts, lags):
     return out
 
 
-@machine_code
+@part_of_kernels
 def piece_end(p, drift, times, z, thrusts, shares, first, last, per_second):
     """Roll `z` (6,) out from `times[first]` to `times[last]`, in place, under the mean thrusts
     (n - 1, 2) between successive times, of thrusters that give `shares` (2,) of them. The current

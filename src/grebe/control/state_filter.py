@@ -25,7 +25,7 @@ import numpy as np
 
 from grebe.core.copies import put
 from grebe.core.events import State
-from grebe.core.kernels import machine_code
+from grebe.core.kernels import machine_code, part_of_kernels
 from grebe.core.motion import advance
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def _weigh(
     return True
 
 
-@machine_code
+@part_of_kernels
 def _carried(slopes, covariance):
     """F P F' of `slopes` F and a `covariance` P, (6, 6)."""
     half, out = np.zeros((6, 6)), np.zeros((6, 6))
@@ -174,7 +174,7 @@ def _carried(slopes, covariance):
     return out
 
 
-@machine_code
+@part_of_kernels
 def _correct(state, covariance, after, variances):
     """Weigh a predicted `state` (6,) of `covariance` (6, 6) against an estimate, in place."""
     spread = np.empty(6)
@@ -189,7 +189,7 @@ def _correct(state, covariance, after, variances):
                 covariance[i, j] -= spread[i] * spread[j] / variance
 
 
-@machine_code
+@part_of_kernels
 def _predict(parameters, state, thrusts, seconds, substeps, predicted, slopes):
     """The state after some time, and its derivatives (6, 6) by the one before. The boat moves alike
     wherever it is.

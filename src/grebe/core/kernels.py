@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import importlib
 import signal
@@ -10,7 +11,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar
 
 import numba
 
@@ -32,26 +33,49 @@ def machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments
 
     While it runs, other threads do too: the one that ends a command when it is told to.
     """
-    kernel = numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", nogil=True)(function)
-    return cast("Callable[_Arguments, _Result]", _compiled_in_peace(kernel))
+    return _compiled(function, fastmath=_FASTMATH, nogil=True)
 
 
 def exact_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Like `machine_code`, but every sum in the order in which it is written: for kernels whose
     rounding is part of the method.
     """
-    kernel = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    return cast("Callable[_Arguments, _Result]", _compiled_in_peace(kernel))
+    return _compiled(function, nogil=True)
+
+
+def part_of_kernels(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Like `machine_code`, for what other kernels call and Python never does: what would unpack
+    Python's arguments is not compiled. Called by Python it raises `TypeError`.
+    """
+    return _hidden(_compiled(function, fastmath=_FASTMATH, no_cpython_wrapper=True))
 
 
 def inlined_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
-    """Like `machine_code`, copied into each kernel that calls it. For small kernels: handing
+    """Like `part_of_kernels`, copied into each kernel that calls it. For small kernels: handing
     over a record of arrays takes longer than they do.
     """
-    kernel = numba.njit(cache=True, fastmath=_FASTMATH, error_model="numpy", forceinline=True)(
-        function
-    )
-    return cast("Callable[_Arguments, _Result]", _compiled_in_peace(kernel))
+    options = {"no_cpython_wrapper": True, "forceinline": True}
+    return _hidden(_compiled(function, fastmath=_FASTMATH, **options))
+
+
+def _compiled(function: Callable[_Arguments, _Result], **options: Any) -> Any:
+    # Nobody calls a kernel from C.
+    options = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True} | options
+    return _compiled_in_peace(numba.njit(**options)(function))
+
+
+def _hidden(kernel: Any) -> Any:
+    """Keep Python from calling a kernel that it has no way into: it would jump to nowhere."""
+    if not hasattr(kernel, "compile"):
+        return kernel  # With NUMBA_DISABLE_JIT=1 it is Python's own function.
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise TypeError(f"{kernel.__name__} is a part of other kernels: Python cannot call it")
+
+    # What numba knows of ways in, and asks for one where it knows of none.
+    kernel._insert = lambda *_: None
+    kernel._compile_for_args = refuse
+    return kernel
 
 
 def _compiled_in_peace(kernel: Any) -> Any:
@@ -62,6 +86,7 @@ def _compiled_in_peace(kernel: Any) -> Any:
     if not hasattr(kernel, "compile"):
         return kernel  # With NUMBA_DISABLE_JIT=1 numba hands the function back as it is.
     _load_at_once(kernel)
+    _save_alone(kernel)
     compile_once = kernel.compile
 
     def compile_in_peace(signature: Any) -> Any:
@@ -94,6 +119,36 @@ def _load_at_once(kernel: Any) -> None:
         return look_and_prepare(signature, context)
 
     cache.load_overload = load
+
+
+def _save_alone(kernel: Any) -> None:
+    """Let one process at a time write what it has compiled. Numba numbers the files of a kernel by
+    what is there: two processes might give one number to machine code for different arguments.
+    """
+    cache: Any = getattr(kernel, "_cache", None)
+    if not hasattr(cache, "save_overload"):
+        return
+    save = cache.save_overload
+
+    def save_alone(signature: Any, compiled: Any) -> None:
+        with _alone(Path(cache.cache_path)):
+            save(signature, compiled)
+
+    cache.save_overload = save_alone
+
+
+@contextmanager
+def _alone(folder: Path) -> Generator[None]:
+    """Wait for whoever writes machine code to a folder; where none can be written, for nobody."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / ".machine_code").open("w")
+    except OSError:
+        yield
+        return
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 @contextmanager

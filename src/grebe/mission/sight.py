@@ -56,7 +56,9 @@ class Sight:
             self._check_clock(observation)
             if all(map(math.isfinite, observation.state)):
                 self.raw = unwrapped(observation, self.raw)
-                self.last = replace(self.raw, state=self._tracker.righted(self.raw.state))
+                righted = self._tracker.righted(self.raw.state)
+                is_right = righted is self.raw.state
+                self.last = self.raw if is_right else replace(self.raw, state=righted)
                 return self.last
             text = f"an estimate is not a number and is passed over: {observation.state}"
             self._announcer.tell(Warned, observation.time_s, code="estimate_invalid", message=text)

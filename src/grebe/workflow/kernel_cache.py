@@ -12,11 +12,19 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from grebe.core import kernels
 from grebe.workflow.collector import uncollected
 
-COMPILE = "from grebe.workflow.kernel_cache import sail_a_little; sail_a_little()"
+if TYPE_CHECKING:
+    from grebe.control.controller import Command
+    from grebe.core.dynamics import Weather
+    from grebe.core.events import State
+    from grebe.core.vessel import Vessel
+
+_CALL = "from grebe.workflow.kernel_cache import {0}; {0}()"
+COMPILE, BESIDE = _CALL.format("compile_all"), _CALL.format("compile_beside")
 
 
 def compile_controller() -> bool:
@@ -28,9 +36,39 @@ def compile_controller() -> bool:
 
 
 @uncollected()
-def sail_a_little() -> None:
+def compile_all() -> None:
+    """Compile all that a mission needs, with a second process beside this one where there is a
+    second core; what that does not do, for whatever reason, is done here.
+    """
+    from grebe.control.solvers.fast.ahead import compile_horizon, compile_optimise
+
+    if (os.cpu_count() or 1) > 1:
+        with subprocess.Popen([sys.executable, "-c", BESIDE], stdout=subprocess.PIPE) as beside:
+            compile_horizon()
+            assert beside.stdout is not None
+            beside.stdout.readline()
+            compile_optimise()
+    sail_a_little()
+    kernels.note_compiled()
+
+
+@uncollected()
+def compile_beside() -> None:
+    """The second process's share: says when the solver can be put together, and goes on with what
+    a mission needs beside it.
+    """
+    from grebe.control.solvers.fast.ahead import compile_quadratic
+
+    compile_quadratic()
+    sys.stdout.write("The quadratic problem is compiled.\n")
+    sys.stdout.flush()
+    sail_a_little(steered=False)
+
+
+def sail_a_little(*, steered: bool = True) -> None:
     """Sail a boat with weak and late thrusters by noisy estimates, for longer than it takes to find
-    that out: every kernel is needed then that a mission may need, also in its middle.
+    that out: every kernel is needed then that a mission may need, also in its middle. One that is
+    not `steered` needs all but the solver's.
     """
     from grebe.control.controller import Controller
     from grebe.core.sets import footprints_of
@@ -46,7 +84,29 @@ def sail_a_little() -> None:
         errors=EstimateErrors(velocity_mps=0.02),
         limit_s=30.0,
     )
-    fly(model, sets, Controller(model, sets), (-5.0, 2.0, 0, 0, 0, 0), late)
+    helm = Controller(model, sets) if steered else _Weaving(model)
+    fly(model, sets, helm, (-5.0, 2.0, 0, 0, 0, 0), late)
     # Large cells alone ask for it.
     taut_way((-5.0, 2.0), footprints_of(sets))
-    kernels.note_compiled()
+
+
+class _Weaving:
+    """A helm that turns the boat one way and the other."""
+
+    reached = 0
+    step_s = 1.0
+
+    def __init__(self, vessel: Vessel) -> None:
+        self.vessel = vessel
+        self._steps = 0
+
+    def take_for(self, vessel: Vessel) -> None:
+        self.vessel = vessel
+
+    def step(self, state: State, weather: Weather, elapsed_s: float | None) -> Command:  # noqa: ARG002
+        from grebe.control.controller import Command
+
+        self._steps += 1
+        full = self.vessel.thrust_max_n
+        left = self._steps % 6 < 3
+        return Command(thrusts=(full, 0.2 * full) if left else (0.2 * full, full))

@@ -57,7 +57,7 @@ def advised(
     What is `asked` in an estimate at which the boat has to be stopped or freed is answered after.
     """
     asked = (*memory.asked, *asked)
-    seen = replace(_watched(memory, facts, settings, vessel), asked=asked)
+    seen = _watched(memory, facts, settings, vessel, asked)
     for judge in (_stops, _frees):
         found = judge(seen, facts, settings)
         if found is not None:
@@ -192,8 +192,14 @@ def shut_in(memory: Memory, observation: Observation, why: str) -> Memory:
     )
 
 
-def _watched(memory: Memory, facts: Facts, settings: SafetySettings, vessel: Vessel) -> Memory:
-    """What is remembered, with this estimate in it."""
+def _watched(
+    memory: Memory,
+    facts: Facts,
+    settings: SafetySettings,
+    vessel: Vessel,
+    asked: tuple[Asked, ...],
+) -> Memory:
+    """What is remembered, with this estimate and what was asked in it."""
     drives = memory.state in (SafetyState.SURVEYING, SafetyState.RETURNING)
     motion = watched_motion(memory.motion, facts, vessel, settings.least_depth_m)
     if memory.reached != facts.reached:
@@ -206,6 +212,7 @@ def _watched(memory: Memory, facts: Facts, settings: SafetySettings, vessel: Ves
     since = memory.against_s if memory.against_s is not None else facts.time_s
     return replace(
         memory,
+        asked=asked,
         motion=motion if drives else Motion(),
         turning=watched_turning(memory.turning, facts, vessel),
         battery=watched_battery(memory.battery, facts),

@@ -15,13 +15,13 @@ the yaw rate need not be differentiated and neither a lag nor noise is mistaken 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grebe.core.dynamics import Weather
-from grebe.core.kernels import machine_code
+from grebe.core.kernels import exact_machine_code, machine_code
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Cause, Facts, Finding
 
@@ -52,15 +52,17 @@ NONE = (0.0,) * (EXPLAINED + 1)
 
 @dataclass(frozen=True, kw_only=True)
 class Turning:
-    """Filtered yaw rate and moments, and the averages of the products (64,), row by row, of all but
-    the last and of what is to be explained; `current` (north, east), the average of what was
-    estimated [m/s]; `side` that seems dead, `since_s` when.
+    """Filtered yaw rate and moments, and the averages of the products (8, 8) of all but the last
+    and of what is to be explained, which are never written to; `current` (north, east), the average
+    of what was estimated [m/s]; `side` that seems dead, `since_s` when.
     """
 
     time_s: float | None = None
     yaw_rate: float = 0.0
     moments: tuple[float, ...] = NONE
-    products: tuple[float, ...] = (0.0,) * (EXPLAINED + 1) ** 2
+    products: Array = field(
+        default_factory=lambda: np.zeros((EXPLAINED + 1, EXPLAINED + 1)), compare=False
+    )
     current: tuple[float, float] = (0.0, 0.0)
     side: int = 0
     since_s: float = 0.0
@@ -78,14 +80,15 @@ def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
     seen = vessel.m33_kgm2 * (yaw_rate - before.yaw_rate) / FILTER_S
     now = _moments(vessel, facts)
     moments = tuple(old + share * (new - old) for old, new in zip(before.moments, now, strict=True))
-    products = _averaged(before.products, (*moments[:-1], seen - moments[-1]), keep)
+    row = np.array((*moments[:-1], seen - moments[-1]))
+    products = _averaged(before.products, row, keep)
     north, east = _current(facts.weather)
     average = (
         keep * before.current[0] + (1 - keep) * north,
         keep * before.current[1] + (1 - keep) * east,
     )
     expected, unsure = _expected(north, east, math.dist((north, east), average))
-    side = _dead_side(np.array(products).reshape(EXPLAINED + 1, -1), vessel, expected, unsure)
+    side = _dead_side(products, vessel, expected, unsure)
     return Turning(
         time_s=facts.time_s,
         yaw_rate=before.yaw_rate + share * (yaw_rate - before.yaw_rate),
@@ -97,10 +100,14 @@ def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
     )
 
 
-def _averaged(before: tuple[float, ...], row: tuple[float, ...], keep: float) -> tuple[float, ...]:
-    """Averages of the products of a row of moments, row by row, with one more row."""
-    products = (a * b for a in row for b in row)
-    return tuple(keep * old + (1 - keep) * new for old, new in zip(before, products, strict=True))
+@exact_machine_code
+def _averaged(before, row, keep):
+    """Averages (n, n) of the products of a row of moments (n,), with one more row."""
+    averages = np.empty_like(before)
+    for i in range(len(row)):
+        for j in range(len(row)):
+            averages[i, j] = keep * before[i, j] + (1 - keep) * (row[i] * row[j])
+    return averages
 
 
 def dead_thruster(turning: Turning) -> Finding | None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from grebe.core.copies import put
 from grebe.core.eights import WIDTH, eight, loaded, stored, sum_of_four, sum_of_six
-from grebe.core.kernels import inlined_machine_code, machine_code
+from grebe.core.kernels import inlined_machine_code, machine_code, part_of_kernels
 from grebe.core.motion import (
     ARM,
     M11,
@@ -32,7 +32,7 @@ from grebe.core.motion import (
 )
 
 
-@machine_code
+@part_of_kernels
 def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     """Right-hand side `f` (6,) and its Jacobian `jac` (6, 8) in (psi, u, v, r, F_1, F_2),
     with two columns of zeros.
@@ -65,7 +65,7 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     jac[5, 5] = -arm / m33
 
 
-@machine_code
+@part_of_kernels
 def curvature(p, psi, u, v, r, mu, hess):
     """Hessian `hess` (4, 4) of mu f in (psi, u, v, r); f is linear in the thrusts."""
     c, s, u_c, v_c, wind_x, wind_y = in_hull_axes(p, psi)

@@ -24,7 +24,7 @@ import numpy as np
 from grebe.control.solvers.fast.riccati import NW, NX, NY, ROW, factorise, solve
 from grebe.core.copies import put, put_rows
 from grebe.core.eights import WIDTH
-from grebe.core.kernels import inlined_machine_code, machine_code
+from grebe.core.kernels import inlined_machine_code, part_of_kernels
 
 MOST_ITERATIONS = 40
 TO_THE_BOUNDARY = 0.995
@@ -32,7 +32,7 @@ TO_THE_BOUNDARY = 0.995
 FLOOR = 1e-2
 
 
-@machine_code
+@part_of_kernels
 def start_rows(first, compliance, price, base, t, lam, s, nu):
     """Place slacks and multipliers inside, as near to complementary as the last solve left them.
 
@@ -70,7 +70,7 @@ def _start_shared(begin, end, j, price, base, t, lam, s, nu):
     nu[j] = price[j] - total
 
 
-@machine_code
+@part_of_kernels
 def start_box(low, high, t, lam):
     """Place the box's slacks inside: `low`, `high` (N, 3) relative to the iterate."""
     half = low.size
@@ -83,7 +83,7 @@ def start_box(low, high, t, lam):
             lam[at + half] = max(lam[at + half], FLOOR)
 
 
-@machine_code
+@part_of_kernels
 def minimise(
     hess, grad, sens, c, rows, first, node, compliance, price, base, low, high,
     t, lam, s, nu, dx, dw, costate, gain, tolerance,
@@ -151,7 +151,7 @@ def minimise(
     return -1 - MOST_ITERATIONS
 
 
-@machine_code
+@part_of_kernels
 def _complementarity(alpha, t, lam, s, nu, d_t, d_lam, d_s, d_nu):
     """The sum of slacks times multipliers, a share of a step ahead."""
     total = 0.0
@@ -162,7 +162,7 @@ def _complementarity(alpha, t, lam, s, nu, d_t, d_lam, d_s, d_nu):
     return total
 
 
-@machine_code
+@part_of_kernels
 def _residuals(rows, first, node, compliance, base, dx, t, lam, s, residual):
     """By how much each row misses its own equation, and the largest of it."""
     worst = 0.0
@@ -175,7 +175,7 @@ def _residuals(rows, first, node, compliance, base, dx, t, lam, s, residual):
     return worst
 
 
-@machine_code
+@part_of_kernels
 def _condense(first, compliance, residual, t, lam, aim, corrector, d_t, d_lam, weight, shift):
     """Eliminate each row: d lam = shift + weight (a dz - ds)."""
     for j in range(len(compliance)):
@@ -188,7 +188,7 @@ def _condense(first, compliance, residual, t, lam, aim, corrector, d_t, d_lam, w
             shift[i] = (target + lam[i] * residual[i]) * inverse
 
 
-@machine_code
+@part_of_kernels
 def _slack_terms(begin, end, j, price, s, nu, lam, weight, shift, aim, corrector, d_s, d_nu):
     """Curvature and right-hand side of a family's shared slack after its rows are eliminated."""
     total_weight, total_shift, total_lam = 0.0, 0.0, 0.0
@@ -203,7 +203,7 @@ def _slack_terms(begin, end, j, price, s, nu, lam, weight, shift, aim, corrector
     return total_weight + nu[j] / s[j], total_shift + target / s[j] - stationarity, target
 
 
-@machine_code
+@part_of_kernels
 def _assemble(
     hess, grad, rows, first, node, price, dx, s, nu, lam, weight, shift, aim, corrector,
     d_s, d_nu, dw, low, high, t, d_t, d_lam, full, full_grad, end_hess, end_grad,
@@ -286,7 +286,7 @@ def _add_box(k, dw, low, high, t, lam, aim, corrector, d_t, d_lam, full, full_gr
             at += half
 
 
-@machine_code
+@part_of_kernels
 def _row_steps(
     rows, first, node, compliance, price, residual, dx, new_dx, lam, s, nu, aim, corrector,
     weight, shift, d_t, d_lam, d_s, d_nu,
@@ -311,7 +311,7 @@ def _row_steps(
             d_t[i] = -residual[i] - along + ds + compliance[j] * d_lam[i]
 
 
-@machine_code
+@part_of_kernels
 def _box_steps(low, high, dw, new_dw, t, lam, aim, corrector, d_t, d_lam):
     """Recover the steps of the box's slacks and multipliers."""
     half = low.size
@@ -328,7 +328,7 @@ def _box_steps(low, high, dw, new_dw, t, lam, aim, corrector, d_t, d_lam):
                 at += half
 
 
-@machine_code
+@part_of_kernels
 def _longest_step(t, lam, d_t, d_lam):
     """The longest step, beyond which a slack or a multiplier would be negative."""
     steepest = TO_THE_BOUNDARY

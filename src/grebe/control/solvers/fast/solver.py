@@ -74,8 +74,8 @@ class FastSolver:
         ended, iterations, cost, states, inputs, costates = found
         plan = Plan(
             states=states,
-            thrusts=np.clip(inputs[:, :2], bounds[0], bounds[1]),
-            durations=low + np.clip(inputs[:, 2], 0.0, 1.0) * span,
+            thrusts=np.minimum(np.maximum(inputs[:, :2], bounds[0]), bounds[1]),
+            durations=low + np.minimum(np.maximum(inputs[:, 2], 0.0), 1.0) * span,
             costates=costates if np.isfinite(costates).all() else None,
         )
         finite = bool(np.isfinite(states).all() and np.isfinite(inputs).all())

@@ -22,7 +22,7 @@ from grebe.control.solvers.fast.interior import minimise, start_box, start_rows
 from grebe.control.solvers.fast.riccati import NW, NX, NY, PLACE, ROW
 from grebe.core.copies import put, put_rows
 from grebe.core.eights import WIDTH
-from grebe.core.kernels import machine_code
+from grebe.core.kernels import machine_code, part_of_kernels
 from grebe.core.motion import advance
 
 if TYPE_CHECKING:
@@ -117,13 +117,13 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
     # Without curvature a problem of minimum time is linear: Gauss-Newton would not do.
     free = np.max(terms.timing[1]) > 0.0
     for iteration in range(most_iterations):
-        _shoot(terms, states, inputs, shooting)
+        shoot(terms, states, inputs, shooting)
         _values(terms, states, base)
         _box(terms, inputs, low, high)
         solved = -1
         for attempt in range(2):
             curved = attempt == 0 or damping > 0.0 or free
-            _quadratic(terms, inputs, costate, shooting, damping, curved, attempt == 1, hess, grad)
+            quadratic(terms, inputs, costate, shooting, damping, curved, attempt == 1, hess, grad)
             start_rows(terms.first, compliance, terms.price, base, t, lam, s, nu)
             start_box(low, high, t, lam)
             solved = minimise(
@@ -148,7 +148,7 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
             first_cost, first_gaps = cost, gaps
         history[iteration % MEMORY] = cost + penalty * gaps
         promise = _promise(hess, dx, dw, shooting.gap, penalty)
-        alpha = _search(
+        alpha = search(
             terms, states, inputs, dx, dw, gain, np.max(np.abs(shooting.gap)) < SMALL_GAP,
             np.max(history), promise, penalty, trial_x, trial_w,
         )  # fmt: skip
@@ -167,19 +167,17 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
         if (alpha == 1.0 and small) or (idle and step < 10 * tolerance):
             return CONVERGED, iteration + 1, _cost(terms, states, inputs)
         step = step if alpha == 1.0 else np.inf
-    return _unfinished(
-        terms, gain, states, inputs, first_cost + penalty * first_gaps, iteration + 1
-    )
+    return unfinished(terms, gain, states, inputs, first_cost + penalty * first_gaps, iteration + 1)
 
 
-@machine_code
+@part_of_kernels
 def _next_is_negligible(before, step, tolerance):
     shrinks = np.isfinite(before) and step < SHRINKING * before
     return shrinks and step * step / before < NEGLIGIBLE * tolerance
 
 
-@machine_code
-def _unfinished(terms, gain, states, inputs, first, iterations):
+@part_of_kernels
+def unfinished(terms, gain, states, inputs, first, iterations):
     """End an optimisation that has not converged: drive its plan, and judge what comes of it."""
     driven_x, driven_w = states.copy(), inputs.copy()
     _drive(terms, gain, driven_x, driven_w)
@@ -191,13 +189,13 @@ def _unfinished(terms, gain, states, inputs, first, iterations):
     return FEASIBLE, iterations, cost
 
 
-@machine_code
+@part_of_kernels
 def _duration(terms, inputs, k):
     return terms.timing[0, k] + inputs[k, 2] * terms.timing[1, k]
 
 
-@machine_code
-def _shoot(terms, states, inputs, shooting):
+@part_of_kernels
+def shoot(terms, states, inputs, shooting):
     """Integrate every stage with its derivatives."""
     following = np.empty(NX)
     for k in range(inputs.shape[0]):
@@ -210,7 +208,7 @@ def _shoot(terms, states, inputs, shooting):
             shooting.sens[k, i, 6] *= terms.timing[1, k]
 
 
-@machine_code
+@part_of_kernels
 def _box(terms, inputs, low, high):
     """Bounds of the inputs' change: thrusts between their bounds, shares in [0, 1]."""
     for k in range(inputs.shape[0]):
@@ -221,8 +219,8 @@ def _box(terms, inputs, low, high):
         high[k, 2] = 1.0 - inputs[k, 2]
 
 
-@machine_code
-def _search(
+@part_of_kernels
+def search(
     terms, states, inputs, dx, dw, gain, closed, reference, promise, penalty, trial_x, trial_w
 ):
     """Halve the step until the penalty function is low enough; 0 where it never is.
@@ -245,7 +243,7 @@ def _search(
     return 0.0
 
 
-@machine_code
+@part_of_kernels
 def _drive(terms, gain, states, inputs):
     """Replace a trial by what the boat does when it follows it with the gains: no gaps."""
     off, following = np.zeros(NX), np.empty(NX)
@@ -267,14 +265,14 @@ def _drive(terms, gain, states, inputs):
             states[k + 1, i] = following[i]
 
 
-@machine_code
+@part_of_kernels
 def _eased(damping, alpha):
     """Damping after an accepted step: none after a full one, some after a short one."""
     damping = 0.0 if damping < FIRST_DAMPING or alpha == 1.0 else 0.3 * damping
     return max(damping, FIRST_DAMPING) if alpha < 0.25 else damping
 
 
-@machine_code
+@part_of_kernels
 def _values(terms, states, base):
     """Value of every row at the iterate."""
     rows, first = terms.rows, terms.first
@@ -284,8 +282,8 @@ def _values(terms, states, base):
             base[i] = rows[i, 0] * z[0] + rows[i, 1] * z[1] + rows[i, 2] * z[3] - rows[i, 3]
 
 
-@machine_code
-def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess, grad):
+@part_of_kernels
+def quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess, grad):
     """Hessian of the Lagrangian and gradient of the cost without the rows.
 
     With `mirrored` the dynamics' curvature is replaced by its absolute value, eigenvalue by
@@ -328,7 +326,7 @@ def _quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess
         grad[k, 8] += (terms.timing[2, k] + power * squares + 2 * stiffness * stray) * span
 
 
-@machine_code
+@part_of_kernels
 def _cost(terms, states, inputs):
     """Cost with its L1 slacks: of a family the squares, or the worst of its rows."""
     total = 0.0
@@ -352,7 +350,7 @@ def _cost(terms, states, inputs):
     return total
 
 
-@machine_code
+@part_of_kernels
 def _gaps(terms, states, inputs):
     """Sum of the gaps in the dynamics."""
     following = np.empty(NX)
@@ -366,7 +364,7 @@ def _gaps(terms, states, inputs):
     return total
 
 
-@machine_code
+@part_of_kernels
 def _promise(hess, dx, dw, gap, penalty):
     """A decrease that the step may be asked for: curvature along it, and the gaps it closes."""
     total = 0.0
@@ -382,7 +380,7 @@ def _promise(hess, dx, dw, gap, penalty):
     return total
 
 
-@machine_code
+@part_of_kernels
 def _step_size(dx, dw, limits, timing):
     """The largest change: states in SI units, thrusts as a share of their range."""
     worst = 0.0
