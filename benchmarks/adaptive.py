@@ -32,7 +32,7 @@ from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
-from grebe.planning.revise import Halfway
+from grebe.planning.revisions.revise import Halfway
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water

@@ -39,7 +39,7 @@ from grebe.io.store import SurveyFile
 from grebe.links.simulated import EXACT, SimulatedLink
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde

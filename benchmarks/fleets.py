@@ -24,7 +24,7 @@ from grebe.core.plan_settings import FleetSettings, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EstimateErrors
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.workflow.files import write_survey

@@ -26,8 +26,8 @@ from benchmarks.interpolators import peers, rms
 from grebe.core.samples import Flag, Samples
 from grebe.io.store import SurveyFile
 from grebe.mapping.maps import MapSettings
+from grebe.mapping.proof.validation import track_lines
 from grebe.mapping.quantity_map import QuantityMap
-from grebe.mapping.validation import track_lines
 from grebe.report.thresholds import read_profile
 from grebe.workflow.maps import map_survey, write_maps
 from grebe.workflow.tracks import import_track

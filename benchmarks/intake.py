@@ -16,8 +16,8 @@ from grebe.core.quantities import BUILTIN
 from grebe.core.samples import Samples
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.track import read_track
-from grebe.mapping.quality_bubbles import bubbles
-from grebe.mapping.quality_settling import settling_times
+from grebe.mapping.quality.bubbles import bubbles
+from grebe.mapping.quality.settling import settling_times
 from grebe.workflow.tracks import samples_of_track, survey_of_track
 
 CUTS, BUBBLES = 100, 40

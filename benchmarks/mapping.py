@@ -17,15 +17,15 @@ import shapely
 from benchmarks.common import print_head, print_row
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag
-from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.covariance.models import CovarianceModel
+from grebe.mapping.fields.kriging import Estimate, krige
+from grebe.mapping.fields.simulation import circulant_fields
+from grebe.mapping.fields.spde import Mesh, ShoreField, ShoreModel, coarse_mesh, fit_spde
+from grebe.mapping.fields.spde import _factor as factorised
+from grebe.mapping.fields.spde import _operator as operator_of
 from grebe.mapping.grid import Grid, make_grid
-from grebe.mapping.kriging import Estimate, krige
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.choice import METHODS
-from grebe.mapping.simulation import circulant_fields
-from grebe.mapping.spde import Mesh, ShoreField, ShoreModel, coarse_mesh, fit_spde
-from grebe.mapping.spde import _factor as factorised
-from grebe.mapping.spde import _operator as operator_of
 
 SEA = shapely.box(0, 0, 1000, 1000)
 MODEL = CovarianceModel(kind="matern32", sill=1.0, range_m=60.0, nugget=0.05)

@@ -17,13 +17,13 @@ from grebe.core.plan_settings import SHAPES, PlanSettings
 from grebe.core.taut import taut_way
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
-from grebe.planning.corridors import Waterways
-from grebe.planning.mesh import mesh_water
-from grebe.planning.network import connect
+from grebe.planning.cells.mesh import mesh_water
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region
-from grebe.planning.route import best_route, first_orders
-from grebe.planning.travel import Travel, travel_of
+from grebe.planning.route.portfolio import best_route, first_orders
+from grebe.planning.ways.corridors import Waterways
+from grebe.planning.ways.network import connect
+from grebe.planning.ways.travel import Travel, travel_of
 
 BOAT = PRESETS["spyboat"]
 CURRENT = Weather(current_north_mps=0.3, current_east_mps=0.1)

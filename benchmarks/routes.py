@@ -17,14 +17,14 @@ from scipy.sparse.csgraph import dijkstra
 from benchmarks.common import print_head, print_row
 from benchmarks.planning import BOAT, CURRENT, lake, minutes
 from grebe.core.dynamics import CALM
-from grebe.planning.bounds import lower_bound_m
-from grebe.planning.corridors import Waterways
-from grebe.planning.costs import costs_of
-from grebe.planning.mesh import mesh_water
-from grebe.planning.network import connect
-from grebe.planning.polish import polished
-from grebe.planning.route import best_route, first_orders
-from grebe.planning.travel import travel_of
+from grebe.planning.cells.mesh import mesh_water
+from grebe.planning.route.bounds import lower_bound_m
+from grebe.planning.route.costs import costs_of
+from grebe.planning.route.polish import polished
+from grebe.planning.route.portfolio import best_route, first_orders
+from grebe.planning.ways.corridors import Waterways
+from grebe.planning.ways.network import connect
+from grebe.planning.ways.travel import travel_of
 
 SCALE = 1000  # OR-tools reckons in whole numbers: millimetres
 SECONDS = {100: 10, 1_000: 30}

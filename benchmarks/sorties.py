@@ -18,13 +18,13 @@ from benchmarks.planning import FRAME, archipelago, bean
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
-from grebe.planning.costs import leg
-from grebe.planning.endurance import endurance_of
-from grebe.planning.fewest_trips import Trips, trips_within
-from grebe.planning.lake import Lake, lake_of, ports_of
 from grebe.planning.planner import planner_of
 from grebe.planning.region import Region
-from grebe.planning.trip_times import Ports
+from grebe.planning.route.costs import leg
+from grebe.planning.trips.endurance import endurance_of
+from grebe.planning.trips.fewest_trips import Trips, trips_within
+from grebe.planning.trips.lake import Lake, lake_of, ports_of
+from grebe.planning.trips.trip_times import Ports
 
 BOAT = PRESETS["blueboat"]
 CURRENT = Weather(current_north_mps=0.3, current_east_mps=0.1)

@@ -19,7 +19,7 @@ from grebe.core.events import Estimate
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import FleetSettings
 from grebe.core.vessel import PRESETS
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.workflow.files import write_survey
 from grebe.workflow.fleets import FleetRun

@@ -18,7 +18,7 @@ from grebe.core.revision import first_revision, left_out, survey_of
 from grebe.core.vessel import PRESETS
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region, water_of
-from grebe.planning.revise import Halfway, open_water, replanned
+from grebe.planning.revisions.revise import Halfway, open_water, replanned
 
 frame = LocalFrame(origin_lon_deg=3.17, origin_lat_deg=50.63)
 lake = Region(name="a lake", frame=frame, water=shapely.box(0, 0, 80, 100))

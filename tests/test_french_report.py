@@ -13,15 +13,15 @@ from matplotlib.text import Text
 
 from grebe.cli.main import grebe
 from grebe.core.quantities import LIMNOLOGICAL
-from grebe.mapping.drift import linear
+from grebe.mapping.covariance.drift import linear
 from grebe.mapping.grid import make_grid
-from grebe.mapping.method_choice import best_of
 from grebe.mapping.methods.averaged import Averaged
 from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.choice import COVARIANCE_FITS, ByShore, with_settings
 from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.spde import Spde
+from grebe.mapping.proof.method_choice import best_of
 from grebe.report import canvas
 from grebe.report.reasons import left_out_in, reason_in
 from grebe.report.texts import texts_of

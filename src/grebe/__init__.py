@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from grebe.io.store import SurveyFile
     from grebe.links.base import BoatLink, BoatStatus, Observation
     from grebe.links.simulated import EstimateErrors
-    from grebe.mapping.kriging import krige
+    from grebe.mapping.covariance.variogram import fit_variogram
+    from grebe.mapping.fields.kriging import krige
     from grebe.mapping.maps import Mapper, MapSettings
     from grebe.mapping.methods.kriging import Kriging
     from grebe.mapping.methods.spde import Spde
-    from grebe.mapping.variogram import fit_variogram
     from grebe.mission.departure import Departure
     from grebe.mission.loop import Mission
     from grebe.mission.recorders import MemoryRecorder
@@ -98,10 +98,10 @@ _HOME = {
     "check_samples": "workflow.quality",
     "clean_region": "planning.region",
     "compare_surveys": "workflow.differences",
-    "fit_variogram": "mapping.variogram",
+    "fit_variogram": "mapping.covariance.variogram",
     "fly": "mission.trial",
     "import_track": "workflow.tracks",
-    "krige": "mapping.kriging",
+    "krige": "mapping.fields.kriging",
     "map_survey": "workflow.maps",
     "plan_region": "workflow.plans",
     "read_region": "workflow.plans",

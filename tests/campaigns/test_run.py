@@ -22,7 +22,7 @@ from grebe.cli.main import grebe
 from grebe.core.errors import InputError, LinkError, StoppedError, UsageError
 from grebe.core.plan_settings import FleetSettings, PlanSettings
 from grebe.core.vessel import PRESETS
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.workflow.files import write_survey
 

@@ -11,9 +11,9 @@ from conftest import region_of
 from grebe.cli.main import grebe
 from grebe.core.errors import UsageError
 from grebe.io.store import SurveyFile
-from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.covariance.models import CovarianceModel
 from grebe.mapping.design import pitch_for_accuracy
-from grebe.mapping.kriging import krige
+from grebe.mapping.fields.kriging import krige
 
 
 @pytest.fixture(scope="module")

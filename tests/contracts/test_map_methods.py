@@ -10,14 +10,14 @@ from conftest import TEMPERATURE
 
 from grebe.core.errors import InputError
 from grebe.core.samples import Flag
+from grebe.mapping.covariance.likelihood import fit_reml
+from grebe.mapping.covariance.variogram import fit_variogram
 from grebe.mapping.grid import make_grid
-from grebe.mapping.likelihood import fit_reml
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.choice import METHODS, with_settings
 from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.methods.spde import Spde
-from grebe.mapping.variogram import fit_variogram
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "add-a-map-method.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)

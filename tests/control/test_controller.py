@@ -18,7 +18,7 @@ from grebe.core.sets import footprints_of, rectangle
 from grebe.core.taut import taut_way
 from grebe.core.vessel import PRESETS
 from grebe.mission.trial import Conditions, fly, meander
-from grebe.planning.travel import travel_of
+from grebe.planning.ways.travel import travel_of
 
 BOAT = PRESETS["benchmark"]
 DUAL = Dual()

@@ -5,12 +5,18 @@ import pytest
 import shapely
 
 from grebe.core.crossing import crossing
+from grebe.core.kernels import machine_code
 
 SQUARE = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0), (0.0, 0.0)])
 
 
+@machine_code
+def crossed(ax, ay, bx, by, ring, drawn_in_m):
+    return crossing(ax, ay, bx, by, ring, 0, len(ring) - 1, drawn_in_m)
+
+
 def shares(a, b, ring=SQUARE, drawn_in_m=0.0):
-    return crossing(*a, *b, ring, 0, len(ring) - 1, drawn_in_m)
+    return crossed(*a, *b, ring, drawn_in_m)
 
 
 def test_a_stretch_across_enters_and_leaves_where_it_meets_the_sides():

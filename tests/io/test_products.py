@@ -31,12 +31,12 @@ from grebe.io.export.netcdf import write_netcdf
 from grebe.io.export.stac import Asset, write_stac_item
 from grebe.io.readers.credits import read_credits
 from grebe.io.readers.depth import read_depth
-from grebe.mapping.difference import difference
-from grebe.mapping.drift import combined, inflow, linear
+from grebe.mapping.covariance.drift import combined, inflow, linear
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.choice import KRIGING, ByShore, with_settings
-from grebe.mapping.quality import check_quality
+from grebe.mapping.quality.control import check_quality
+from grebe.mapping.series.difference import difference
 from grebe.report.tables import area_classes
 from grebe.report.texts import LANGUAGES, texts_of
 from grebe.report.thresholds import read_profile

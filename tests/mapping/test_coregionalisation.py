@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grebe.mapping.coregionalisation import Cokriging, Coregionalisation, Observed
-from grebe.mapping.covariance import CovarianceModel
-from grebe.mapping.kriging import krige
+from grebe.mapping.covariance.coregionalisation import Cokriging, Coregionalisation, Observed
+from grebe.mapping.covariance.models import CovarianceModel
+from grebe.mapping.fields.kriging import krige
 
 HOME = Path(find_spec("skgstat").submodule_search_locations[0])
 

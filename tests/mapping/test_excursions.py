@@ -10,7 +10,7 @@ from grebe.core.quantities import BUILTIN
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings, map_all
-from grebe.mapping.quality import check_quality
+from grebe.mapping.quality.control import check_quality
 from grebe.mapping.stamps import spread_times, usual_step_s
 
 WATER = shapely.box(-10, -10, 3_010, 110)

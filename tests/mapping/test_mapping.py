@@ -13,15 +13,15 @@ from grebe.core.errors import InputError
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag, Samples
 from grebe.io.export.netcdf import write_netcdf
-from grebe.mapping.covariance import KINDS, CovarianceModel
+from grebe.mapping.covariance.models import KINDS, CovarianceModel
+from grebe.mapping.covariance.variogram import empirical_variogram, fit_model, fit_variogram
+from grebe.mapping.fields.joining import merge_places
+from grebe.mapping.fields.kriging import krige
 from grebe.mapping.grid import make_grid
-from grebe.mapping.joining import merge_places
-from grebe.mapping.kriging import krige
 from grebe.mapping.maps import Mapper, map_all
 from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import Kriging
-from grebe.mapping.validation import validate
-from grebe.mapping.variogram import empirical_variogram, fit_model, fit_variogram
+from grebe.mapping.proof.validation import validate
 from grebe.simulation.water import conditioned_water, free_water
 
 kinds = st.sampled_from(KINDS)

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grebe.mapping.covariance import CovarianceModel
-from grebe.mapping.kriging import Drift, krige
-from grebe.mapping.likelihood import fit_reml
-from grebe.mapping.variogram import default_cutoff_m, empirical_variogram, fit_model
+from grebe.mapping.covariance.likelihood import fit_reml
+from grebe.mapping.covariance.models import CovarianceModel
+from grebe.mapping.covariance.variogram import default_cutoff_m, empirical_variogram, fit_model
+from grebe.mapping.fields.kriging import Drift, krige
 
 HOME = Path(find_spec("skgstat").submodule_search_locations[0])
 SPHERICAL = CovarianceModel(kind="spherical", sill=0.59060780, range_m=897.0209, nugget=0.05066243)

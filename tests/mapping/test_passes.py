@@ -8,16 +8,16 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.mapping.calibration import Calibration, for_few
-from grebe.mapping.covariance import KINDS, CovarianceModel, Fleeting, correlations, slopes
+from grebe.mapping.covariance.models import KINDS, CovarianceModel, Fleeting, correlations, slopes
+from grebe.mapping.covariance.posterior import Posterior, fit_rough, fit_smooth
+from grebe.mapping.fields.joining import EXACT_LIMIT
+from grebe.mapping.fields.kriging import Moments, Passing, krige, krige_moments
 from grebe.mapping.grid import make_grid
-from grebe.mapping.joining import EXACT_LIMIT
-from grebe.mapping.kriging import Moments, Passing, krige, krige_moments
 from grebe.mapping.methods.averaged import Averaged
 from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.methods.passes import Passes, fit_passes
-from grebe.mapping.posterior import Posterior, fit_rough, fit_smooth
+from grebe.mapping.proof.calibration import Calibration, for_few
 from grebe.mapping.way import REACH_M, half_cell_m, off_the_way, passed
 
 SPACE = CovarianceModel(kind="matern32", sill=1.0, range_m=25.0, nugget=1e-3)

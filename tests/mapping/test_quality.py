@@ -17,7 +17,7 @@ from grebe.core.samples import Flag, Samples
 from grebe.io.readers.limits import read_limits
 from grebe.io.store import SurveyFile
 from grebe.mapping.lag import Lag, Pass, estimate_lag, unlagged
-from grebe.mapping.quality import check_quality
+from grebe.mapping.quality.control import check_quality
 
 WATER = shapely.box(-10, -10, 2000, 50)
 TRACKS = DATA / "tracks"

@@ -10,15 +10,15 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grebe.mapping.covariance import KINDS, CovarianceModel
-from grebe.mapping.drift import linear
+from grebe.mapping.covariance.drift import linear
+from grebe.mapping.covariance.models import KINDS, CovarianceModel
+from grebe.mapping.fields.kriging import krige
+from grebe.mapping.fields.sequential import SequentialField, StraightPrior, sequential
+from grebe.mapping.fields.simulation import circulant_fields
 from grebe.mapping.grid import make_grid
-from grebe.mapping.kriging import krige
 from grebe.mapping.methods.base import Domain, Model, Readings
 from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.methods.spde import Spde
-from grebe.mapping.sequential import SequentialField, StraightPrior, sequential
-from grebe.mapping.simulation import circulant_fields
 
 WATER = shapely.box(0, 0, 100, 200)
 GRID = make_grid(WATER, np.sqrt(WATER.area / 1600))

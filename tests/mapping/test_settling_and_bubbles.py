@@ -6,9 +6,9 @@ from conftest import CHINA, TRACKS, needs_tracks
 
 from grebe.core.quantities import BUILTIN
 from grebe.io.readers.track import read_track
-from grebe.mapping.quality import check_quality
-from grebe.mapping.quality_bubbles import bubbles
-from grebe.mapping.quality_settling import settling_times
+from grebe.mapping.quality.bubbles import bubbles
+from grebe.mapping.quality.control import check_quality
+from grebe.mapping.quality.settling import settling_times
 from grebe.workflow.tracks import samples_of_track, survey_of_track
 
 N = 4000

@@ -8,7 +8,7 @@ from scipy.sparse import csc_matrix
 from scipy.special import k1
 
 from grebe.core.samples import Flag
-from grebe.mapping import spde
+from grebe.mapping.fields import spde
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.choice import METHODS

@@ -14,16 +14,16 @@ from grebe.cli.main import grebe
 from grebe.core.errors import InputError
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Samples
-from grebe.mapping.coregionalisation_fit import _Problem, fit_coregionalisation
-from grebe.mapping.covariance import CovarianceModel
+from grebe.mapping.covariance.coregionalisation_fit import _Problem, fit_coregionalisation
+from grebe.mapping.covariance.models import CovarianceModel
+from grebe.mapping.covariance.posterior import fit_rough
+from grebe.mapping.fields.simulation import circulant_fields
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings, map_all
 from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import Kriging
 from grebe.mapping.methods.spde import Spde
 from grebe.mapping.methods.together import Together, TogetherField
-from grebe.mapping.posterior import fit_rough
-from grebe.mapping.simulation import circulant_fields
 from grebe.workflow.tracks import import_track
 
 SIDE = 120.0

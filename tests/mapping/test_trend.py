@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from grebe.core.errors import InputError
-from grebe.mapping.trend import YEAR_S, adjusted, adjusted_for_family, fit_trend
+from grebe.mapping.series.trend import YEAR_S, adjusted, adjusted_for_family, fit_trend
 
 PLACES, SD = 40, 0.1
 

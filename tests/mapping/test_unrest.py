@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from grebe.mapping.calibration import Calibration, spread
-from grebe.mapping.unrest import BELIEF_BLOCKS, Unrest, calmed, unrest_of
-from grebe.mapping.validation import Errors
+from grebe.mapping.proof.calibration import Calibration, spread
+from grebe.mapping.proof.unrest import BELIEF_BLOCKS, Unrest, calmed, unrest_of
+from grebe.mapping.proof.validation import Errors
 
 
 def errors_of(rng, sizes, places):

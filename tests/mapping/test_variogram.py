@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.mapping.covariance import KINDS, CovarianceModel
-from grebe.mapping.likelihood import fit_reml
-from grebe.mapping.noise import noise_variance
-from grebe.mapping.variogram import empirical_variogram, fit_variogram
+from grebe.mapping.covariance.likelihood import fit_reml
+from grebe.mapping.covariance.models import KINDS, CovarianceModel
+from grebe.mapping.covariance.noise import noise_variance
+from grebe.mapping.covariance.variogram import empirical_variogram, fit_variogram
 
 
 def scatter(n, seed=0, size=100.0):

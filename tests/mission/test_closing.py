@@ -25,7 +25,7 @@ from grebe.mission.settings import MissionSettings
 from grebe.mission.way_home import WayHome
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, water_of
-from grebe.planning.revise import Halfway, open_water, replanned
+from grebe.planning.revisions.revise import Halfway, open_water, replanned
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
 

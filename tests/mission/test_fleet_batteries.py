@@ -12,7 +12,7 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.settings import MissionSettings
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
 from grebe.simulation.faults import NO_FAULTS, Faults

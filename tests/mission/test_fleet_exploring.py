@@ -15,7 +15,7 @@ from grebe.core.events import EndReason
 from grebe.core.plan_settings import FleetSettings, PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
 from grebe.simulation.faults import NO_FAULTS, Faults

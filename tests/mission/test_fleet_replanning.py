@@ -17,7 +17,7 @@ from grebe.core.revision import revised
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.mission.replanning import KeptPlan
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.workflow.closures import Closures
 from grebe.workflow.files import write_survey

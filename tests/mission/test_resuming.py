@@ -17,10 +17,10 @@ from grebe.mission.departure import part_of, prepare
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.settings import MissionSettings
 from grebe.planning.check import check_plan
-from grebe.planning.lead_on import is_led, led_on
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, water_of
-from grebe.planning.revise import Halfway, open_water
+from grebe.planning.revisions.lead_on import is_led, led_on
+from grebe.planning.revisions.revise import Halfway, open_water
 from grebe.planning.sorties import plan_sorties
 from grebe.workflow.files import write_survey
 from grebe.workflow.run import run_survey, steered_by

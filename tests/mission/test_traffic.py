@@ -25,7 +25,7 @@ from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
 from grebe.mission.rota import Rota
 from grebe.mission.safety.traffic import Traffic
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.simulation.faults import NO_FAULTS, Faults
 from grebe.workflow.files import write_survey

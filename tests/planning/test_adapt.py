@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from grebe.planning.adapt import Worth, chosen_places, once_read
-from grebe.planning.place_ways import place_ways
+from grebe.planning.revisions.adapt import Worth, chosen_places, once_read
+from grebe.planning.ways.place_ways import place_ways
 
 SIDE = np.linspace(0, 100, 11)
 PLACES = np.array([(n, e) for n in SIDE for e in SIDE])

@@ -9,7 +9,7 @@ from conftest import FRAME
 from grebe.core.revision import Sortie, first_revision
 from grebe.core.sets import sets_of
 from grebe.core.survey import Pose, Survey, Target
-from grebe.planning.fleet_times import MOVE_S, boat_times, fleet_s
+from grebe.planning.fleets.fleet_times import MOVE_S, boat_times, fleet_s
 
 HERE, THERE = Pose(north_m=0.0, east_m=0.0), Pose(north_m=0.0, east_m=80.0)
 

@@ -14,7 +14,7 @@ from grebe.core.plan_settings import FleetSettings, PlanSettings, SortieSettings
 from grebe.core.revision import survey_of
 from grebe.core.vessel import PRESETS
 from grebe.planning.check import check_plan
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
 

@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spannin
 
 from grebe.core.errors import PlanError
 from grebe.planning.budget import SHARE, affordable_cell_m
-from grebe.planning.graph import (
+from grebe.planning.ways.graph import (
     distances,
     links_of,
     parts_of,

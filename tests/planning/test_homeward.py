@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from grebe.core.errors import PlanError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import PRESETS
-from grebe.planning.homeward import homeward, transit_survey, way_length_m
 from grebe.planning.planner import plan_survey
+from grebe.planning.ways.homeward import homeward, transit_survey, way_length_m
 
 ELL = shapely.Polygon([(0, 0), (60, 0), (60, 20), (20, 20), (20, 60), (0, 60)])
 HOME = (5.0, 55.0)

@@ -17,16 +17,16 @@ from grebe.core.plan_settings import SHAPES, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
 from grebe.mission.trial import Conditions, fly
-from grebe.planning.bounds import lower_bound_m
+from grebe.planning.cells.convex import convex_pieces, is_convex
+from grebe.planning.cells.mesh import mesh_water
 from grebe.planning.check import check_plan
-from grebe.planning.convex import convex_pieces, is_convex
-from grebe.planning.costs import costs_of, order_cost
-from grebe.planning.mesh import mesh_water
-from grebe.planning.network import connect
 from grebe.planning.planner import plan
-from grebe.planning.polish import polished
 from grebe.planning.region import Region, clean_region, navigable_water
-from grebe.planning.travel import travel_of
+from grebe.planning.route.bounds import lower_bound_m
+from grebe.planning.route.costs import costs_of, order_cost
+from grebe.planning.route.polish import polished
+from grebe.planning.ways.network import connect
+from grebe.planning.ways.travel import travel_of
 
 BOAT = PRESETS["spyboat"]
 BAY = (-1050.0, -1130.0)  # of Allequash, its western end

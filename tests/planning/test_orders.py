@@ -14,12 +14,12 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.taut import DRAWN_IN, taut_way
 from grebe.core.vessel import PRESETS
 from grebe.mission.trial import Conditions, fly
-from grebe.planning.costs import costs_of
-from grebe.planning.mesh import mesh_water
-from grebe.planning.network import connect
+from grebe.planning.cells.mesh import mesh_water
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
-from grebe.planning.travel import travel_of
+from grebe.planning.route.costs import costs_of
+from grebe.planning.ways.network import connect
+from grebe.planning.ways.travel import travel_of
 
 BOAT = PRESETS["spyboat"]
 

@@ -9,9 +9,9 @@ from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.revision import survey_of
 from grebe.core.vessel import PRESETS
-from grebe.planning.put_off import Late, put_off
 from grebe.planning.region import Region, navigable_water
-from grebe.planning.revise import Halfway, open_water, remaining_s
+from grebe.planning.revisions.put_off import Late, put_off
+from grebe.planning.revisions.revise import Halfway, open_water, remaining_s
 from grebe.planning.sortie_check import check_sorties
 from grebe.planning.sorties import plan_sorties
 

@@ -14,7 +14,7 @@ from grebe.core.vessel import PRESETS
 from grebe.planning.check import check_plan
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, navigable_water
-from grebe.planning.revise import Halfway, open_water, remaining_s, replanned
+from grebe.planning.revisions.revise import Halfway, open_water, remaining_s, replanned
 from grebe.planning.sorties import plan_sorties
 
 BOAT = PRESETS["blueboat"]

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
-from grebe.planning.costs import leg
-from grebe.planning.endurance import endurance_of
-from grebe.planning.lake import lake_of, ports_of
 from grebe.planning.planner import planner_of
 from grebe.planning.region import Region
-from grebe.planning.repaired_trips import predicted_trip_s, repaired
-from grebe.planning.trip_times import shortest_stretch, trip_s
-from grebe.planning.trips import HOT, improved_trips
-from grebe.planning.ways_home import around_the_harbour
-from grebe.planning.wedges import wedges
+from grebe.planning.route.costs import window_cost
+from grebe.planning.trips.endurance import endurance_of
+from grebe.planning.trips.lake import lake_of, ports_of
+from grebe.planning.trips.repaired_trips import predicted_trip_s, repaired
+from grebe.planning.trips.trip_times import shortest_stretch, trip_s
+from grebe.planning.trips.trips import HOT, improved_trips
+from grebe.planning.trips.wedges import wedges
+from grebe.planning.ways.ways_home import around_the_harbour
 
 FRAME = LocalFrame(origin_lon_deg=3.17, origin_lat_deg=50.63)
 WATER = shapely.box(0, 0, 800, 400) - shapely.box(350, 150, 450, 400)
@@ -48,7 +48,7 @@ def comes_home(costs, ports, route):
     spent = ports.out[0, route[0]]
     worst = spent + ports.home[0, route[0]]
     for before, cell in pairwise(route):
-        spent += leg(costs, before, cell)
+        spent += window_cost(costs, np.array([before, cell]), 0, 1)
         worst = max(worst, spent + ports.home[0, cell])
     return max(worst, spent + ports.back[0, route[-1]]) <= ports.limit_s + 1e-6
 

@@ -12,7 +12,7 @@ from conftest import FRAME, NOON
 from grebe.core.plan_settings import FleetSettings, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.server import views
 from grebe.server.fleet_state import together

@@ -16,7 +16,7 @@ from grebe.core.errors import GrebeError, InputError, PlanError, UsageError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.mapping.kriging import krige
+from grebe.mapping.fields.kriging import krige
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.workflow.accuracy import (

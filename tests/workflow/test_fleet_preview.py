@@ -10,7 +10,7 @@ from grebe.core.plan_settings import FleetSettings, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.mission.departure import prepare
-from grebe.planning.fleets import plan_fleet
+from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.workflow.files import write_survey
 from grebe.workflow.preview import fleet_preview, preview_of

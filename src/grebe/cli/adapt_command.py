@@ -9,7 +9,7 @@ import click
 from grebe.cli import options, output
 from grebe.core.errors import PlanError, UsageError
 from grebe.io.store import SurveyFile
-from grebe.planning.revise import Halfway
+from grebe.planning.revisions.revise import Halfway
 from grebe.workflow.adaptive import adapted
 from grebe.workflow.wish import GOALS, Wish
 

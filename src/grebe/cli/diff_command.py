@@ -11,7 +11,7 @@ import numpy as np
 from grebe.cli import options, output
 from grebe.core.errors import InputError, UsageError
 from grebe.mapping.bathymetry import WATER_DEPTH
-from grebe.mapping.trend import LEAST_YEARS_FOR_SEASON, YEAR_S
+from grebe.mapping.series.trend import LEAST_YEARS_FOR_SEASON, YEAR_S
 from grebe.workflow.differences import compare_surveys, write_changes
 from grebe.workflow.series import map_series, write_series
 

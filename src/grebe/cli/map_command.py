@@ -15,7 +15,7 @@ from grebe.cli.mapping_options import asked_again, map_settings, mapping_options
 from grebe.core.errors import InputError, UsageError
 from grebe.core.quantities import BUILTIN
 from grebe.io.store import SurveyFile
-from grebe.mapping.drift import linear
+from grebe.mapping.covariance.drift import linear
 from grebe.report.thresholds import read_profile
 from grebe.workflow.files import filled_folder, make_folder
 from grebe.workflow.maps import (

@@ -15,7 +15,8 @@ from grebe.cli import options
 from grebe.core.errors import UsageError
 from grebe.core.survey import Survey
 from grebe.io.readers.depth import read_depth
-from grebe.mapping.drift import DriftFunction, combined, inflow, linear
+from grebe.mapping.covariance.drift import DriftFunction, combined, inflow, linear
+from grebe.mapping.covariance.variogram import ESTIMATORS
 from grebe.mapping.maps import MapSettings
 from grebe.mapping.methods.choice import (
     AVERAGED,
@@ -27,7 +28,6 @@ from grebe.mapping.methods.choice import (
     with_settings,
 )
 from grebe.mapping.scale import SCALES
-from grebe.mapping.variogram import ESTIMATORS
 
 
 def _keys(

@@ -24,7 +24,7 @@ from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.revision import Sortie
 from grebe.core.vessel import PRESETS, Vessel
-from grebe.planning.fleet_times import BoatTime, boat_times, fleet_s
+from grebe.planning.fleets.fleet_times import BoatTime, boat_times, fleet_s
 from grebe.planning.planned import Planned, PlannedSorties
 from grebe.workflow.collector import uncollected
 from grebe.workflow.plans import (

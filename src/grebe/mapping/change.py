@@ -23,11 +23,11 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import bisect
 from scipy.spatial import KDTree
 
-from grebe.mapping.covariance import Fleeting
+from grebe.mapping.covariance.models import Fleeting
+from grebe.mapping.covariance.noise import median_noise_variance
+from grebe.mapping.covariance.posterior import Posterior, thinned
+from grebe.mapping.covariance.variogram import fit_variogram
 from grebe.mapping.methods.base import Readings
-from grebe.mapping.noise import median_noise_variance
-from grebe.mapping.posterior import Posterior, thinned
-from grebe.mapping.variogram import fit_variogram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.polyline import passed_m, places_at
-from grebe.mapping.covariance import PRACTICAL_RANGE, CovarianceModel
-from grebe.mapping.kriging import krige
+from grebe.mapping.covariance.models import PRACTICAL_RANGE, CovarianceModel
+from grebe.mapping.fields.kriging import krige
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,15 +15,15 @@ from grebe.core.quantities import Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.bathymetry import WATER_DEPTH
 from grebe.mapping.change import Change, fit_change, no_change
+from grebe.mapping.covariance.noise import noise_variance
+from grebe.mapping.fields.joining import distinct
 from grebe.mapping.grid import Grid
-from grebe.mapping.joining import distinct
-from grebe.mapping.method_choice import Best, best_of
 from grebe.mapping.methods.base import Domain, Method, Readings
 from grebe.mapping.methods.choice import ByShore, Choice, Straight
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.shore import WithShore
 from grebe.mapping.methods.together import Together
-from grebe.mapping.noise import noise_variance
+from grebe.mapping.proof.method_choice import Best, best_of
 from grebe.mapping.quantity_map import QuantityMap, known_sd, possible, water_sd
 from grebe.mapping.scale import LINEAR, Scale, scale_of
 from grebe.mapping.stamps import spread_times

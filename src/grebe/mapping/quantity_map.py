@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.quantities import Quantity
-from grebe.mapping.calibration import Calibration
 from grebe.mapping.change import Change
 from grebe.mapping.grid import Grid
 from grebe.mapping.methods.base import Field, Method, Model, Readings
+from grebe.mapping.proof.calibration import Calibration
+from grebe.mapping.proof.validation import Z95, Validation
 from grebe.mapping.scale import LINEAR, Scale, exceedance
 from grebe.mapping.threads import one_blas_thread
-from grebe.mapping.validation import Z95, Validation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

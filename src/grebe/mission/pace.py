@@ -10,9 +10,9 @@ from grebe.core.plan_settings import SortieSettings
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Place
-from grebe.planning.endurance import MARGIN
-from grebe.planning.put_off import Late
-from grebe.planning.revise import remaining_s
+from grebe.planning.revisions.put_off import Late
+from grebe.planning.revisions.revise import remaining_s
+from grebe.planning.trips.endurance import MARGIN
 
 # A pace is judged once so much was flown, and again so often [s]; less than the share is chance.
 LEAST_S, EVERY_S = 180.0, 60.0

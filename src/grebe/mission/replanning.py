@@ -25,10 +25,10 @@ from grebe.core.vessel import Vessel
 from grebe.mission.helm import Helm
 from grebe.mission.pace import Pace
 from grebe.mission.safety.states import Place
-from grebe.planning.lead_on import ASTRAY_M, is_led, led_on
-from grebe.planning.put_off import Late, put_off
 from grebe.planning.region import water_of
-from grebe.planning.revise import Halfway, OpenWater, open_water, replanned
+from grebe.planning.revisions.lead_on import ASTRAY_M, is_led, led_on
+from grebe.planning.revisions.put_off import Late, put_off
+from grebe.planning.revisions.revise import Halfway, OpenWater, open_water, replanned
 
 # A current that differs by so much from the one that was planned with, for so long, is another.
 OTHER_WEATHER_MPS, FOR_S = 0.15, 60.0

@@ -22,7 +22,7 @@ from grebe.mission.safety.fence import fence_of
 from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Place
-from grebe.planning.homeward import Homeward, homeward, transit_survey
+from grebe.planning.ways.homeward import Homeward, homeward, transit_survey
 
 if TYPE_CHECKING:
     import numpy as np

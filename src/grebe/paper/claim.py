@@ -24,7 +24,7 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import vessel_named
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
-from grebe.mapping.validation import Z95
+from grebe.mapping.proof.validation import Z95
 from grebe.mission.trial import Conditions, fly
 from grebe.paper.hand_driven import HandDriven
 from grebe.planning.planner import plan

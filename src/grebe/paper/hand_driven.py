@@ -17,7 +17,7 @@ from grebe.core.quantities import BUILTIN
 from grebe.core.samples import Flag
 from grebe.core.survey import Survey
 from grebe.io.readers.track import RawTrack, read_track
-from grebe.mapping.quality import check_quality
+from grebe.mapping.quality.control import check_quality
 from grebe.planning.region import Region
 from grebe.workflow.tracks import samples_of_track, survey_of_track
 

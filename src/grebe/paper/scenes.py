@@ -22,9 +22,9 @@ from grebe.control.solvers.builders import Fatrop
 from grebe.core.sets import TargetSet, rectangle, ring_vertices
 from grebe.core.vessel import Vessel, vessel_named
 from grebe.mission.trial import Conditions, Trial, fly
-from grebe.planning.mesh import mesh_water, target_footprint
-from grebe.planning.network import connect
-from grebe.planning.orders import sweeps
+from grebe.planning.cells.mesh import mesh_water, target_footprint
+from grebe.planning.route.orders import sweeps
+from grebe.planning.ways.network import connect
 
 State = tuple[float, float, float, float, float, float]
 

@@ -15,16 +15,16 @@ from grebe.core.sets import drawn_in, footprints_of, polygons_of, rings_of, sets
 from grebe.core.survey import Pose, Survey, Target
 from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
-from grebe.planning.bounds import lower_bound_m
 from grebe.planning.budget import SMALLEST_CELL_M, affordable_cell_m
+from grebe.planning.cells.mesh import Cell, mesh_water, target_footprint
 from grebe.planning.check import check_plan
-from grebe.planning.corridors import Stop, Waterways, widened
-from grebe.planning.mesh import Cell, mesh_water, target_footprint
-from grebe.planning.network import Network, connect, reachable
 from grebe.planning.planned import Planned
 from grebe.planning.region import Region, coarsened, navigable_water
-from grebe.planning.route import Route, best_route
-from grebe.planning.travel import Travel, travel_of
+from grebe.planning.route.bounds import lower_bound_m
+from grebe.planning.route.portfolio import Route, best_route
+from grebe.planning.ways.corridors import Stop, Waterways, widened
+from grebe.planning.ways.network import Network, connect, reachable
+from grebe.planning.ways.travel import Travel, travel_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,8 +15,8 @@ from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.survey import Survey
 from grebe.core.taut import way_through
 from grebe.planning.check import check_plan
-from grebe.planning.homeward import Homeward, homeward, way_length_m
-from grebe.planning.travel import WANDER, ground_speed, travel_of
+from grebe.planning.ways.homeward import Homeward, homeward, way_length_m
+from grebe.planning.ways.travel import WANDER, ground_speed, travel_of
 
 # The guard's own reserves for a way home.
 HOME_SHARE, HOME_SLACK_S = 0.25, 30.0

@@ -1,7 +1,7 @@
 """Cut a survey into sorties: trips from a harbour and back, each as long as a battery lasts.
 
-Which cells a trip takes `grebe.planning.fewest_trips` finds; here each becomes a survey of its own
-and all of them one revision of the plan.
+Which cells a trip takes `grebe.planning.trips.fewest_trips` finds; here each becomes a survey of
+its own and all of them one revision of the plan.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import shapely
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import Vessel
-from grebe.planning.endurance import endurance_of
-from grebe.planning.fewest_trips import Trips, trips_within
-from grebe.planning.fleet_times import MOVE_S
-from grebe.planning.lake import Lake, lake_of
+from grebe.planning.fleets.fleet_times import MOVE_S
+from grebe.planning.fleets.unlike_sorties import share_sorties
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import planner_of
 from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region
-from grebe.planning.trip_surveys import trip_surveys
-from grebe.planning.unlike_sorties import share_sorties
+from grebe.planning.trips.endurance import endurance_of
+from grebe.planning.trips.fewest_trips import Trips, trips_within
+from grebe.planning.trips.lake import Lake, lake_of
+from grebe.planning.trips.trip_surveys import trip_surveys
 
 
 def plan_sorties(

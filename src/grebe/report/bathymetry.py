@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from grebe.core.survey import Survey
 from grebe.io.atomic_write import write_rows_whole
 from grebe.mapping.bathymetry import WATER_DEPTH, Bathymetry, bathymetry
+from grebe.mapping.proof.validation import Z95
 from grebe.mapping.quantity_map import QuantityMap
-from grebe.mapping.validation import Z95
 from grebe.report.canvas import BLUE, VERMILLION, styled
 from grebe.report.texts import Texts, texts_of
 

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from grebe.core.samples import Samples
 from grebe.core.survey import Survey
+from grebe.mapping.proof.validation import Z95
 from grebe.mapping.scale import LINEAR
-from grebe.mapping.validation import Z95
 from grebe.report.canvas import (
     BLACK,
     BLUE,
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from grebe.mapping.difference import Difference
     from grebe.mapping.quantity_map import QuantityMap
+    from grebe.mapping.series.difference import Difference
     from grebe.report.data import ReportData
     from grebe.report.texts import Texts
     from grebe.report.thresholds import Threshold

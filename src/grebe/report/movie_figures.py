@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from grebe.core.survey import Survey
 from grebe.mapping.movie import Movie
-from grebe.mapping.validation import Z95
+from grebe.mapping.proof.validation import Z95
 from grebe.report.canvas import BLUE, aspect, draw_shore, styled
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from grebe.core.quantity import inline
 from grebe.io.atomic_write import write_text_whole
+from grebe.mapping.proof.validation import Z95
 from grebe.mapping.quantity_map import QuantityMap
-from grebe.mapping.validation import Z95
 from grebe.report import canvas, map_figures, mission_figures
 from grebe.report.bathymetry import bathymetry_of, hypsographic_figure
 from grebe.report.data import ReportData

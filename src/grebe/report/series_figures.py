@@ -15,7 +15,7 @@ from grebe.report.map_figures import hatch
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from grebe.mapping.series import QuantitySeries
+    from grebe.mapping.series.surveys import QuantitySeries
 
 
 @styled

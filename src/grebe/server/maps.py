@@ -23,14 +23,14 @@ from grebe.core.polyline import passed_m, places_at
 from grebe.core.quantity import Quantity
 from grebe.core.samples import Flag
 from grebe.io.store import SurveyFile
+from grebe.mapping.fields.joining import distinct
+from grebe.mapping.fields.sequential import SequentialField, sequential
 from grebe.mapping.grid import make_grid
-from grebe.mapping.joining import distinct
 from grebe.mapping.lag import corrected_values
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.base import Readings
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
-from grebe.mapping.sequential import SequentialField, sequential
 from grebe.mapping.threads import one_blas_thread
 from grebe.server.failures import NoMapError
 

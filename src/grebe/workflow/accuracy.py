@@ -22,11 +22,11 @@ from grebe.core.plan_settings import PATTERNS, PlanSettings
 from grebe.core.taut import way_through
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
-from grebe.mapping.covariance import PRACTICAL_RANGE, CovarianceModel
+from grebe.mapping.covariance.models import PRACTICAL_RANGE, CovarianceModel
+from grebe.mapping.covariance.posterior import fit_rough
 from grebe.mapping.design import expected_variance
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.methods.base import Readings
-from grebe.mapping.posterior import fit_rough
 from grebe.planning.planned import Planned
 from grebe.planning.planner import plan
 from grebe.planning.region import Region

@@ -19,19 +19,19 @@ from grebe.core.samples import Samples
 from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
 from grebe.core.survey import Survey, Target
 from grebe.core.taut import taut_way
+from grebe.mapping.fields.sequential import sequential
 from grebe.mapping.grid import make_grid
 from grebe.mapping.local_variation import local_variation
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
-from grebe.mapping.sequential import sequential
 from grebe.mapping.threads import one_blas_thread
-from grebe.planning.adapt import Worth, chosen_places, once_read
-from grebe.planning.mesh import mesh_water, target_footprint
-from grebe.planning.place_ways import PlaceWays, place_ways
+from grebe.planning.cells.mesh import mesh_water, target_footprint
 from grebe.planning.region import water_of
-from grebe.planning.revise import Halfway, OpenWater, put_in_order
-from grebe.planning.travel import Travel, travel_of
+from grebe.planning.revisions.adapt import Worth, chosen_places, once_read
+from grebe.planning.revisions.revise import Halfway, OpenWater, put_in_order
+from grebe.planning.ways.place_ways import PlaceWays, place_ways
+from grebe.planning.ways.travel import Travel, travel_of
 from grebe.workflow.wish import Wish
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pathlib import Path
 from grebe.core.errors import PlanError
 from grebe.core.revision import PlanRevision
 from grebe.io.store import SurveyFile
-from grebe.planning.revise import Halfway
+from grebe.planning.revisions.revise import Halfway
 from grebe.workflow.adaptive import adapted
 from grebe.workflow.announced import announced, lying
 from grebe.workflow.quality import judged

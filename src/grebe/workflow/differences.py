@@ -15,11 +15,11 @@ from grebe.core.errors import InputError
 from grebe.core.survey import Survey
 from grebe.io.export.geotiff import write_bands
 from grebe.io.store import SurveyFile
-from grebe.mapping.difference import Difference, difference
 from grebe.mapping.grid import make_grid
 from grebe.mapping.lag import corrected_values
 from grebe.mapping.maps import Mapper, map_all
 from grebe.mapping.quantity_map import QuantityMap
+from grebe.mapping.series.difference import Difference, difference
 from grebe.report import canvas, map_figures
 from grebe.workflow.files import make_folder
 

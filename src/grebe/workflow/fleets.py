@@ -31,7 +31,7 @@ from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
 from grebe.planning.region import water_of
-from grebe.planning.revise import Halfway, open_water, replanned
+from grebe.planning.revisions.revise import Halfway, open_water, replanned
 from grebe.workflow.berths import by_way, harbour_of, is_afloat, lying
 from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.run import (

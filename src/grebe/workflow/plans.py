@@ -79,7 +79,7 @@ def _planned(
 
         return plan_sorties(region, vessel, settings, start_lonlat, zones, on_done)
     if settings.fleet is not None:
-        from grebe.planning.fleets import plan_fleet
+        from grebe.planning.fleets.shares import plan_fleet
 
         return plan_fleet(region, vessel, settings, zones)
     return plan(region, vessel, settings, start_lonlat, zones)

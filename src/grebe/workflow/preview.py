@@ -18,9 +18,9 @@ from grebe.mission.departure import Departure, prepare
 from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.way_home import home_of, speed_home_mps, ways_home
-from grebe.planning.homeward import way_length_m
-from grebe.planning.lead_on import ASTRAY_M, is_led
-from grebe.planning.travel import travel_of
+from grebe.planning.revisions.lead_on import ASTRAY_M, is_led
+from grebe.planning.ways.homeward import way_length_m
+from grebe.planning.ways.travel import travel_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ import shapely
 from grebe.core.quantities import Quantities
 from grebe.core.samples import Samples
 from grebe.io.store import SurveyFile
-from grebe.mapping.quality import Quality, check_quality
+from grebe.mapping.quality.control import Quality, check_quality
 
 
 def check_samples(survey_file: SurveyFile, quantities: Quantities | None = None) -> Quality:

@@ -17,12 +17,12 @@ from grebe.core.survey import Survey
 from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.export.geotiff import write_bands
 from grebe.io.export.netcdf_series import SeriesFields, write_series_netcdf
-from grebe.mapping.difference import refuse_other_unit
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
 from grebe.mapping.quantity_map import QuantityMap
-from grebe.mapping.series import QuantitySeries
-from grebe.mapping.trend import (
+from grebe.mapping.series.difference import refuse_other_unit
+from grebe.mapping.series.surveys import QuantitySeries
+from grebe.mapping.series.trend import (
     FEWEST_SURVEYS,
     Trend,
     adjusted_for_family,

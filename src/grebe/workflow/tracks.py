@@ -19,7 +19,7 @@ from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import RawTrack, TrackColumns, read_readings, read_track
 from grebe.io.store import SurveyFile
 from grebe.io.store.database import new_file
-from grebe.mapping.quality import Quality
+from grebe.mapping.quality.control import Quality
 from grebe.planning.region import clean_region
 from grebe.workflow.files import write_survey
 from grebe.workflow.joining import ClockOffset, joined

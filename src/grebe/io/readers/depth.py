@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt
 
 from grebe.core.errors import InputError
 from grebe.core.frames import LocalFrame
-from grebe.mapping.drift import DriftFunction
+from grebe.mapping.covariance.drift import DriftFunction
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

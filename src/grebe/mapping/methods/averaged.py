@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.mapping.drift import DriftFunction
+from grebe.mapping.covariance.drift import DriftFunction
+from grebe.mapping.covariance.posterior import fit_rough
+from grebe.mapping.covariance.variogram import Estimator
 from grebe.mapping.methods.base import Domain, Model, Readings
 from grebe.mapping.methods.kriging import Kriging, KrigingField
 from grebe.mapping.methods.passes import Passes
-from grebe.mapping.posterior import fit_rough
-from grebe.mapping.variogram import Estimator
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 import shapely
 
-from grebe.mapping.covariance import Fleeting
+from grebe.mapping.covariance.models import Fleeting
+from grebe.mapping.covariance.variogram import EmpiricalVariogram
+from grebe.mapping.fields.spde import Mesh, coarse_mesh
 from grebe.mapping.grid import Grid
-from grebe.mapping.spde import Mesh, coarse_mesh
-from grebe.mapping.variogram import EmpiricalVariogram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,14 +11,14 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import InputError
-from grebe.mapping.likelihood import fit_reml
+from grebe.mapping.covariance.likelihood import fit_reml
+from grebe.mapping.covariance.posterior import fit_rough, fit_smooth
+from grebe.mapping.covariance.variogram import fit_variogram
 from grebe.mapping.methods.averaged import Averaged
 from grebe.mapping.methods.base import Domain, Method, Readings
 from grebe.mapping.methods.kriging import CovarianceFit, Kriging, first_fit
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.spde import Spde
-from grebe.mapping.posterior import fit_rough, fit_smooth
-from grebe.mapping.variogram import fit_variogram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

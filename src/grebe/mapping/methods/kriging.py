@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.mapping.covariance import CovarianceModel, Fleeting
-from grebe.mapping.drift import DriftFunction
+from grebe.mapping.covariance.drift import DriftFunction
+from grebe.mapping.covariance.likelihood import fit_reml
+from grebe.mapping.covariance.models import CovarianceModel, Fleeting
+from grebe.mapping.covariance.variogram import Estimator, VariogramFit, fit_variogram
+from grebe.mapping.fields.kriging import Drift, Estimate, Moments, Passing, krige, krige_moments
+from grebe.mapping.fields.simulation import circulant_fields
 from grebe.mapping.grid import Grid
-from grebe.mapping.kriging import Drift, Estimate, Moments, Passing, krige, krige_moments
-from grebe.mapping.likelihood import fit_reml
 from grebe.mapping.methods.base import Domain, Model, Readings
-from grebe.mapping.simulation import circulant_fields
-from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
 from grebe.mapping.way import REACH_M, passed
 
 if TYPE_CHECKING:

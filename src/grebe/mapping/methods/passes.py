@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grebe.mapping.covariance import Fleeting
-from grebe.mapping.drift import DriftFunction
+from grebe.mapping.covariance.drift import DriftFunction
+from grebe.mapping.covariance.models import Fleeting
+from grebe.mapping.covariance.noise import median_noise_variance
+from grebe.mapping.covariance.posterior import Posterior, thinned
+from grebe.mapping.covariance.variogram import Estimator, VariogramFit, fit_variogram
 from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import KrigingField, described, first_fit, without_drift
-from grebe.mapping.noise import median_noise_variance
-from grebe.mapping.posterior import Posterior, thinned
-from grebe.mapping.variogram import Estimator, VariogramFit, fit_variogram
 
 KIND = "matern32"
 # Where the search begins: the range as a share of the extent, and the fleeting part's variance as
@@ -68,7 +68,7 @@ def fit_passes(
     positions: np.ndarray, values: np.ndarray, times: np.ndarray, estimator: Estimator
 ) -> tuple[VariogramFit, Fleeting]:
     """The covariances of place and of time by their posterior mode, under the priors of
-    `grebe.mapping.posterior`.
+    `grebe.mapping.covariance.posterior`.
     """
     shown = fit_variogram(positions, values, estimator)
     chosen = thinned(len(values))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.mapping.covariance.variogram import EmpiricalVariogram, Estimator, fit_variogram
+from grebe.mapping.fields.spde import Mesh, ShoreField, ShoreModel, fit_spde
 from grebe.mapping.methods.base import Domain, Model, Readings
-from grebe.mapping.spde import Mesh, ShoreField, ShoreModel, fit_spde
-from grebe.mapping.variogram import EmpiricalVariogram, Estimator, fit_variogram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

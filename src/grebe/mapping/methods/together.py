@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import KDTree
 
-from grebe.mapping.coregionalisation import Cokriging, Coregionalisation, Observed
-from grebe.mapping.coregionalisation_fit import KIND, fit_coregionalisation
-from grebe.mapping.covariance import CovarianceModel
-from grebe.mapping.joining import merge_places
+from grebe.mapping.covariance.coregionalisation import Cokriging, Coregionalisation, Observed
+from grebe.mapping.covariance.coregionalisation_fit import KIND, fit_coregionalisation
+from grebe.mapping.covariance.models import CovarianceModel
+from grebe.mapping.covariance.variogram import EmpiricalVariogram, fit_variogram
+from grebe.mapping.fields.joining import merge_places
+from grebe.mapping.fields.simulation import circulant_fields
 from grebe.mapping.methods.averaged import Averaged
 from grebe.mapping.methods.base import (
     Companions,
@@ -29,8 +31,6 @@ from grebe.mapping.methods.base import (
     field_at_moments,
 )
 from grebe.mapping.methods.passing_on import PassingField
-from grebe.mapping.simulation import circulant_fields
-from grebe.mapping.variogram import EmpiricalVariogram, fit_variogram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

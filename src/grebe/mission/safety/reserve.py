@@ -12,7 +12,7 @@ from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Finding
-from grebe.planning.travel import TURN_SHARE, WANDER, ground_speed
+from grebe.planning.ways.travel import TURN_SHARE, WANDER, ground_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,0 +1,1 @@
+"""How alike the water is at two places: models, and how they are fitted."""

@@ -1,0 +1,342 @@
+"""The likeliest covariance under priors that hold it to what a track can tell.
+
+By likelihood alone the range of a track in narrow water runs away to many times the water's width,
+for a trend and a long range look alike there, and a smooth covariance then overshoots in gaps; and
+structure of a few metres is called noise. So range and standard deviation have the
+penalised-complexity prior of Fuglstad et al. (2019, theorem 2.6, two dimensions): short ranges
+and large standard deviations are what a map pays for. The noise has a prior about what successive
+samples of one place say of it: their second differences, by the median, which outliers do not move.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import get_lapack_funcs
+from scipy.optimize import minimize
+from scipy.spatial.distance import cdist
+
+from grebe.mapping.covariance.likelihood import CLEAR_GAIN
+from grebe.mapping.covariance.models import (
+    PRACTICAL_RANGE,
+    CovarianceModel,
+    Fleeting,
+    correlations,
+    slopes,
+)
+from grebe.mapping.covariance.noise import median_noise_variance
+from grebe.mapping.covariance.variogram import Estimator, VariogramFit, fit_variogram
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# A factorisation grows with the cube of the samples; beyond so many they are thinned.
+MOST_SAMPLES = 350
+# Of the prior: a range below this share of the extent, at most so many metres, has this
+# probability; so has a standard deviation above this many of the values' own.
+SHORT_SHARE, SHORT_M, UNLIKELY, LARGE_SDS = 0.05, 5.0, 0.05, 2.0
+# How well second differences tell the noise: a standard deviation of its logarithm.
+NOISE_LOG_SD = 0.5
+# Where the search may go, as shares of the extent and of the values' variance. Within the samples'
+# extent a longer range with a larger sill is the same field: `LONGEST` is the practical range.
+LEAST_RANGE, LONGEST = 1e-3, 0.8
+SILL_BOUNDS, NOISE_BOUNDS, SHARE_BOUNDS = (1e-4, 1e2), (1e-8, 2.0), (1e-8, 1e2)
+# How long two passes remember what they differ by: a share of the time of all values, the standard
+# deviation of its logarithm, and the ends of the search as multiples of that time.
+MEMORY_SHARE, MEMORY_LOG_SD, MEMORY_BOUNDS = 0.05, 1.0, (0.02, 50.0)
+# Of the step for a derivative of the slope; the density where a covariance is none.
+STEP, IMPOSSIBLE = 1e-2, -1e300
+
+
+def fit_posterior(
+    positions: Array, values: Array, estimator: Estimator = "matheron", *, kind: str = "exponential"
+) -> VariogramFit:
+    """Fit a covariance of one kind by its posterior mode, with a direction where that is clear.
+
+    Raises `ValueError` where there are too few pairs or nothing varies.
+    """
+    if np.ptp(values) == 0:
+        raise ValueError("the values do not vary")
+    start = fit_variogram(positions, values, estimator)
+    chosen = thinned(len(values))
+    noise = median_noise_variance(positions, values)
+    at, data = positions[chosen], values[chosen]
+    problem = Posterior.of(at, data, kind, noise)
+    gained, model, errors = problem.best(start.model)
+    reason = f"{kind} by the posterior mode under priors of range, standard deviation and noise"
+    if start.model.ratio < 1:
+        shape = {"ratio": start.model.ratio, "angle_deg": start.model.angle_deg}
+        directed = replace(start.model, kind=kind, **shape)
+        turned = Posterior.of(directed.isotropic(at), data, kind, noise).best(directed)
+        if turned[0] > gained + CLEAR_GAIN:
+            reason += f"; its direction adds {turned[0] - gained:.1f}"
+            model, errors = replace(turned[1], **shape), turned[2]
+    return VariogramFit(
+        model=model,
+        empirical=start.empirical,
+        candidates=(model,),
+        standard_errors=errors,
+        reason=reason,
+    )
+
+
+fit_rough = partial(fit_posterior, kind="exponential")
+fit_smooth = partial(fit_posterior, kind="matern32")
+
+
+def thinned(count: int, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
+    """Pairs of neighbours along the track, evenly spread: near pairs tell the noise."""
+    if count <= most:
+        return np.arange(count)
+    first = np.linspace(0, count - 2, most // 2).astype(np.int64)
+    return np.unique(np.concatenate([first, first + 1]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Posterior:
+    """Log posterior of (log range / extent, log sill / variance, log noise / variance), the mean
+    integrated out; `values` (n,) of mean 0 and variance 1, `noise` their noise's variance.
+
+    `common`, (n, n) each, are correlations that all places share, of what changed in time; the
+    variance of each over that of the values is one more number, a logarithm too, and the last of
+    them may be left out. With `apart_s`
+    (n, n), the time between any two values, there is a fleeting process besides, of two numbers:
+    the logarithms of its variance over that of the values and of its memory over `memory_s`.
+    """
+
+    distance: Array
+    values: Array
+    extent_m: float
+    variance: float
+    kind: str
+    noise: float
+    common: tuple[Array, ...] = ()
+    apart_s: Array | None = None
+    memory_s: float = 1.0
+
+    @classmethod
+    def of(
+        cls,
+        positions: Array,
+        values: Array,
+        kind: str,
+        noise: float,
+        common: tuple[Array, ...] = (),
+        times: Array | None = None,
+    ) -> Posterior:
+        """The problem of values (n,) at positions (n, 2) whose noise has a variance of `noise`;
+        with `times` (n,) there is a fleeting process.
+        """
+        distance = cdist(positions, positions)
+        variance = float(np.var(values))
+        return cls(
+            distance=distance,
+            values=(values - values.mean()) / np.sqrt(variance),
+            extent_m=float(distance.max()),
+            variance=variance,
+            kind=kind,
+            noise=min(max(noise / variance, NOISE_BOUNDS[0]), NOISE_BOUNDS[1]),
+            common=common,
+            apart_s=None if times is None else np.abs(times[:, None] - times[None, :]),
+            memory_s=1.0 if times is None else MEMORY_SHARE * float(np.ptp(times)),
+        )
+
+    def best(self, start: CovarianceModel) -> tuple[float, CovarianceModel, dict[str, float]]:
+        """The highest log posterior, its model, and the standard errors by its curvature."""
+        sill = max(start.sill / self.variance, 0.3)
+        guess = np.log([min(start.range_m / self.extent_m, 0.5), sill, self.noise])
+        density, at = self.highest(guess)
+        model = self.model(at)
+        return density, model, self.standard_errors(model, at)
+
+    def model(self, at: Array) -> CovarianceModel:
+        """The covariance of place that the first three numbers stand for."""
+        share, sill, noise = np.exp(at[:3]).tolist()
+        return CovarianceModel(
+            kind=self.kind,
+            sill=sill * self.variance,
+            range_m=share * self.extent_m,
+            nugget=noise * self.variance,
+        )
+
+    def fleeting(self, at: Array) -> Fleeting:
+        """The fleeting process that the last two numbers stand for."""
+        return Fleeting(
+            variance=float(np.exp(at[-2])) * self.variance,
+            memory_s=float(np.exp(at[-1])) * self.memory_s,
+        )
+
+    def highest(self, start: Array) -> tuple[float, Array]:
+        """The highest log posterior from a start on, and where."""
+        ranges = (LEAST_RANGE, LONGEST / PRACTICAL_RANGE[self.kind])
+        fleeting = [] if self.apart_s is None else [SHARE_BOUNDS, MEMORY_BOUNDS]
+        shares = [SHARE_BOUNDS] * (len(start) - 3 - len(fleeting))
+        bounds = np.log([ranges, SILL_BOUNDS, NOISE_BOUNDS, *shares, *fleeting])
+        inside = np.clip(start, *(bounds.T + np.array([[0.1], [-0.1]])))
+
+        def lost(at: Array) -> tuple[float, Array]:
+            density, slope = self.density_and_slope(at)
+            return -density, -slope
+
+        found = minimize(
+            lost, inside, jac=True, method="L-BFGS-B", bounds=bounds,
+            options={"maxiter": 60, "ftol": 1e-7, "gtol": 1e-3},
+        )  # fmt: skip
+        return -float(found.fun), np.asarray(found.x)
+
+    def density_and_slope(self, at: Array) -> tuple[float, Array]:
+        """Log posterior, but for a constant, and its derivatives by `at`."""
+        matrix, slopes_ = self._matrix(at)
+        white = self._whitened(matrix)
+        if white is None:
+            return IMPOSSIBLE, np.zeros(len(at))
+        by_one, rest = white.backward(np.stack([white.ones, white.rest]))
+        by_one = by_one / np.sqrt(float(white.ones @ white.ones))
+        inverse = white.inverse()
+        share = float(np.exp(at[2]))
+        # The noise's derivative is a multiple of the unit matrix.
+        of_noise = share * float(rest @ rest + by_one @ by_one - np.trace(inverse))
+        slope = [
+            float(rest @ one @ rest + by_one @ one @ by_one) - _product(inverse, one)
+            for one in slopes_
+        ]
+        prior, prior_slope = self._prior(at)
+        all_slopes = 0.5 * np.array([*slope[:2], of_noise, *slope[2:]])
+        return white.log_likelihood + prior, all_slopes + prior_slope
+
+    def log_density(self, at: Array) -> float:
+        """Log posterior, but for a constant."""
+        return self.log_likelihood(at) + self._prior(at)[0]
+
+    def covariance(self, at: Array) -> Array:
+        """Covariance of the values, (n, n)."""
+        return self._matrix(at)[0]
+
+    def _matrix(self, at: Array) -> tuple[Array, list[Array]]:
+        """The values' covariance, and its derivatives by `at` but for that by the noise, which is
+        `noise` on the diagonal.
+        """
+        share, sill, noise = np.exp(at[:3]).tolist()
+        x = self.distance / (share * self.extent_m)
+        grown, of_place = slopes(self.kind, x)
+        diagonal = np.diag_indices(len(x))
+        of_place *= sill
+        of_place[diagonal] += 1e-9 * sill
+        parts = [
+            np.exp(log_share) * common
+            for log_share, common in zip(at[3:].tolist(), self.common, strict=False)
+        ]
+        fading: list[Array] = []
+        if self.apart_s is not None:
+            ago = self.apart_s / (np.exp(at[-1]) * self.memory_s)
+            passes = np.exp(at[-2]) * correlations("exponential", ago)
+            parts, fading = [*parts, passes], [ago * passes]
+        matrix = of_place.copy()
+        for part in parts:
+            matrix += part
+        matrix[diagonal] += noise
+        return matrix, [sill * grown, of_place, *parts, *fading]
+
+    def log_likelihood(self, at: Array) -> float:
+        """Restricted log likelihood, but for a constant."""
+        white = self._whitened(self.covariance(at))
+        return IMPOSSIBLE if white is None else white.log_likelihood
+
+    def _whitened(self, matrix: Array) -> _Whitened | None:
+        """The values whitened by a covariance, which is overwritten; None where it is not positive
+        definite.
+        """
+        (factorise,) = get_lapack_funcs(("potrf",), (matrix,))
+        # By columns, as LAPACK has it, the transpose of a symmetric matrix needs no copy.
+        upper, failed = factorise(matrix.T, lower=0, overwrite_a=1, clean=1)
+        if failed:
+            return None
+        both = np.stack([np.ones(len(self.values)), self.values])
+        ones, values = _forward(upper, both)
+        rest = values - float(ones @ values) / float(ones @ ones) * ones
+        return _Whitened(upper=upper, ones=ones, rest=rest)
+
+    def _prior(self, at: Array) -> tuple[float, Array]:
+        """Log prior and its derivatives: of log range and log standard deviation (penalised
+        complexity), of log noise, of the changes' standard deviations, and of the memory.
+        """
+        share, sd = float(np.exp(at[0])), float(np.exp(0.5 * at[1]))
+        rate = -np.log(UNLIKELY)
+        short = rate * min(SHORT_SHARE, SHORT_M / self.extent_m) / share
+        off = 0.5 * (at[2] - np.log(self.noise)) / NOISE_LOG_SD
+        large = rate / LARGE_SDS * sd
+        density = -at[0] - short + 0.5 * at[1] - large - 0.5 * off**2
+        slope = [short - 1.0, 0.5 * (1.0 - large), -0.5 * off / NOISE_LOG_SD]
+        sds = rate * np.exp(0.5 * at[3 : 3 + len(self.common)])
+        density -= sds.sum()
+        slope += (-0.5 * sds).tolist()
+        if self.apart_s is not None:
+            of_passes, memory = rate * float(np.exp(0.5 * at[-2])), float(at[-1]) / MEMORY_LOG_SD
+            density += 0.5 * at[-2] - of_passes - 0.5 * memory**2
+            slope += [0.5 * (1.0 - of_passes), -memory / MEMORY_LOG_SD]
+        return float(density), np.array(slope)
+
+    def standard_errors(self, model: CovarianceModel, at: Array) -> dict[str, float]:
+        """Of nugget, sill and range_m, by the curvature of the log posterior."""
+        steps = STEP * np.eye(len(at))
+        hessian = np.array(
+            [
+                (self.density_and_slope(at - one)[1] - self.density_and_slope(at + one)[1])
+                / (2 * STEP)
+                for one in steps
+            ]
+        )
+        with np.errstate(invalid="ignore"):
+            spread = np.sqrt(np.diag(np.linalg.pinv(0.5 * (hessian + hessian.T))))
+        return {
+            "nugget": float(model.nugget * spread[2]),
+            "sill": float(model.sill * spread[1]),
+            "range_m": float(model.range_m * spread[0]),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Whitened:
+    """Ones (n,) and the values less their mean (n,), both freed of a covariance by Cholesky's
+    factor of it, `upper` (n, n).
+    """
+
+    upper: Array
+    ones: Array
+    rest: Array
+
+    @property
+    def log_likelihood(self) -> float:
+        """Restricted, but for a constant."""
+        log_det = 2 * float(np.sum(np.log(np.diag(self.upper))))
+        information = float(self.ones @ self.ones)
+        return float(-0.5 * (float(self.rest @ self.rest) + log_det + np.log(information)))
+
+    def backward(self, rows: Array) -> Array:
+        """What (k, n) rows that are freed of the covariance are by its inverse, (k, n)."""
+        (solve,) = get_lapack_funcs(("trtrs",), (self.upper,))
+        return solve(self.upper, rows.T, lower=0)[0].T
+
+    def inverse(self) -> Array:
+        """The covariance's inverse, above the diagonal and on it; nothing below."""
+        (invert,) = get_lapack_funcs(("potri",), (self.upper,))
+        return invert(self.upper, lower=0)[0]
+
+
+def _forward(upper: Array, rows: Array) -> Array:
+    """Rows (k, n) freed of a covariance, (k, n)."""
+    (solve,) = get_lapack_funcs(("trtrs",), (upper,))
+    return solve(upper, rows.T, lower=0, trans=1)[0].T
+
+
+def _product(upper: Array, other: Array) -> float:
+    """The sum of the products of two symmetric matrices' elements, of which the first has nothing
+    below its diagonal.
+    """
+    whole = 2 * np.vdot(upper.T, other)
+    return float(whole - np.diag(upper) @ np.diag(other))

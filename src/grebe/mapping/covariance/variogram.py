@@ -1,0 +1,308 @@
+"""The empirical variogram, and models fitted to it by weighted least squares.
+
+Distance classes up to a third of the extent (gstat's default) and weights N_h / h^2 (gstat's
+fit.method 7). Estimators: Matheron's, and two that outliers do not move: Cressie and Hawkins
+(1980) and Dowd (1984).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from scipy.optimize import least_squares, minimize_scalar
+from scipy.spatial.distance import pdist
+
+from grebe.mapping.covariance.models import KINDS, CovarianceModel, correlations, stretched
+from grebe.mapping.memo import remembered
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# Of the choice by data the Gaussian model is left out: so smooth a field exists in no lake, and
+# without a nugget it believes itself beyond reason (Stein 1999, section 1.7).
+AUTOMATIC = KINDS[:-1]
+Estimator = Literal["matheron", "cressie", "dowd"]
+ESTIMATORS: tuple[Estimator, ...] = ("matheron", "cressie", "dowd")
+BINS = 15
+FEWEST_PAIRS = 10
+FEWEST_CLASSES = 3
+# Pairs grow with the square of the samples; this many samples give two million.
+MOST_SAMPLES = 2000
+CUTOFF_SHARE = 1 / 3
+# Directions of a directional variogram [deg clockwise from north], and half a sector's width.
+DIRECTIONS_DEG, SECTOR_DEG = (0.0, 45.0, 90.0, 135.0), 22.5
+# A direction is believed where it takes away so much of the misfit, and shortens the range so
+# much: less than that sampling alone brings about.
+LEAST_GAIN, CLEAR_RATIO = 0.3, 0.8
+# Ranges that are tried, in shares of the longest distance, and how many on the way to the best;
+# the largest sill, in shares of the largest semivariance.
+REACHES, REACHES_TRIED, MOST_SILL = (0.01, 5.0), 60, 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmpiricalVariogram:
+    """Mean distance [m], semivariance and number of pairs of each class, (bins,) each."""
+
+    distance_m: Array
+    semivariance: Array
+    pairs: NDArray[np.int64]
+
+    def trusted(self) -> EmpiricalVariogram:
+        """The classes with at least `FEWEST_PAIRS` pairs."""
+        keep = self.pairs >= FEWEST_PAIRS
+        return EmpiricalVariogram(
+            distance_m=self.distance_m[keep],
+            semivariance=self.semivariance[keep],
+            pairs=self.pairs[keep],
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class VariogramFit:
+    """A model with the empirical variogram it was held to.
+
+    `candidates`: the best of each kind that was tried, best kind first; `standard_errors` of
+    nugget, sill and range_m, NaN where the data do not tell; `reason` says in a sentence why
+    this model.
+    """
+
+    model: CovarianceModel
+    empirical: EmpiricalVariogram
+    candidates: tuple[CovarianceModel, ...]
+    standard_errors: dict[str, float]
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Pairs:
+    """Distances [m], directions [deg in 0 to 180] and absolute differences of pairs."""
+
+    distance: Array
+    bearing: Array
+    difference: Array
+
+    def along(self, direction_deg: float) -> _Pairs:
+        """The pairs within `SECTOR_DEG` of a direction."""
+        off = np.abs((self.bearing - direction_deg + 90) % 180 - 90) <= SECTOR_DEG
+        return _Pairs(
+            distance=self.distance[off],
+            bearing=self.bearing[off],
+            difference=self.difference[off],
+        )
+
+
+def _pairs(positions: Array, values: Array, cutoff_m: float) -> _Pairs:
+    if len(values) > MOST_SAMPLES:
+        chosen = np.linspace(0, len(values) - 1, MOST_SAMPLES).astype(int)
+        positions, values = positions[chosen], values[chosen]
+    distance, difference = pdist(positions), pdist(values[:, None])
+    near = (distance > 0) & (distance <= cutoff_m)
+    first, second = np.triu_indices(len(values), 1)
+    way = positions[second[near]] - positions[first[near]]
+    return _Pairs(
+        distance=distance[near],
+        bearing=np.degrees(np.arctan2(way[:, 1], way[:, 0])) % 180,
+        difference=difference[near],
+    )
+
+
+def default_cutoff_m(positions: Array) -> float:
+    """A third of the diagonal of the samples' bounds."""
+    return CUTOFF_SHARE * float(np.hypot(*np.ptp(positions, axis=0)))
+
+
+def empirical_variogram(
+    positions: Array,
+    values: Array,
+    bins: int = BINS,
+    cutoff_m: float | None = None,
+    estimator: Estimator = "matheron",
+    direction_deg: float | None = None,
+) -> EmpiricalVariogram:
+    """Estimate the variogram of `values` (n,) at `positions` (n, 2) [m].
+
+    More than `MOST_SAMPLES` samples are thinned evenly along their order. With a direction,
+    pairs within `SECTOR_DEG` of it count. Classes without pairs are left out.
+    """
+    cutoff_m = cutoff_m or default_cutoff_m(positions)
+    pairs = _pairs(positions, values, cutoff_m)
+    if direction_deg is not None:
+        pairs = pairs.along(direction_deg)
+    return _classes(pairs, bins, cutoff_m, estimator)
+
+
+def _classes(pairs: _Pairs, bins: int, cutoff_m: float, estimator: Estimator) -> EmpiricalVariogram:
+    # gstat's classes are open below and closed above: (k w, (k + 1) w].
+    index = np.clip(np.ceil(pairs.distance * bins / cutoff_m).astype(int) - 1, 0, bins - 1)
+    count = np.bincount(index, minlength=bins)
+    filled = count > 0
+    number = count[filled]
+    distance = np.bincount(index, pairs.distance, bins)[filled] / number
+    if estimator == "matheron":
+        semivariance = 0.5 * np.bincount(index, pairs.difference**2, bins)[filled] / number
+    elif estimator == "cressie":
+        root = np.bincount(index, np.sqrt(pairs.difference), bins)[filled] / number
+        semivariance = 0.5 * root**4 / (0.457 + 0.494 / number)
+    else:
+        medians = [np.median(pairs.difference[index == k]) for k in np.flatnonzero(filled)]
+        semivariance = 0.5 * 2.198 * np.square(medians)
+    return EmpiricalVariogram(
+        distance_m=distance, semivariance=semivariance, pairs=number.astype(np.int64)
+    )
+
+
+def fit_model(
+    empirical: EmpiricalVariogram, kind: str, *, weighting: Literal["n/h2", "n", "1"] = "n/h2"
+) -> tuple[CovarianceModel, float, Array]:
+    """Fit one kind of model; return it, its weighted sum of squares scaled to unit sill, and
+    the standard errors of nugget, sill and range (3,).
+    """
+    h, gamma = empirical.distance_m, empirical.semivariance
+    level = float(gamma.max())
+    if level == 0:
+        flat = CovarianceModel(kind=kind, sill=0.0, range_m=float(h.max()), nugget=0.0)
+        return flat, 0.0, np.zeros(3)
+    roots = {
+        "n/h2": np.sqrt(empirical.pairs) / h,
+        "n": np.sqrt(empirical.pairs),
+        "1": np.ones(len(h)),
+    }[weighting]
+
+    scaled = gamma / level
+
+    def best_at(reach: float) -> tuple[float, float, float]:
+        """Nugget and sill that fit best at a reach, in shares of the level, and the misfit."""
+        rise = 1 - correlations(kind, h / (reach * h[-1]))
+        nugget, sill = _bounded(roots, roots * rise, roots * scaled)
+        return nugget, sill, float(np.sum((roots * (nugget + sill * rise - scaled)) ** 2))
+
+    reach = _least(lambda log_reach: best_at(float(np.exp(log_reach)))[2])
+    nugget, sill, misfit = best_at(reach)
+    model = CovarianceModel(
+        kind=kind,
+        sill=float(sill * level),
+        range_m=float(reach * h[-1]),
+        nugget=float(nugget * level),
+    )
+    jacobian = _slopes(kind, h / h[-1], sill, reach) * roots[:, None]
+    return model, misfit, _standard_errors(jacobian, misfit) * [level, level, h[-1]]
+
+
+def _least(misfit: Callable[[float], float]) -> float:
+    """The reach of the least misfit: the best of a fine grid in logarithms, refined."""
+    grid = np.log(np.geomspace(REACHES[0], REACHES[1], REACHES_TRIED))
+    found = [misfit(one) for one in grid.tolist()]
+    best = int(np.argmin(found))
+    ends = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    refined = minimize_scalar(misfit, bounds=ends, method="bounded", options={"xatol": 1e-10})
+    return float(np.exp(refined.x if refined.fun <= found[best] else grid[best]))
+
+
+def _bounded(one: Array, rise: Array, data: Array) -> tuple[float, float]:
+    """Least squares of data by a nugget times `one` and a sill times `rise`, neither below 0."""
+    oo, rr, cross = float(one @ one), float(rise @ rise), float(one @ rise)
+    od, rd = float(one @ data), float(rise @ data)
+    determinant = oo * rr - cross**2
+    if determinant > 1e-12 * oo * rr:
+        nugget, sill = (rr * od - cross * rd) / determinant, (oo * rd - cross * od) / determinant
+        if nugget >= 0 and 0 <= sill <= MOST_SILL:
+            return nugget, sill
+    # On an edge of what can be: without a nugget, with the largest sill, or with a nugget alone.
+    edges = [
+        (0.0, min(max(rd / rr, 0.0), MOST_SILL) if rr > 0 else 0.0),
+        (max((od - MOST_SILL * cross) / oo, 0.0), MOST_SILL),
+        (max(od / oo, 0.0), 0.0),
+    ]
+    return min(edges, key=lambda at: float(np.sum((at[0] * one + at[1] * rise - data) ** 2)))
+
+
+def _slopes(kind: str, h: Array, sill: float, reach: float) -> Array:
+    """Derivatives of the model by nugget, sill and reach, (n, 3)."""
+    step = 1e-5 * reach
+    further, nearer = (correlations(kind, h / (reach + one)) for one in (step, -step))
+    by_reach = -sill * (further - nearer) / (2 * step)
+    return np.column_stack([np.ones(len(h)), 1 - correlations(kind, h / reach), by_reach])
+
+
+def _standard_errors(jacobian: Array, squares: float) -> Array:
+    """Of least squares' parameters, were the classes independent; NaN where they do not tell."""
+    free = jacobian.shape[0] - jacobian.shape[1]
+    try:
+        covariance = np.linalg.inv(jacobian.T @ jacobian) * squares / max(free, 1)
+    except np.linalg.LinAlgError:
+        return np.full(jacobian.shape[1], np.nan)
+    variance = np.diag(covariance)
+    return np.where(variance >= 0, np.sqrt(np.abs(variance)), np.nan)
+
+
+@remembered(4)
+def fit_variogram(
+    positions: Array, values: Array, estimator: Estimator = "matheron"
+) -> VariogramFit:
+    """Estimate the variogram, choose the kind of model that fits it best, and see whether it
+    has a direction. `ValueError` where there are too few pairs.
+    """
+    cutoff_m = default_cutoff_m(positions)
+    pairs = _pairs(positions, values, cutoff_m)
+    empirical = _classes(pairs, BINS, cutoff_m, estimator)
+    trusted = empirical.trusted()
+    if len(trusted.pairs) < FEWEST_CLASSES:
+        raise ValueError("too few pairs of samples for a variogram")
+    fits = sorted((fit_model(trusted, kind) for kind in AUTOMATIC), key=lambda fit: fit[1])
+    model, _, errors = fits[0]
+    rivals = ", ".join(f"{one.kind} {misfit:.3g}" for one, misfit, _ in fits)
+    reason = f"{model.kind} has the smallest weighted misfit to the variogram ({rivals})"
+    directed = _directed(pairs, cutoff_m, model, estimator)
+    if directed is not None:
+        model, gain = directed
+        errors = np.array([errors[0], errors[1], np.nan])
+        reason += f"; its direction takes away {gain:.0%} of the directional misfit"
+    return VariogramFit(
+        model=model,
+        empirical=empirical,
+        candidates=tuple(one for one, _, _ in fits),
+        standard_errors=dict(zip(("nugget", "sill", "range_m"), errors.tolist(), strict=True)),
+        reason=reason,
+    )
+
+
+def _directed(
+    pairs: _Pairs, cutoff_m: float, model: CovarianceModel, estimator: Estimator
+) -> tuple[CovarianceModel, float] | None:
+    """The model with a direction, and by how much that lowers the misfit; None if not clearly."""
+    sectors = [
+        _classes(pairs.along(angle), BINS, cutoff_m, estimator).trusted()
+        for angle in DIRECTIONS_DEG
+    ]
+    if min(len(sector.pairs) for sector in sectors) < FEWEST_CLASSES or model.sill == 0:
+        return None
+    level = model.nugget + model.sill
+    distance = np.concatenate([sector.distance_m for sector in sectors])
+    found = np.concatenate([sector.semivariance for sector in sectors])
+    roots = np.sqrt(np.concatenate([sector.pairs for sector in sectors])) / distance
+    counts = [len(sector.pairs) for sector in sectors]
+    bearing = np.radians(np.repeat(np.asarray(DIRECTIONS_DEG, dtype=float), counts))
+    ways = np.column_stack([np.cos(bearing), np.sin(bearing)])
+
+    def residuals(parameters: Array) -> Array:
+        reach, ratio, angle = parameters
+        factor = np.hypot(*stretched(ways, ratio, angle).T) / reach
+        return roots * (model.variogram(distance * factor) - found) / level
+
+    plain = float(np.sum(residuals(np.array([1.0, 1.0, 0.0])) ** 2))
+    bounds = ([0.3, 0.2, -400.0], [3.0, 1.0, 400.0])
+    fits = [
+        least_squares(residuals, (1.2, 0.6, angle), bounds=bounds, x_scale=(1, 1, 90))
+        for angle in DIRECTIONS_DEG
+    ]
+    best = min(fits, key=lambda fit: fit.cost)
+    gain = 1 - 2 * float(best.cost) / plain if plain > 0 else 0.0
+    reach, ratio, angle = best.x.tolist()
+    if gain < LEAST_GAIN or ratio > CLEAR_RATIO:
+        return None
+    return replace(model, range_m=reach * model.range_m, ratio=ratio, angle_deg=angle % 180), gain

@@ -1,0 +1,76 @@
+"""How far a map's standard deviations can be trusted, on the boat's way and off it.
+
+A sensor's readings along one pass agree better than two passes do: the water changes between
+them, and sensors lag and drift. A covariance of place alone cannot tell the two apart. So stretches
+of the way are left out, which readings before and after them of the same pass frame, and whole
+lines, which only other passes frame; each says by what factor standard deviations are off. Between
+the way and places away from it the factor goes over within metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import stdtrit
+
+from grebe.mapping.proof.unrest import Unrest
+from grebe.mapping.proof.validation import Z50, Z95, Errors
+from grebe.mapping.way import REACH_M, off_the_way
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.floating]
+
+# Factors beyond these are the data's fault and not the model's.
+LEAST, MOST = 0.3, 6.0
+# So many left-out pieces weigh as much as the belief that the model is right.
+BELIEF_PIECES = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """Factors of the standard deviations on the way and off it; `way` (n, 2) is the samples', and
+    places within `wide_m` of it are on it. `unrest` is where errors are larger than elsewhere.
+    """
+
+    on_way: float = 1.0
+    off_way: float = 1.0
+    way: Array | None = None
+    wide_m: float = 0.0
+    unrest: Unrest | None = None
+
+    def factor(self, places: Array) -> Array:
+        """The factor at each place (m, 2)."""
+        usual = self._usual(places)
+        return usual if self.unrest is None else usual * self.unrest.factor(places)
+
+    def _usual(self, places: Array) -> Array:
+        """The factor at each place, where the water is no more restless than elsewhere."""
+        if self.way is None or self.on_way == self.off_way:
+            return np.full(len(places), self.on_way)
+        away = np.maximum(off_the_way(self.way, places) - self.wide_m, 0.0)
+        beside = 1.0 - np.exp(-away / REACH_M)
+        return self.on_way * (self.off_way / self.on_way) ** beside
+
+
+def spread(errors: Errors, pieces: int) -> float:
+    """By what factor standard deviations are too small: where half and where 95 % of the
+    standardised errors lie, against where they should.
+    """
+    if len(errors.error) == 0:
+        return 1.0
+    size = np.abs(errors.z)
+    found = np.quantile(size, [0.5, 0.95]) / [Z50, Z95]
+    raw = float(np.sqrt(max(found[0], 1e-3) * max(found[1], 1e-3)))
+    believed = raw ** (pieces / (pieces + BELIEF_PIECES))
+    return float(np.clip(believed, LEAST, MOST))
+
+
+def for_few(pieces: int) -> float:
+    """How much wider an interval of 95 % has to be where no more than so many left-out pieces, each
+    with an error of its own, told how wide: Student's quantile over the normal one.
+    """
+    return float(stdtrit(max(pieces - 1, 1), 0.975)) / Z95

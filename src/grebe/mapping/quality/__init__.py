@@ -1,0 +1,1 @@
+"""What each reading is worth: QARTOD's tests, and a survey boat's own."""

@@ -1,0 +1,1 @@
+"""Several surveys of one water: what changed between two, and the trend of more."""

@@ -1,0 +1,1 @@
+"""From water to cells: lattices, and the pieces of tiles that lie in it."""

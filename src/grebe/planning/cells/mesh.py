@@ -1,0 +1,196 @@
+"""Mesh a region into cells: the target sets' footprints (section 6.2 of the paper).
+
+Tiles of any shape, size and orientation, clipped to the water. What the shore leaves of a
+tile is cut into convex pieces; small pieces join a neighbour where the union stays convex,
+and what is too small even for that is no target, but may be passed through. The cells are
+disjoint and cover the water; the targets made of them have at most eight sides and may lose
+a sliver.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from shapely import affinity
+
+from grebe.core.errors import PlanError
+from grebe.core.plan_settings import Shape
+from grebe.planning.cells import lattice
+from grebe.planning.cells.convex import convex_pieces, convex_union, shared_edge_m
+
+Ring = tuple[tuple[float, float], ...]
+
+MAX_SIDES = 8
+# Vertices nearer to each other than this [m] are one.
+SHORTEST_SIDE_M = 1e-5
+# A clipped piece smaller than this share of a full cell joins a neighbour ...
+SMALLEST_SHARE = 0.25
+# ... and one that cannot is no target below this share.
+SPECK_SHARE = 0.04
+LEAST_RADIUS_M = 0.5
+# What is thinner than this [m] and joins no neighbour is not even a way, and is left out.
+THINNEST_M = 0.03
+MAX_CELLS = 200_000
+# Of the lattice over the region's bounds, most of which may be land.
+MAX_GRID = 2_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """One cell of a mesh: its place in the lattice and its convex footprint (x north, y east).
+
+    `whole` says that the shore took nothing of its tile; `is_speck` that it is too small to be
+    a target, and only a way between others.
+    """
+
+    row: int
+    column: int
+    footprint: shapely.Polygon
+    whole: bool = False
+    is_speck: bool = False
+
+
+def mesh_water(
+    water: shapely.Polygon, cell_m: float, *, shape: Shape = "square", angle_deg: float = 0.0
+) -> list[Cell]:
+    """Cut water, concave and with islands as it may be, into convex cells of area cell_m^2.
+
+    Rows run along `angle_deg`, clockwise from north. Raises `PlanError` when the region is
+    smaller than a cell or holds too many.
+    """
+    _check_size(water, cell_m, angle_deg)
+    upright = affinity.rotate(water, -angle_deg, origin=(0, 0))
+    _check_grid(upright, cell_m)
+    row, column, corners = lattice.tiles(shape, upright.bounds, cell_m)
+    boxes = lattice.polygons(corners)
+    shapely.prepare(upright)
+    inside = shapely.covers(upright, boxes)
+    cells = [
+        Cell(row=r, column=c, footprint=box, whole=True)
+        for r, c, box in zip(
+            row[inside].tolist(), column[inside].tolist(), boxes[inside], strict=True
+        )
+    ]
+    cut = ~inside & shapely.intersects(upright, boxes)
+    for r, c, piece in zip(
+        row[cut].tolist(), column[cut].tolist(),
+        shapely.intersection(boxes[cut], upright), strict=True,
+    ):  # fmt: skip
+        cells += [Cell(row=r, column=c, footprint=part) for part in _polygons(piece)]
+    return _turned(_tidy(cells, cell_m**2), angle_deg)
+
+
+def _check_size(water: shapely.Polygon, cell_m: float, angle_deg: float) -> None:
+    if not (math.isfinite(cell_m) and cell_m > 0 and math.isfinite(angle_deg)):
+        raise PlanError(f"A cell of {cell_m} m at {angle_deg} degrees is impossible; give metres.")
+    if water.area < cell_m**2:
+        raise PlanError(
+            f"The region has {water.area:.1f} m2, less than one cell of {cell_m:g} m x "
+            f"{cell_m:g} m; choose smaller cells."
+        )
+    if water.area / cell_m**2 > MAX_CELLS:
+        raise PlanError(
+            f"Cells of {cell_m:g} m would be {water.area / cell_m**2:,.0f}, more than "
+            f"{MAX_CELLS:,}; choose larger cells."
+        )
+
+
+def _check_grid(upright: shapely.Polygon, cell_m: float) -> None:
+    x0, y0, x1, y1 = upright.bounds
+    if (x1 - x0) * (y1 - y0) / cell_m**2 > MAX_GRID:
+        raise PlanError(
+            f"The region's bounds hold {(x1 - x0) * (y1 - y0) / cell_m**2:,.0f} cells of "
+            f"{cell_m:g} m, more than {MAX_GRID:,}; choose larger cells or another angle."
+        )
+
+
+def _polygons(piece: shapely.Geometry) -> list[shapely.Polygon]:
+    """The convex pieces of what the shore leaves of a tile."""
+    parts = [p for p in shapely.get_parts(piece) if isinstance(p, shapely.Polygon) and p.area > 0]
+    return [convex for part in parts for convex in convex_pieces(part)]
+
+
+def wide_pieces(water: shapely.Geometry) -> list[shapely.Polygon]:
+    """The convex pieces of water that are wide enough to be a way."""
+    return [one for one in _polygons(water) if 2 * one.area / one.length >= THINNEST_M]
+
+
+def _turned(cells: list[Cell], angle_deg: float) -> list[Cell]:
+    """Turn cells from the lattice's axes to north and east, all at once."""
+    if angle_deg == 0:
+        return cells
+    turn = math.radians(angle_deg)
+    matrix = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    footprints = shapely.transform([cell.footprint for cell in cells], lambda xy: xy @ matrix)
+    return [
+        replace(cell, footprint=footprint)
+        for cell, footprint in zip(cells, footprints, strict=True)
+    ]
+
+
+def _tidy(cells: list[Cell], full_m2: float) -> list[Cell]:
+    """Join each small piece to a neighbour, smallest first; what stays tiny is a speck."""
+    footprints: list[shapely.Polygon | None] = [cell.footprint for cell in cells]
+    whole = [cell.whole for cell in cells]
+    areas = np.array([cell.footprint.area for cell in cells])
+    tree = shapely.STRtree([cell.footprint for cell in cells])
+    for i in np.argsort(areas).tolist():
+        piece = footprints[i]
+        if areas[i] >= SMALLEST_SHARE * full_m2:
+            break
+        if piece is None or piece.area >= SMALLEST_SHARE * full_m2:
+            continue
+        near = [j for j in tree.query(piece).tolist() if j != i and footprints[j] is not None]
+        unions = {j: u for j in near if (u := convex_union(footprints[j], piece)) is not None}
+        if unions:
+            best = max(unions, key=lambda j: shared_edge_m(footprints[j], piece))
+            footprints[best], whole[best] = unions[best], False
+            footprints[i] = None
+        elif 2 * piece.area / piece.length < THINNEST_M:
+            footprints[i] = None
+    return [
+        Cell(
+            row=cell.row,
+            column=cell.column,
+            footprint=footprint,
+            whole=own,
+            is_speck=footprint.area < SPECK_SHARE * full_m2 or (not own and _is_thin(footprint)),
+        )
+        for cell, footprint, own in zip(cells, footprints, whole, strict=True)
+        if footprint is not None
+    ]
+
+
+def _is_thin(footprint: shapely.Polygon) -> bool:
+    """Whether no boat could turn in a cell: no circle of `LEAST_RADIUS_M` fits in."""
+    return shapely.maximum_inscribed_circle(footprint).length < LEAST_RADIUS_M
+
+
+def target_footprint(ring: Ring) -> Ring:
+    """Return a convex polygon of at most eight sides inside a convex ring, losing as little as can
+    be.
+
+    Leaving out a vertex of a convex polygon cuts off the triangle it makes with its
+    neighbours; the smallest triangle goes first, vertices on a straight line before all.
+    """
+    vertices = list(ring)
+    tiny = 1e-9 * shapely.Polygon(ring).area
+    while len(vertices) > 3:
+        areas = [_loss_m2(vertices, i) for i in range(len(vertices))]
+        smallest = int(np.argmin(areas))
+        if areas[smallest] > tiny and len(vertices) <= MAX_SIDES:
+            break
+        del vertices[smallest]
+    return tuple(vertices)
+
+
+def _loss_m2(vertices: list[tuple[float, float]], i: int) -> float:
+    """What leaving a vertex out would cost; nothing where it stands on the one before it."""
+    (x0, y0), (x1, y1) = vertices[i - 1], vertices[i]
+    if math.hypot(x1 - x0, y1 - y0) < SHORTEST_SIDE_M:
+        return 0.0
+    x2, y2 = vertices[(i + 1) % len(vertices)]
+    return 0.5 * abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0))

@@ -1,0 +1,1 @@
+"""A survey shared out among boats, alike or not."""

@@ -1,0 +1,160 @@
+"""Share a survey out among boats: stretches of one good order, as long as each other in time.
+
+A stretch of an order that is short holds cells that lie together, so each boat has its own part of
+the lake and boats seldom meet. The ends of the stretches are moved until the predicted times, the
+ways from the starts with them, are alike; which boat takes which stretch, and from which end, is
+the assignment with the shortest ways out. Boats may be of several kinds: each part is planned for
+the boat that takes it, and a faster one takes more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from grebe.core.errors import PlanError, UsageError
+from grebe.core.plan_settings import PlanSettings, check_speed
+from grebe.core.survey import Survey
+from grebe.core.vessel import Vessel
+from grebe.planning.fleets.stretches import shared_evenly
+from grebe.planning.planned import PlannedSorties
+from grebe.planning.planner import Draft, Planner, planner_of
+from grebe.planning.put_together import checked, put_together
+from grebe.planning.region import Region
+from grebe.planning.route.portfolio import Route
+from grebe.planning.trips.lake import lake_of
+from grebe.planning.ways.corridors import Waterways
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Order = NDArray[np.int64]
+    Array = NDArray[np.float64]
+
+
+def plan_fleet(
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    no_go: Sequence[shapely.Polygon] = (),
+) -> PlannedSorties:
+    """Plan a survey that several boats share, one trip each; `PlanError` says why there is none."""
+    fleet = settings.fleet
+    if fleet is None:
+        raise UsageError("How many boats share the survey is not given.", settings=("boats",))
+    first = fleet.starts[0] if fleet.starts else None
+    planner, notes = planner_of(region, vessel, settings, first, no_go)
+    draft = planner.first_draft(quick=False)
+    if len(draft.route.order) < fleet.boats:
+        raise PlanError(
+            f"The water has {len(draft.route.order)} cells, too few for {fleet.boats} boats to "
+            "share; give smaller cells or fewer boats.",
+            settings=("cell_m", "boats"),
+        )
+    places = [region.frame.place_near(region.water, one, "start") for one in fleet.starts]
+    for one in fleet.vessels:
+        check_speed(settings, one)
+    planners = [replace(planner, vessel=fleet.vessel(i + 1) or vessel) for i in range(fleet.boats)]
+    sharing = _Sharing.of(planners if fleet.vessels else [planner], draft, places, fleet.boats)
+    parts, boats = sharing.balanced()
+    bound_m = planner.bound_m(draft)
+    survey, revision = put_together(parts, bound_m, boats)
+    alone_s = [_time_s(one.survey(draft, sharing.ways, bound_m)) for one in sharing.planners]
+    assert survey.outcome is not None
+    return PlannedSorties(
+        survey=survey,
+        outcome=survey.outcome,
+        check=checked(survey, revision, planner.water),
+        notes=notes,
+        revision=revision,
+        bound_s=alone_s[0] / fleet.boats
+        if len(alone_s) == 1
+        else 1.0 / sum(1.0 / each for each in alone_s),
+        legs_s=max(one.time_s for one in revision.sorties),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sharing:
+    """The order that is shared, with the times of its legs [s], and the ways out from the starts to
+    each cell of the order [s], (boats, n); without starts nobody has a way out. `planners`: one for
+    each boat, or one for all.
+    """
+
+    planners: Sequence[Planner]
+    draft: Draft
+    ways: Waterways
+    places: Sequence[tuple[float, float]]
+    legs_s: Array
+    out_s: Array
+
+    @classmethod
+    def of(
+        cls,
+        planners: Sequence[Planner],
+        draft: Draft,
+        places: Sequence[tuple[float, float]],
+        boats: int,
+    ) -> _Sharing:
+        planner = planners[0]
+        lake = lake_of(planner, draft, places or [draft.start])
+        order = draft.route.order
+        centres = draft.network.centres[order]
+        legs = planner.travel.leg_s(np.diff(centres, axis=0))
+        out = lake.seconds(outwards=True)[:, order] if places else np.zeros((boats, len(order)))
+        return cls(
+            planners=planners, draft=draft, ways=lake.ways, places=places,
+            legs_s=np.concatenate([[0.0], legs]) + float(np.mean(legs)) * 1e-3, out_s=out,
+        )  # fmt: skip
+
+    def balanced(self) -> tuple[list[Survey], list[int]]:
+        """The parts whose longest is the shortest that was found, and whose they are."""
+        chosen: list[tuple[int, bool]] = []
+
+        def parts_of(stretches: Sequence[Order]) -> tuple[list[tuple[Survey, int]], list[float]]:
+            # What a stretch may hold is found for the boat that has it: unlike boats do not change.
+            if not chosen or len(self.planners) == 1:
+                chosen[:] = self._assigned(stretches)
+            parts = [
+                self._part(stretch, *one) for stretch, one in zip(stretches, chosen, strict=True)
+            ]
+            boats = [boat + 1 for boat, _ in chosen]
+            return list(zip(parts, boats, strict=True)), [_time_s(part) for part in parts]
+
+        found = shared_evenly(self.draft.route.order, self.legs_s, len(self.out_s), parts_of)
+        return [part for part, _ in found], [boat for _, boat in found]
+
+    def _assigned(self, stretches: Sequence[Order]) -> list[tuple[int, bool]]:
+        """Which boat takes each stretch, and whether from its far end."""
+        # Plans of one boat, which are most, need not wait for it.
+        from scipy.optimize import linear_sum_assignment
+
+        lengths = np.array([len(one) for one in stretches], dtype=np.int64)
+        ends = np.cumsum(lengths)
+        near, far = self.out_s[:, ends - lengths], self.out_s[:, ends - 1]
+        boats, taken = linear_sum_assignment(np.minimum(near, far))
+        of = dict(zip(taken.tolist(), boats.tolist(), strict=True))
+        return [(of[k], bool(far[of[k], k] < near[of[k], k])) for k in range(len(stretches))]
+
+    def _part(self, stretch: Order, boat: int, backwards: bool) -> Survey:
+        order = stretch[::-1] if backwards else stretch
+        place = self.places[boat] if self.places else None
+        if place is None:
+            north, east = self.draft.network.centres[order[0]].tolist()
+            place = (north, east)
+        draft = replace(
+            self.draft,
+            route=Route(order=order, legs_s=0.0, method=self.draft.route.method),
+            start=place,
+        )
+        planner = self.planners[boat] if len(self.planners) > 1 else self.planners[0]
+        return planner.survey(draft, self.ways, 0.0)
+
+
+def _time_s(part: Survey) -> float:
+    assert part.outcome is not None
+    return part.outcome.time_s

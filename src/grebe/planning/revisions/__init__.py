@@ -1,0 +1,1 @@
+"""The rest of an order, planned anew while a boat sails."""

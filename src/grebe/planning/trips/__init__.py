@@ -1,0 +1,1 @@
+"""Trips from harbours and back, each as long as a battery lasts."""

@@ -1,0 +1,73 @@
+"""How long a sortie may be: so that the boat comes home in the worst of the stated weather."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.dynamics import Weather, drive_power_w
+from grebe.core.errors import PlanError, UsageError
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.vessel import Vessel
+from grebe.planning.ways.travel import WANDER, ground_speed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# A way home is reckoned longer by this share, and by so much: as the mission's guard does.
+HOME_SHARE, HOME_SLACK_S = 0.25, 30.0
+# A flown sortie may take so much longer than predicted before the guard calls the boat home.
+MARGIN = 1.08
+LEAST_MPS = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Endurance:
+    """How long a sortie may be [s], and by how much a second of the way home counts more, or less,
+    than one of the survey: the way home may be against the weather, at a higher power.
+    """
+
+    limit_s: float
+    homeward: float
+    slowest: float
+
+    def home_s(self, way_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What must be left of a sortie for a way home of so many metres [s]."""
+        worst = WANDER * self.slowest * way_m
+        return (1 + HOME_SHARE) * self.homeward * worst + HOME_SLACK_S
+
+
+def endurance_of(vessel: Vessel, settings: PlanSettings, power_w: float) -> Endurance:
+    """Return how far a boat may go that surveys at a power; `PlanError` where no boat gets home in
+    the stated weather.
+
+    The worst of the weather is a current and a wind as strong as stated, straight against the
+    boat, whichever way it goes.
+    """
+    sorties = settings.sorties
+    if sorties is None:
+        raise UsageError("The plan has no settings of sorties.")
+    weather = settings.weather
+    current = math.hypot(weather.current_north_mps, weather.current_east_mps)
+    wind = math.hypot(weather.wind_force_north_n, weather.wind_force_east_n)
+    against = Weather(current_north_mps=-current, wind_force_north_n=-wind)
+    worst = ground_speed(vessel, settings.speed_max_mps, against, 0.0)
+    if worst < LEAST_MPS:
+        raise PlanError(
+            f"Against a current of {current:g} m/s and a wind of {wind:g} N vessel "
+            f"{vessel.name!r} does not come home; wait for better weather."
+        )
+    through = min(settings.speed_max_mps + current, vessel.speed_max_mps)
+    each = 0.5 * vessel.surge_drag_n(through)
+    power = drive_power_w(vessel, (each, each), through)
+    limits = [(60 * sorties.minutes, 1.0)] if sorties.minutes is not None else []
+    if sorties.battery_wh is not None:
+        lasts_s = 3600 * sorties.battery_wh / power_w
+        # A way home is straight: it may take less power than a survey that turns and turns.
+        limits.append((lasts_s, power / power_w))
+    limit_s = (1 - sorties.reserve) * min(one for one, _ in limits) / MARGIN
+    homeward = max(factor for _, factor in limits)
+    return Endurance(limit_s=limit_s, homeward=homeward, slowest=1 / worst)

@@ -1,0 +1,118 @@
+"""A meshed lake with its harbours: the ways home, what its legs cost, and what trips may take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from grebe.planning.planner import Draft, Planner
+from grebe.planning.route.costs import Costs, costs_of
+from grebe.planning.route.portfolio import Route
+from grebe.planning.trips.endurance import HOME_SLACK_S, Endurance
+from grebe.planning.trips.trip_times import Ports
+from grebe.planning.ways.corridors import Waterways
+from grebe.planning.ways.travel import Travel
+from grebe.planning.ways.ways_home import WaysHome, ways_home
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+# Cells that are looked at when a cell looks for a place.
+BESIDE = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lake:
+    """A meshed lake with the ways to its harbours, and what its legs cost."""
+
+    planner: Planner
+    draft: Draft
+    ways: Waterways
+    homes: tuple[WaysHome, ...]
+    costs: Costs
+    wanted: NDArray[np.bool_]
+
+    @property
+    def travel(self) -> Travel:
+        """What ways cost the boat."""
+        return self.planner.travel
+
+    @property
+    def pitch_s(self) -> float:
+        """Time from a cell to the next, or so."""
+        return self.draft.cell_m * float(np.mean(self.travel.slowness))
+
+    def seconds(self, outwards: bool) -> NDArray[np.float64]:
+        """Time of the ways from the harbours to the cells, or back, (h, n): as long as they are,
+        by the direction from the one to the other.
+        """
+        sign = 1.0 if outwards else -1.0
+        rows: list[NDArray[np.float64]] = []
+        for home in self.homes:
+            way = sign * (self.draft.network.centres - np.array(home.place))
+            straight = np.maximum(np.hypot(*way.T), 1e-9)
+            rows.append(home.ways_m * self.travel.leg_s(way) / straight)
+        return np.array(rows)
+
+    def part(self, order: NDArray[np.int64]) -> Lake:
+        """The lake of which some cells alone are gone to, in an order; the others are water."""
+        wanted = np.zeros(len(self.wanted), dtype=np.bool_)
+        wanted[order] = True
+        route = Route(order=order, legs_s=0.0, method=self.draft.route.method)
+        return replace(self, draft=replace(self.draft, route=route), wanted=wanted)
+
+
+def lake_seen_by(planner: Planner, lake: Lake, homes: tuple[WaysHome, ...]) -> Lake:
+    """Return a lake for another boat: with what its legs cost that one, and with its harbours."""
+    costs = costs_of(lake.draft.network, planner.travel, homes[0].place, returns=True)
+    return replace(lake, planner=planner, homes=homes, costs=costs)
+
+
+def lake_of(planner: Planner, draft: Draft, places: Sequence[tuple[float, float]]) -> Lake:
+    """Measure the ways from each place to the cells; it is moved into the nearest cell."""
+    cells, network = draft.cells, draft.network
+    shapes = np.array([cell.footprint for cell in cells], dtype=object)
+    homes: list[WaysHome] = []
+    for place in places:
+        point = shapely.Point(place)
+        cell = int(np.argmin(shapely.distance(shapes, point)))
+        inner = shapes[cell].buffer(-0.1)
+        inside = inner if not inner.is_empty else shapely.centroid(shapes[cell])
+        north, east = shapely.get_coordinates(shapely.shortest_line(inside, point))[0].tolist()
+        homes.append(ways_home(network, planner.water, (north, east), cell))
+    return Lake(
+        planner=planner,
+        draft=draft,
+        ways=Waterways(cells, network, planner.water, draft.cell_m),
+        homes=tuple(homes),
+        costs=costs_of(network, planner.travel, homes[0].place, returns=True),
+        wanted=np.array([not cell.is_speck for cell in cells]),
+    )
+
+
+def ports_of(lake: Lake, endurance: Endurance, factor: float) -> Ports:
+    """Gather what the exchange reads, where a trip takes `factor` times its legs' time."""
+    centres = lake.draft.network.centres
+    members = np.flatnonzero(lake.wanted)
+    many = min(BESIDE + 1, len(members))
+    beside = np.full((len(centres), BESIDE), -1)
+    if many > 1:
+        from scipy.spatial import KDTree
+
+        near = KDTree(centres[members]).query(centres[members], k=many)[1]
+        beside[members, : many - 1] = members[np.asarray(near)[:, 1:]]
+    else:
+        beside[members, 0] = members
+    ways_m = np.array([home.ways_m for home in lake.homes])
+    return Ports(
+        out=lake.seconds(outwards=True),
+        back=lake.seconds(outwards=False),
+        home=endurance.home_s(ways_m) / factor,
+        beside=beside,
+        limit_s=(endurance.limit_s - HOME_SLACK_S) / factor,
+        pitch_s=lake.pitch_s,
+    )

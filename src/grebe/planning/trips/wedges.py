@@ -1,0 +1,80 @@
+"""Trips to begin with: wedges of a lake, each with its tip at a harbour.
+
+The cells are put in the order in which a ray that turns around the harbour meets them; stretches of
+that order are wedges, and each is made a round trip.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.planning.route.costs import costs_of
+from grebe.planning.route.polish import polished
+from grebe.planning.trips.lake import Lake
+from grebe.planning.trips.trip_times import Ports
+from grebe.planning.ways.ways_home import around_the_harbour
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Order = NDArray[np.int64]
+
+# Kicks of the polish of one trip.
+KICKS = 300
+
+
+def wedges(lake: Lake, ports: Ports, count: int) -> tuple[list[Order], NDArray[np.int64]]:
+    """So many trips: wedges of the water around each harbour that take equally long, or so."""
+    nearest = np.argmin(ports.out, axis=0)
+    members = [lake.wanted & (nearest == h) for h in range(len(lake.homes))]
+    sizes = np.array([one.sum() for one in members])
+    orders: list[Order] = []
+    harbours: list[int] = []
+    for h, parts in enumerate(_shared(sizes, count)):
+        walk = around_the_harbour(lake.draft.network, lake.homes[h], members[h])
+        costs = costs_of(lake.draft.network, lake.travel, lake.homes[h].place, returns=True)
+        for part in _even_stretches(walk, ports.out[h], lake.pitch_s, parts):
+            orders.append(polished(costs, part, KICKS)[0] if len(part) > 1 else part)
+            harbours.append(h)
+    return orders, np.array(harbours, dtype=np.int64)
+
+
+def _even_stretches(
+    walk: Order, out_s: NDArray[np.float64], pitch_s: float, parts: int
+) -> list[Order]:
+    """Cut a walk into so many stretches whose trips take equally long, or so."""
+    low, high = 0.0, 2 * float(out_s[walk].max(initial=0.0)) + pitch_s * len(walk)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if len(_filled(walk, out_s, pitch_s, middle)) <= parts:
+            high = middle
+        else:
+            low = middle
+    return _filled(walk, out_s, pitch_s, high) if parts else []
+
+
+def _filled(walk: Order, out_s: NDArray[np.float64], pitch_s: float, most_s: float) -> list[Order]:
+    """Stretches of a walk, each as long as `most_s` lets its trip be, a cell at least.
+
+    A trip takes no less than to its farthest cell and back, and than to its nearest and back and a
+    pitch each cell.
+    """
+    stretches: list[Order] = []
+    first, nearest, farthest = 0, np.inf, 0.0
+    for k, away in enumerate(out_s[walk].tolist()):
+        nearest, farthest = min(nearest, away), max(farthest, away)
+        if k > first and 2 * max(farthest, nearest + 0.5 * pitch_s * (k + 1 - first)) > most_s:
+            stretches.append(walk[first:k])
+            first, nearest, farthest = k, away, away
+    return [*stretches, walk[first:]] if len(walk) else []
+
+
+def _shared(sizes: NDArray[np.int64], count: int) -> list[int]:
+    """Share `count` trips out by the numbers of cells, the largest remainders first."""
+    exact = count * sizes / sizes.sum()
+    parts = np.floor(exact).astype(int)
+    for h in np.argsort(parts - exact)[: count - parts.sum()]:
+        parts[h] += 1
+    return parts.tolist()

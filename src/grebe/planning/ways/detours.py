@@ -1,0 +1,94 @@
+"""How far it is around land: shortest ways between cells near the shore that no link joins.
+
+An order that jumps from one cell to another pays for the way between them. Straight distance
+says little about it beside a spit, so it is measured: on a visibility graph of the cells'
+centres and of the corners of the shore (Lozano-Perez and Wesley 1979), drawn a little coarser.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from grebe.planning.ways.graph import Links, distances, links_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from shapely.geometry.base import BaseGeometry
+
+    Places = NDArray[np.float64]
+
+# What a boat can pass between [m].
+PASSAGE_M = 0.4
+# How much of a cell the shore may be drawn wider than it is.
+COARSENESS = 0.01
+# Ways are looked for between cells whose centres are nearer than so many cells, over lines of
+# sight as long, up to a length of so many cells.
+REACH_CELLS, FARTHEST_CELLS = 3.0, 12.0
+# Beyond so many centres that takes longer than it saves.
+MOST_CENTRES = 4_000
+
+
+def ways_around(
+    centres: Places, near_shore: NDArray[np.bool_], water: shapely.Polygon, cell_m: float
+) -> Links:
+    """Return lengths [m] of the shortest ways between cells, one of them near the shore, both ways
+    the same; none for `MOST_CENTRES` and more.
+    """
+    n = len(centres)
+    if n > MOST_CENTRES or not near_shore.any():
+        none = np.zeros(0, dtype=np.int64)
+        return links_of(none, none, np.zeros(0), n)
+    room = _room(water, COARSENESS * cell_m)
+    nodes = np.vstack([centres, _corners(room)])
+    begin = np.flatnonzero(near_shore)
+    sight = _sight(nodes, room, REACH_CELLS * cell_m)
+    lengths = distances(sight, begin, FARTHEST_CELLS * cell_m)[:, :n]
+    away = np.hypot(*np.moveaxis(centres[begin, None] - centres[None], -1, 0))
+    wanted = np.isfinite(lengths) & (away < REACH_CELLS * cell_m) & (away > 0)
+    row, column = np.nonzero(wanted)
+    return _both_ways(begin[row], column, lengths[wanted], n)
+
+
+def _both_ways(
+    first: NDArray[np.int64], second: NDArray[np.int64], lengths: Places, count: int
+) -> Links:
+    """Links there and back."""
+    return links_of(np.append(first, second), np.append(second, first), np.tile(lengths, 2), count)
+
+
+def _room(water: shapely.Polygon, coarse_m: float) -> BaseGeometry:
+    """The water without what is too narrow for a boat, its shore drawn coarser and wider."""
+    half = 0.5 * PASSAGE_M
+    passable = water.buffer(-half, join_style="mitre").buffer(half + coarse_m, join_style="mitre")
+    return passable.simplify(0.9 * coarse_m)
+
+
+def _corners(room: BaseGeometry) -> Places:
+    """The shore's corners that a shortest way can bend around: those where the water is on the
+    outer side.
+    """
+    rings = shapely.get_rings(shapely.orient_polygons(room))
+    corners = [_reflex(shapely.get_coordinates(ring)[:-1]) for ring in rings]
+    return np.vstack(corners)
+
+
+def _reflex(ring: Places) -> Places:
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    return ring[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0]
+
+
+def _sight(nodes: Places, room: BaseGeometry, reach_m: float) -> Links:
+    """Lengths of the lines of sight between nodes up to a reach."""
+    points = np.asarray(shapely.points(nodes), dtype=object)
+    first, second = shapely.STRtree(points).query(points, predicate="dwithin", distance=reach_m)
+    once = first < second
+    first, second = first[once], second[once]
+    allowed = room.buffer(1e-6)
+    shapely.prepare(allowed)
+    seen = shapely.covers(allowed, shapely.linestrings(np.stack([nodes[first], nodes[second]], 1)))
+    first, second = first[seen], second[seen]
+    away = np.maximum(np.hypot(*(nodes[first] - nodes[second]).T), 1e-9)
+    return _both_ways(first, second, away, len(nodes))
