@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import shapely
 from conftest import FRAME, NOON
@@ -12,10 +14,12 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.settings import MissionSettings
+from grebe.mission.spent import AT_HARBOUR_M
 from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
 from grebe.simulation.faults import NO_FAULTS, Faults
+from grebe.workflow.berths import lying
 from grebe.workflow.files import write_survey
 from grebe.workflow.fleets import FleetRun
 from grebe.workflow.run import steered_by
@@ -32,8 +36,10 @@ def fleet_file(path, sorties=None, side=50.0):
     return path
 
 
-def sailed(path, faults=None, settings=None, close=None, stop_at=None, resume=False):
-    """Sail a fleet; its report, and the settings with which each mission set out, in turn."""
+def sailed(path, faults=None, settings=None, close=None, stop_at=None, resume=False, real=False):
+    """Sail a fleet; its report, and the settings with which each mission set out, in turn. `real`
+    boats are simulated ones of which the fleet does not know that they are.
+    """
     began = []
 
     def boat_at(boat, departure):
@@ -58,6 +64,7 @@ def sailed(path, faults=None, settings=None, close=None, stop_at=None, resume=Fa
             boat_at,
             steered_by(),
             settings or MissionSettings(),
+            shares_time=not real,
             watches=lambda boat: [lambda event: hear(boat, event)],
             on_ready=ready,
         ).run(NOON, resume=resume)
@@ -131,3 +138,62 @@ def test_unlike_boats_set_out_each_with_its_own_battery_and_minutes(tmp_path):
         1: (40.0, pytest.approx(0.8 * 1200.0)),
         2: (90.0, pytest.approx(0.8 * 1800.0)),
     }
+
+
+def in_rounds(path):
+    """A fleet of two with two sorties each, from harbours in the corners of a pond."""
+    corners = FRAME.to_wgs84([(5, 5), (95, 95), (5, 95), (95, 5)]).tolist()
+    harbours = tuple((lon, lat) for lon, lat in corners)
+    path = fleet_file(path, SortieSettings(minutes=3.3, harbours=harbours), side=100.0)
+    with SurveyFile.open(path) as file:
+        assert sorted(one.boat for one in file.revision.sorties) == [1, 1, 2, 2]
+    return path
+
+
+@pytest.mark.slow
+def test_a_real_boat_that_is_home_sets_out_again_only_in_a_run_that_somebody_begins(tmp_path):
+    """Its battery is the one that it came home with, until somebody has changed it."""
+    path = in_rounds(tmp_path / "f.gpkg")
+    report, began, _ = sailed(path, real=True)
+    assert sorted(boat for boat, _ in began) == [1, 2]
+    assert report.ashore == (1, 2)
+    assert report.goes_on
+    assert not report.complete
+    report, began, _ = sailed(path, real=True, resume=True)
+    assert sorted(boat for boat, _ in began) == [1, 2]
+    assert report.complete
+    assert report.ashore == ()
+    assert not report.goes_on
+
+
+@pytest.mark.slow
+def test_who_comes_home_because_the_time_of_the_run_is_over_stays_there(tmp_path):
+    """The time of the plan's sorties is new at the harbour, and that of the run is not."""
+    path = in_rounds(tmp_path / "f.gpkg")
+    until = MissionSettings(safety=SafetySettings(max_s=70.0))
+    report, began, _ = sailed(path, settings=until)
+    assert [one.ended for *_, one in report.missions] == [EndReason.CAME_HOME] * 2
+    assert sorted(boat for boat, _ in began) == [1, 2]
+    assert 0 < report.reached < report.targets
+
+
+@pytest.mark.slow
+def test_simulated_boats_sail_one_sortie_after_the_other(tmp_path):
+    report, began, _ = sailed(in_rounds(tmp_path / "f.gpkg"))
+    assert sorted(boat for boat, _ in began) == [1, 1, 2, 2]
+    assert report.complete
+
+
+@pytest.mark.slow
+def test_who_lies_near_a_harbour_without_having_come_home_keeps_others_away(tmp_path):
+    """One that is blind within a boat's length of a harbour has not been taken ashore."""
+    path = in_rounds(tmp_path / "f.gpkg")
+    sailed(path, {2: Faults(blind=((2.0, 1e9),))}, stop_at=20)
+    with SurveyFile.open(path) as file:
+        ends = file.track_ends(2)
+        assert ends is not None
+        place = ends[1].state[:2]
+        starts = [(one.start.north_m, one.start.east_m) for one in file.revision.sorties]
+        assert min(math.dist(place, one) for one in starts) < AT_HARBOUR_M
+        assert lying(file, sailing=(1,)) == {}
+        assert lying(file, sailing=(1,), adrift=(2,)) == {2: pytest.approx(place)}

@@ -164,6 +164,25 @@ def test_who_is_ashore_claims_nothing_and_sets_out_once_its_place_is_clear():
     assert two.launches(harbour)
 
 
+@pytest.mark.parametrize(
+    ("cause", "renewed", "again"),
+    [
+        (Cause.TRAFFIC, (), True),
+        (Cause.BATTERY, (), False),
+        (Cause.BATTERY, (Cause.BATTERY,), True),
+        (Cause.TIME, (Cause.BATTERY,), False),
+        (Cause.DAYLIGHT, (Cause.BATTERY, Cause.TIME), False),
+        (Cause.CURRENT, (Cause.BATTERY, Cause.TIME), False),
+    ],
+)
+def test_who_came_home_sails_again_where_the_cause_is_none_any_more(cause, renewed, again):
+    boat = Lookout(traffic=Traffic(apart_m=APART_M), boat=1, harbour=(0.0, 0.0), renewed=renewed)
+    boat.sent_home(cause)
+    assert boat.sails_again == again
+    boat.is_called = True
+    assert not boat.sails_again
+
+
 def test_who_ends_on_the_water_keeps_its_claim():
     traffic = Traffic(apart_m=APART_M, order=(1, 2))
     lost = Lookout(traffic=traffic, boat=1, harbour=(0.0, 0.0))
@@ -243,6 +262,30 @@ def test_two_unlike_boats_with_one_harbour_in_a_narrow_arm_do_it_all(tmp_path):
     assert APART_M <= least < math.inf
     assert any(event.code == "waits_ashore" for event in events)
     assert all(one.ended is EndReason.COMPLETE for *_, one in report.missions)
+
+
+@pytest.mark.slow
+def test_who_is_called_home_while_it_waits_ashore_stays_there(tmp_path):
+    narrow(tmp_path / "f.gpkg", 16.0, 0.5, ("spyboat", "spyboat"), 12.0, 10.0)
+    missions = {}
+
+    def hear(event):
+        if isinstance(event, Warned) and event.code == "waits_ashore":
+            for mission in missions.values():
+                mission.come_home("for a test")
+
+    with SurveyFile.open(tmp_path / "f.gpkg") as file:
+        report = FleetRun(
+            file,
+            lambda boat, departure: replace(SimulatedWorld(), boat=boat)(departure),
+            steered_by(),
+            watches=lambda _: [hear],
+            on_ready=missions.__setitem__,
+        ).run(NOON)
+    ended = {boat: one for boat, _, one in report.missions}
+    assert {one.ended for one in ended.values()} == {EndReason.CAME_HOME}
+    assert {one.message for one in ended.values()} > {"it was called home before it had set out"}
+    assert len(report.missions) == 2
 
 
 @pytest.mark.slow

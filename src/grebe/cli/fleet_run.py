@@ -177,9 +177,20 @@ def fleet_numbers(report: FleetReport) -> dict[str, Any]:
     }
 
 
+def next_command(report: FleetReport, file: object) -> str:
+    """What is to be done after a fleet's run."""
+    return f"grebe run {file} --resume" if report.goes_on else f"grebe map {file} --out maps"
+
+
 def explain(report: FleetReport, file: object) -> None:
-    """Leave with the reason where targets are left."""
-    if report.complete:
+    """Say who waits ashore, and leave with the reason where targets are left for any other."""
+    if report.ashore:
+        who = " and ".join(map(str, report.ashore))
+        output.note(
+            f"at their harbours, and not setting out again by themselves: boat {who}; see to their "
+            "batteries, and go on"
+        )
+    if report.complete or report.goes_on:
         return
     advice = f"go on with: grebe run {file} --resume"
     if report.stopped:

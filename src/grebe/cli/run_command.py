@@ -15,7 +15,7 @@ from click.core import ParameterSource
 
 from grebe.cli import options, output
 from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_of
-from grebe.cli.fleet_run import explain, fleet_numbers, run_fleet
+from grebe.cli.fleet_run import explain, fleet_numbers, next_command, run_fleet
 from grebe.cli.interruption import heed_mission, ignore_hangup
 from grebe.cli.live_view import live_view
 from grebe.cli.rule_options import refuse_foreign, rule_of, rule_options
@@ -302,7 +302,7 @@ def _sail_fleet(
             yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
             closures=lambda: _closures_of(run, survey_file), extends=onward, ears=ears,
         )  # fmt: skip
-    ahead = f"grebe map {survey_file.path} --out maps"
+    ahead = next_command(report, survey_file.path)
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
     explain(report, survey_file.path)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from grebe.core.errors import PlanError, SurveyFileError, UsageError
-from grebe.core.events import EndReason, State
+from grebe.core.events import State
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.revision import Sortie, as_planned, survey_of
 from grebe.core.survey import Survey
@@ -20,7 +20,7 @@ from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.io.store.tables import TrackEnd
 from grebe.io.store.timestamps import parse_time
-from grebe.mission.spent import NOTHING, Spent, spent_since_harbour
+from grebe.mission.spent import AT_HOME, NOTHING, Spent, spent_since_harbour
 
 # A mission that goes on begins this long after all that is recorded, at the earliest.
 AFTER_S = 0.1
@@ -166,8 +166,7 @@ def _came_home(survey_file: SurveyFile, boat: int) -> bool:
     """Whether the last mission of a boat ended as it should, where a battery may be changed."""
     whose = "" if survey_file.survey.fleet is None else f"boat {boat}: "
     own = [event for event in survey_file.events() if event.message.startswith(whose)]
-    ends = (EndReason.CAME_HOME.value, EndReason.COMPLETE.value)
-    return bool(own) and own[-1].code in ends
+    return bool(own) and own[-1].code in {end.value for end in AT_HOME}
 
 
 def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:

@@ -246,8 +246,10 @@ class Guard:
                 return
         if self._memory.cause in (Cause.TRAFFIC, *WAITS):
             place = lookout.place_to_wait(fence, facts.place)
-            if place != facts.place:
+            # Another boat may have claimed that water meanwhile.
+            if place != facts.place and lookout.claim(np.array([facts.place, place])):
                 self._memory = replace(self._memory, place=place)
+                return
         lookout.claim(np.array([facts.place, self._memory.place]))
 
     def _in_others_way(self, lookout: Lookout, facts: Facts, ahead: Place | None) -> Memory | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -40,9 +40,10 @@ class Lookout:
     do, and makes room for all. `room_m`: what it asks for beside its way `towards` a place.
 
     `harbour`: where it is launched, and taken ashore when it comes home; None for a boat that lies
-    on the water before and after; `is_afloat` where it is on it already. `waited_s`: how long it
+    on the water before and after; `is_afloat` where it is on it already. `renewed`: causes of going
+    home that are none any more once it is there, such as a spent battery. `waited_s`: how long it
     has waited for others on its way to that place. `gave_way`: it went home for their sake;
-    `is_spent`: for its time or its battery; `is_called`: because somebody asked it to.
+    `is_spent`: for what is renewed there; `is_called`: because somebody asked it to.
     """
 
     traffic: Traffic
@@ -52,6 +53,7 @@ class Lookout:
     towards: Place | None = None
     harbour: Place | None = None
     is_afloat: bool = True
+    renewed: Collection[Cause] = ()
     waited_s: float = 0.0
     gave_way: bool = False
     is_spent: bool = False
@@ -71,16 +73,13 @@ class Lookout:
 
     @property
     def sails_again(self) -> bool:
-        """Whether the boat, once home, sets out again for what it has left."""
+        """Whether nothing keeps the boat, once home, from setting out for what it has left."""
         return (self.gave_way or self.is_spent) and not self.is_called
 
     def sent_home(self, cause: Cause | None) -> None:
-        """The boat goes home: for others, for its time or its battery, which it has anew at its
-        harbour; or for what is wrong.
-        """
+        """The boat goes home: for others, for what is renewed there, or for what is wrong."""
         self.gave_way = self.gave_way or cause is Cause.TRAFFIC
-        spent = cause in (Cause.TIME, Cause.BATTERY) and self.harbour is not None
-        self.is_spent = self.is_spent or spent
+        self.is_spent = self.is_spent or cause in self.renewed
 
     def goes(self) -> None:
         """The boat waits for nobody."""

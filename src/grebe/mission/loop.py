@@ -27,7 +27,6 @@ from grebe.core.events import (
     Estimate,
     Reached,
     Revised,
-    SampleTaken,
     Started,
     State,
     Warned,
@@ -45,7 +44,9 @@ from grebe.mission.announcer import Announcer
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.guard import Guard
 from grebe.mission.helm import AdaptableHelm, Helm
+from grebe.mission.launching import launched
 from grebe.mission.lookout import InFleet
+from grebe.mission.measuring import Measuring
 from grebe.mission.patience import patience_s
 from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.replanning import Replanner
@@ -54,6 +55,7 @@ from grebe.mission.safety.states import SafetyState
 from grebe.mission.sampler import Sampler
 from grebe.mission.settings import MissionSettings
 from grebe.mission.sight import Sight
+from grebe.mission.spent import AT_HOME
 from grebe.mission.statistics import MissionReport, Statistics
 from grebe.mission.steering import Steering
 from grebe.mission.sturdy_link import SturdyLink
@@ -64,10 +66,6 @@ NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # A boat that goes on where it pays looks for another place once others have stood in its way so
 # long [s].
 ELSEWHERE_S = 30.0
-# Ends of missions whose boats are where they should be.
-AT_HOME = (EndReason.COMPLETE, EndReason.CAME_HOME)
-# The quantity that says how much water is below the boat.
-DEPTH = "water_depth_m"
 # Where a mission begins that is given no date: simulated time needs no calendar.
 SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
 
@@ -127,6 +125,7 @@ class Mission:
             by_motion=driven.holds_motion,
             waits=replanner is None or replanner.waits,
         )
+        self._measuring = Measuring(self._sampler, self._guard, self._announcer)
         self._closings: deque[tuple[tuple[shapely.Polygon, ...], str]] = deque()
         # Whether it is to be seen if the boat can sail straight on to its next target.
         self._looks_on, self._waits_at = True, (0.0, 0.0)
@@ -197,7 +196,8 @@ class Mission:
         return self._reached == len(self._targets)
 
     def _loop(self) -> tuple[EndReason, str]:
-        observation = self._launched()
+        observation = launched(self._sight, self._announcer, self._lookout, self._requested_stop)
+        self._learn(observation)
         self._give_patience(observation)
         self._announcer.tell(
             Started, observation.time_s, targets=len(self._targets), reached=self._reached
@@ -207,7 +207,7 @@ class Mission:
                 Estimate, observation.time_s, state=observation.state, weather=self._weather
             )
             self._visit(observation)
-            self._read_instruments(observation)
+            self._measuring.read_instruments(observation)
             self._close_areas(observation)
             self._watch(observation)
             self._replan(observation)
@@ -217,27 +217,8 @@ class Mission:
             waits_at = self._waits_at if self._waits_for_way else None
             self._steering.act(observation, self._reached, idle=self._done, waits_at=waits_at)
             self._announcer.release()
-            observation = self._advance()
-
-    def _launched(self) -> Observation:
-        """The first estimate on the water: a boat of a fleet waits ashore until its place there is
-        clear of others.
-        """
-        observation, lookout, said = self._sight.next(), self._lookout, False
-        while lookout and not lookout.launches((observation.state[0], observation.state[1])):
-            if request := self._requested_stop():
-                raise OverError(EndReason.STOPPED, request)
-            if lookout.is_alone:
-                text = "another boat lies before its harbour, and none is left that sails"
-                raise OverError(EndReason.TARGET_GIVEN_UP, text)
-            if not said:
-                text = "another boat is before its harbour: it stays ashore until that has gone"
-                self._announcer.tell(Warned, observation.time_s, code="waits_ashore", message=text)
-                self._announcer.release()
-                said = True
             observation = self._sight.next()
-        self._learn(observation)
-        return observation
+            self._learn(observation)
 
     def _close_areas(self, observation: Observation) -> None:
         """Keep out of what has been closed since the last estimate."""
@@ -370,13 +351,8 @@ class Mission:
     def _weather(self) -> Weather:
         return self._tracker.weather
 
-    def _advance(self) -> Observation:
-        """The next estimate, and what is learned from it of the weather and of the boat."""
-        observation = self._sight.next()
-        self._learn(observation)
-        return observation
-
     def _learn(self, observation: Observation) -> None:
+        """Learn from an estimate what the weather and the boat are like."""
         assert self._sight.raw is not None
         then_s = observation.time_s - observation.age_s
         if self._tracker.see(then_s, self._sight.raw.state):
@@ -395,25 +371,11 @@ class Mission:
         self._reached = reached_count(self._sets, before, observation.state)
         entered = self._targets[before : self._reached]
         self._steering.controller.reached = self._reached
-        sample = self._sampler.take(
-            observation, self._announcer.time_at(observation.time_s), entered, ahead
-        )
-        if sample is not None:
-            self._guard.depth_m = sample.values.get(DEPTH)
-            self._announcer.tell(SampleTaken, observation.time_s, sample=sample)
+        self._measuring.take(observation, entered, ahead)
         for i, target in enumerate(entered, before + 1):
             self._announcer.tell(Reached, observation.time_s, target_seq=target.seq, count=i)
         if entered:
             self._give_patience(observation)
-
-    def _read_instruments(self, observation: Observation) -> None:
-        """Take what instruments apart from the boat have measured, and what they are like."""
-        for sample in self._sampler.instruments(observation, self._announcer.time_at):
-            self._guard.depth_m = sample.values.get(DEPTH, self._guard.depth_m)
-            self._announcer.tell(SampleTaken, observation.time_s, sample=sample)
-        self._guard.mute = self._sampler.mute(observation.time_s)
-        for code, message in self._sampler.notes():
-            self._announcer.tell(Warned, observation.time_s, code=code, message=message)
 
     def _give_patience(self, observation: Observation) -> None:
         if self._done:

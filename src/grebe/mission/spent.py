@@ -8,10 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from grebe.core.dynamics import drive_power_w
+from grebe.core.events import EndReason
 from grebe.core.vessel import Vessel
 from grebe.io.store.tables import TrackTable
 from grebe.mission.safety.states import Place
 
+# Ends of missions whose boats are where they should be.
+AT_HOME = (EndReason.COMPLETE, EndReason.CAME_HOME)
 # A boat so near to its harbour has come home, where a battery is changed [m].
 AT_HARBOUR_M = 15.0
 # A recorded thrust is followed by another, or by nothing once a mission is over [s].

@@ -39,9 +39,12 @@ def by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:
     return tuple(sorted(departures, key=lambda boat: (-farthest_m(departures[boat]), boat)))
 
 
-def lying(survey_file: SurveyFile, sailing: Collection[int]) -> dict[int, Place]:
+def lying(
+    survey_file: SurveyFile, sailing: Collection[int], adrift: Collection[int] = ()
+) -> dict[int, Place]:
     """Return where boats lie on the water (north, east) that have sailed and are not `sailing`, by
-    their numbers; one at a harbour has been taken ashore.
+    their numbers; one at a harbour has been taken ashore, but for those that are `adrift`: they
+    have not come home, and nobody has been there since.
     """
     survey = survey_file.survey
     assert survey.fleet is not None
@@ -54,6 +57,6 @@ def lying(survey_file: SurveyFile, sailing: Collection[int]) -> dict[int, Place]
         if ends is None:
             continue
         place = (ends[1].state[0], ends[1].state[1])
-        if all(math.dist(place, one) >= AT_HARBOUR_M for one in harbours):
+        if boat in adrift or all(math.dist(place, one) >= AT_HARBOUR_M for one in harbours):
             found[boat] = place
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -11,29 +11,27 @@ from datetime import datetime
 import numpy as np
 import shapely
 
-from grebe.core.errors import PlanError, UsageError
+from grebe.core.errors import UsageError
 from grebe.core.events import EndReason
-from grebe.core.revision import PlanRevision, Sortie, as_planned, survey_of
-from grebe.core.survey import Pose
-from grebe.core.vessel import Vessel
+from grebe.core.revision import Sortie
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.lookout import InFleet, Lookout
 from grebe.mission.loop import Mission
 from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
-from grebe.mission.replanning import Extension, KeptPlan, Replanner
-from grebe.mission.rota import InTurn, Rota
-from grebe.mission.safety.states import Place
-from grebe.mission.safety.traffic import WANDER_M, Traffic
+from grebe.mission.replanning import Extension, Replanner
+from grebe.mission.rota import InTurn
+from grebe.mission.safety.states import Cause
+from grebe.mission.safety.traffic import Traffic
 from grebe.mission.settings import MissionSettings
+from grebe.mission.spent import AT_HOME
 from grebe.mission.statistics import MissionReport
 from grebe.mission.watchdog import guarded, journal_beside
 from grebe.mission.way_home import check_home
-from grebe.planning.region import water_of
-from grebe.planning.revisions.revise import Halfway, open_water, replanned
 from grebe.workflow.berths import by_way, harbour_of, is_afloat, lying
 from grebe.workflow.collector import no_long_pauses
+from grebe.workflow.handover import Handover
 from grebe.workflow.run import (
     HelmOf,
     as_known_to,
@@ -43,13 +41,12 @@ from grebe.workflow.run import (
     spent_as_said,
 )  # fmt: skip
 from grebe.workflow.sorties import kept_by_plan
+from grebe.workflow.together import Together
 
 # The link of a boat, by its number and whence it departs.
 FleetAt = Callable[[int, Departure], BoatLink]
 # Where a boat goes on that has done its part, by what says which boats still sail.
 ExtensionOf = Callable[[Callable[[], Collection[int]]], Extension]
-# How long missions have for their last words when all is stopped [s].
-LAST_WORDS_S = 0.5
 # Ends after which a boat sails no more; another takes what it has left.
 LOST = frozenset(EndReason) - {EndReason.COMPLETE, EndReason.STOPPED, EndReason.FAILED}
 
@@ -57,17 +54,25 @@ LOST = frozenset(EndReason) - {EndReason.COMPLETE, EndReason.STOPPED, EndReason.
 @dataclass(frozen=True, kw_only=True)
 class FleetReport:
     """What came of the boats' missions, in the order in which they were sailed: each boat's number,
-    its sortie's, and its report.
+    its sortie's, and its report. `ashore`: the boats that wait at their harbours for somebody to
+    see to their batteries, and have more to sail.
     """
 
     missions: tuple[tuple[int, int, MissionReport], ...]
     reached: int
     targets: int
+    ashore: tuple[int, ...] = ()
 
     @property
     def complete(self) -> bool:
         """Whether every target was reached by some boat."""
         return self.reached == self.targets
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether all went as planned, and boats wait ashore for their next sorties."""
+        ends = {report.ended for *_, report in self.missions}
+        return bool(self.ashore) and ends == {EndReason.COMPLETE}
 
     @property
     def stopped(self) -> bool:
@@ -83,79 +88,20 @@ class FleetReport:
         return max(spent.values(), default=0.0)
 
 
-class _Together:
-    """What the missions of one round share: the boats that still have something to do among it."""
-
-    def __init__(self, traffic: Traffic, file: SurveyFile) -> None:
-        boats = list(traffic.order)
-        self.traffic, self.rota, self.lock = traffic, Rota(boats), threading.Lock()
-        self.plan = KeptPlan(revision=file.revision, keep=self._keep)
-        self._file = file
-        self._busy = set(boats)
-        self._sailing = set(boats)
-
-    def _keep(self, revision: PlanRevision) -> None:
-        with self.lock:
-            self._file.append_revision(revision)
-
-    def sailing(self) -> set[int]:
-        """The boats whose missions are not over."""
-        with self.lock:
-            return set(self._sailing)
-
-    def others_sail(self, boat: int) -> bool:
-        """Whether others still sail when this boat has done its part."""
-        with self.lock:
-            self._busy.discard(boat)
-            return bool(self._busy)
-
-    def run(self, missions: dict[int, Mission], *, shares_time: bool) -> dict[int, MissionReport]:
-        """Sail all of them; raises what one of them raised, once all are over."""
-        reports: dict[int, MissionReport] = {}
-        failures: list[BaseException] = []
-
-        def sail(boat: int, mission: Mission) -> None:
-            try:
-                if shares_time:
-                    self.rota.wait(boat)
-                reports[boat] = mission.run()
-            except BaseException as error:
-                failures.append(error)
-            finally:
-                self.rota.leave(boat)
-                self.traffic.leave(boat)
-                self.others_sail(boat)
-                with self.lock:
-                    self._sailing.discard(boat)
-
-        threads = [
-            threading.Thread(target=sail, args=pair, daemon=True) for pair in missions.items()
-        ]
-        for thread in threads:
-            thread.start()
-        try:
-            for thread in threads:
-                thread.join()
-        except BaseException:
-            # Somebody stops it all: the missions end by themselves, and write until then.
-            for thread in threads:
-                thread.join(LAST_WORDS_S)
-            raise
-        if failures:
-            raise failures[0]
-        return reports
-
-
 @dataclass
 class FleetRun:
     """One survey file, its boats, and how they are steered.
 
-    `boat_at` opens the link of a boat by its number; `shares_time` where the boats' time is not
-    the clock's: they then act in turn. `watches` hear of the events of each boat; `instruments`
-    are sondes apart from a boat, by its number. With `replans` a boat's rest is planned anew where
-    a target is out of reach, the current another or its sortie late; without it as well where an
-    area is closed. With `extends` each boat goes on once it has done its part, and does that once:
-    what it takes over from one that dropped out it sails, and ends.
+    `boat_at` opens the link of a boat by its number. `shares_time` where the boats' time is not
+    the clock's, for they are simulated: they then act in turn, and have new batteries whenever they
+    are at their harbours. A real boat that has come home to its harbour does not set out again in
+    the same run: only who resumes it knows of its battery.
+
+    `watches` hear of the events of each boat; `instruments` are sondes apart from a boat, by its
+    number. With `replans` a boat's rest is planned anew where a target is out of reach, the current
+    another or its sortie late; without it as well where an area is closed. With `extends` each boat
+    goes on once it has done its part, and does that once: what it takes over from one that dropped
+    out it sails, and ends.
     """
 
     survey_file: SurveyFile
@@ -171,6 +117,8 @@ class FleetRun:
     _sailed: set[int] = field(default_factory=set[int])
     _shut: set[int] = field(default_factory=set[int])
     _lookouts: dict[int, Lookout] = field(default_factory=dict[int, Lookout])
+    _ashore: set[int] = field(default_factory=set[int])
+    _adrift: set[int] = field(default_factory=set[int])
     _closed: tuple[shapely.Polygon, ...] = ()
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
@@ -194,10 +142,11 @@ class FleetRun:
         file.begin_session(now)
         missions: list[tuple[int, int, MissionReport]] = []
         lost: set[int] = set()
-        while rounds := self._next_round(lost):
+        while rounds := self._next_round(lost | self._ashore):
             before = file.progress().reached
             done = self._sail(rounds, now)
             missions += done
+            self._note_ends(done)
             fallen = self._fallen(done, before)
             lost |= fallen
             stopped = any(one.ended in (EndReason.STOPPED, EndReason.FAILED) for *_, one in done)
@@ -205,46 +154,44 @@ class FleetRun:
                 break
         progress = file.progress()
         return FleetReport(
-            missions=tuple(missions), reached=progress.reached, targets=len(progress.reached_at)
+            missions=tuple(missions),
+            reached=progress.reached,
+            targets=len(progress.reached_at),
+            ashore=tuple(sorted(self._ashore & set(self._next_round(lost)))),
         )
+
+    def _note_ends(self, done: list[tuple[int, int, MissionReport]]) -> None:
+        """Remember which boats are ashore, to sail no more in this run, and which lie about."""
+        for boat, _, report in done:
+            if report.ended not in AT_HOME:
+                self._adrift.add(boat)
+            elif self._lookouts[boat].harbour is not None and not self.shares_time:
+                self._ashore.add(boat)
 
     def _fallen(self, done: list[tuple[int, int, MissionReport]], before: int) -> set[int]:
         """The boats that sail no more. One that came home because nothing of its sortie is open any
-        more is not lost: it has done what there was; nor is one that came home for
-        others' sake, or for its time or battery: it sets out again, as long as any boat gets on.
+        more is not lost: it has done what there was; nor is one that came home for others' sake, or
+        for what is renewed at its harbour: it sails the rest itself, as long as any boat gets on.
         """
         fallen: set[int] = set()
         gets_on = self.survey_file.progress().reached > before
         for boat, number, report in done:
-            if report.ended is EndReason.CAME_HOME and gets_on and self._lookouts[boat].sails_again:
+            came_home = report.ended is EndReason.CAME_HOME
+            if came_home and gets_on and self._lookouts[boat].sails_again:
                 continue
-            if report.ended is EndReason.CAME_HOME and self._closed and self._is_shut(number):
+            if came_home and self._closed and self._handover.is_shut(number):
                 self._shut.add(number)
             elif report.ended in LOST:
                 fallen.add(boat)
         return fallen
 
-    def _is_shut(self, number: int) -> bool:
-        """Whether nothing that a sortie has left can be gone to, for it is closed."""
-        file = self.survey_file
-        sortie = file.revision.sortie(number)
-        ends = file.track_ends(sortie.boat)
-        assert ends is not None
-        place = (ends[1].state[0], ends[1].state[1])
-        reached = file.progress().reached_in(sortie)
-        try:
-            self._replanned(sortie, reached, place, self._vessel_of(sortie.boat))
-        except PlanError:
-            return True
-        return False
-
-    def _next_round(self, lost: set[int]) -> dict[int, Sortie]:
-        """The next sortie of each boat that sails, by the boat's number."""
+    def _next_round(self, without: Collection[int]) -> dict[int, Sortie]:
+        """The next sortie of each boat that has one, `without` some, by the boat's number."""
         progress = self.survey_file.progress()
         found: dict[int, Sortie] = {}
         for one in self.survey_file.revision.sorties:
             left = progress.reached_in(one) < len(one) and one.number not in self._shut
-            if left and one.boat not in lost:
+            if left and one.boat not in without:
                 found.setdefault(one.boat, one)
         return found
 
@@ -260,12 +207,12 @@ class FleetRun:
         for departure in departures.values():
             check_home(departure.survey, self.settings.safety)
         traffic = Traffic(apart_m=fleet.apart_m, order=by_way(departures))
-        together = _Together(traffic, self.survey_file)
+        together = Together(traffic, self.survey_file)
         # Where the boats lie is known before the first of them moves; those ashore are in no way.
         for boat, departure in departures.items():
             if is_afloat(departure):
                 traffic.claim(boat, np.array([departure.state[:2]]))
-        for boat, place in lying(self.survey_file, departures).items():
+        for boat, place in lying(self.survey_file, departures, self._adrift).items():
             traffic.claim(boat, np.array([place]))
             traffic.leave(boat)
         say_first(next(iter(departures.values())), self.survey_file, self.watches(min(departures)))
@@ -279,7 +226,7 @@ class FleetRun:
         return [(boat, sorties[boat].number, report) for boat, report in sorted(reports.items())]
 
     def _mission(
-        self, sortie: Sortie, departure: Departure, together: _Together, watch: ExitStack
+        self, sortie: Sortie, departure: Departure, together: Together, watch: ExitStack
     ) -> Mission:
         """The mission of a boat; its link is left, and its watchdog dismissed, with `watch`."""
         boat = sortie.boat
@@ -288,11 +235,13 @@ class FleetRun:
         known = as_known_to(link, departure)
         helm = self.helm_of(known)
         guards = watch.enter_context(guarded(link, journal_beside(self.survey_file.path)))
+        harbour = harbour_of(departure)
         lookout = Lookout(
             traffic=together.traffic,
             boat=boat,
-            harbour=harbour_of(departure),
+            harbour=harbour,
             is_afloat=is_afloat(departure),
+            renewed=self._renewed if harbour else (),
         )
         self._lookouts[boat] = lookout
         mission = Mission(
@@ -309,7 +258,7 @@ class FleetRun:
             fleet=InFleet(
                 lookout=lookout,
                 # Who is taken ashore need not make room for others.
-                stands_by=lambda: lookout.harbour is None and together.others_sail(boat),
+                stands_by=lambda: harbour is None and together.others_sail(boat),
             ),
             instruments=self.instruments.get(boat),
             replanner=self._replanner(sortie, known, together),
@@ -318,7 +267,15 @@ class FleetRun:
             self.on_ready(boat, mission)
         return mission
 
-    def _replanner(self, sortie: Sortie, departure: Departure, together: _Together) -> Replanner:
+    @property
+    def _renewed(self) -> tuple[Cause, ...]:
+        """What a boat that comes home for it has anew at its harbour: its battery, and the time
+        that the plan gives a sortie; not the time that was given to this run.
+        """
+        of_plan = math.isinf(self.settings.safety.max_s)
+        return (Cause.BATTERY, Cause.TIME) if of_plan else (Cause.BATTERY,)
+
+    def _replanner(self, sortie: Sortie, departure: Departure, together: Together) -> Replanner:
         goes_on = self.extends is not None and sortie.boat not in self._sailed
         self._sailed.add(sortie.boat)
         return Replanner(
@@ -358,73 +315,9 @@ class FleetRun:
             return True
         if not boats:
             return False
-        for sortie in [one for one in file.revision.sorties if one.boat in lost]:
-            self._take_over(sortie, boats)
+        self._handover.give(lost, boats)
         return True
 
-    def _take_over(self, sortie: Sortie, boats: set[int]) -> None:
-        file = self.survey_file
-        reached = file.progress().reached_in(sortie)
-        if reached == len(sortie):
-            return
-        places = {boat: end[1].state[:2] for boat in boats if (end := file.track_ends(boat))}
-        if not places:
-            return
-        first = file.revision.targets[sortie.first - 1 + reached].set.centre
-
-        def away(boat: int) -> float:
-            north, east = places[boat]
-            return (north - first[0]) ** 2 + (east - first[1]) ** 2
-
-        heir = min(places, key=away)
-        fleet = file.survey.fleet
-        assert fleet is not None
-        radius_m = fleet.apart_m + 2 * WANDER_M
-        about = [shapely.Point(at).buffer(radius_m) for at in lying(file, boats).values()]
-        try:
-            new = self._replanned(sortie, reached, places[heir], self._vessel_of(heir), about)
-        # What is left is closed, or the way to the harbour alone: there is nothing to take over.
-        except PlanError:
-            return
-        north, east = places[heir]
-        taken = {"boat": heir, "start": Pose(north_m=north, east_m=east)}
-        sorties = [
-            replace(one, **taken) if one.number == sortie.number else one for one in new.sorties
-        ]
-        file.append_revision(replace(new, sorties=tuple(sorties)))
-
-    def _vessel_of(self, boat: int) -> Vessel:
-        vessel = self.survey_file.survey.vessel_of(boat)
-        if vessel is None:
-            raise PlanError("The survey does not say for which vessel it was planned.")
-        return vessel
-
-    def _replanned(
-        self,
-        sortie: Sortie,
-        reached: int,
-        place: Place,
-        vessel: Vessel,
-        about: Sequence[shapely.Polygon] = (),
-    ) -> PlanRevision:
-        """The plan in which the rest of a sortie is planned anew, out of what is closed and of the
-        water `about` boats that lie in it.
-        """
-        survey, revision = self.survey_file.survey, self.survey_file.revision
-        weather = survey.settings.weather if survey.settings else None
-        if weather is None:
-            raise PlanError("The survey does not say for which weather it was planned.")
-        # Where boats had gone on to of themselves need not be taken over: it was not planned.
-        planned = survey_of(survey, as_planned(self.survey_file.revisions()))
-        open_ = open_water(planned, water_of(survey))
-        closed = [*self._closed, *about]
-        return replanned(
-            revision,
-            survey,
-            open_.closing(closed, place) if closed else open_,
-            Halfway(reached=reached, place=place, sortie=sortie),
-            vessel=vessel,
-            weather=weather,
-            reason="boat_lost",
-            note=f"boat {sortie.boat} dropped out, and another takes what it has left",
-        )
+    @property
+    def _handover(self) -> Handover:
+        return Handover(survey_file=self.survey_file, closed=self._closed, adrift=self._adrift)

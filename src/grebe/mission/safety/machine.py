@@ -122,7 +122,8 @@ def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | Non
         case Stuck.WAITS:
             return None
         case Stuck.GOES_FIRST:
-            return gone_on(memory, facts)
+            text = "boats that it would let go first wait for it: it goes before its turn"
+            return gone_on(memory, facts, text)
         case Stuck.GOES_HOME:
             text = "other boats stand in its way: it makes way for them, and goes home"
             return sent_home(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
@@ -132,9 +133,9 @@ def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | Non
             return stopped(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
 
 
-def gone_on(memory: Memory, facts: Facts) -> Memory:
+def gone_on(memory: Memory, facts: Facts, why: str = "the way is clear of other boats") -> Memory:
     """Return what the boat does that waited for another, now that its way is clear."""
-    finding = Finding(cause=Cause.CLEAR, message="the way is clear of other boats")
+    finding = Finding(cause=Cause.CLEAR, message=why)
     return changed(memory, facts, memory.resumes, finding)
 
 

@@ -1,0 +1,44 @@
+"""How a mission begins: on the water, or ashore until the boat's place there is clear of others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from grebe.core.events import EndReason, Warned
+from grebe.links.base import Observation
+from grebe.mission.announcer import Announcer
+from grebe.mission.gate import OverError
+from grebe.mission.lookout import Lookout
+from grebe.mission.sight import Sight
+
+
+def launched(
+    sight: Sight,
+    announcer: Announcer,
+    lookout: Lookout | None,
+    asked_to_stop: Callable[[], str],
+) -> Observation:
+    """Return the first estimate on the water; `asked_to_stop` says who wants the mission to end.
+
+    Raises `OverError` for a boat that is stopped or called home while it is ashore, and for one
+    that cannot set out any more.
+    """
+    observation, said = sight.next(), False
+    while lookout and not lookout.launches((observation.state[0], observation.state[1])):
+        if request := asked_to_stop():
+            raise OverError(EndReason.STOPPED, request)
+        if lookout.is_called:
+            raise OverError(EndReason.CAME_HOME, "it was called home before it had set out")
+        if lookout.is_alone:
+            text = "another boat lies before its harbour, and none is left that sails"
+            raise OverError(EndReason.TARGET_GIVEN_UP, text)
+        if not said:
+            text = (
+                "another boat is before its harbour: it stays ashore until that has gone, and then "
+                "sets out by itself"
+            )
+            announcer.tell(Warned, observation.time_s, code="waits_ashore", message=text)
+            announcer.release()
+            said = True
+        observation = sight.next()
+    return observation

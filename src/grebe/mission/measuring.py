@@ -1,0 +1,40 @@
+"""What is measured on the way is told, and the guard hears what it has to know of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from grebe.core.events import SampleTaken, Warned
+from grebe.core.sets import TargetSet
+from grebe.core.survey import Target
+from grebe.links.base import Observation
+from grebe.mission.announcer import Announcer
+from grebe.mission.guard import Guard
+from grebe.mission.sampler import Sampler
+
+# The quantity that says how much water is below the boat.
+DEPTH = "water_depth_m"
+
+
+class Measuring:
+    """Tells of what one boat's `sampler` takes."""
+
+    def __init__(self, sampler: Sampler, guard: Guard, announcer: Announcer) -> None:
+        self._sampler, self._guard, self._announcer = sampler, guard, announcer
+
+    def take(self, observation: Observation, entered: Sequence[Target], ahead: TargetSet) -> None:
+        """Measure at an estimate that entered some targets, where a sample is due."""
+        time = self._announcer.time_at(observation.time_s)
+        sample = self._sampler.take(observation, time, entered, ahead)
+        if sample is not None:
+            self._guard.depth_m = sample.values.get(DEPTH)
+            self._announcer.tell(SampleTaken, observation.time_s, sample=sample)
+
+    def read_instruments(self, observation: Observation) -> None:
+        """Take what instruments apart from the boat have measured, and what they are like."""
+        for sample in self._sampler.instruments(observation, self._announcer.time_at):
+            self._guard.depth_m = sample.values.get(DEPTH, self._guard.depth_m)
+            self._announcer.tell(SampleTaken, observation.time_s, sample=sample)
+        self._guard.mute = self._sampler.mute(observation.time_s)
+        for code, message in self._sampler.notes():
+            self._announcer.tell(Warned, observation.time_s, code=code, message=message)

@@ -1,0 +1,117 @@
+"""What a boat of a fleet has left that sails no more: the nearest of the others takes it over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import shapely
+
+from grebe.core.errors import PlanError
+from grebe.core.revision import PlanRevision, Sortie, as_planned, survey_of
+from grebe.core.survey import Pose
+from grebe.core.vessel import Vessel
+from grebe.io.store import SurveyFile
+from grebe.mission.safety.states import Place
+from grebe.mission.safety.traffic import WANDER_M
+from grebe.planning.region import water_of
+from grebe.planning.revisions.revise import Halfway, open_water, replanned
+from grebe.workflow.berths import lying
+
+
+@dataclass(frozen=True, kw_only=True)
+class Handover:
+    """Plans anew what sorties of a survey file have left, out of what is `closed` and of the water
+    about boats that lie in it; those `adrift` do so although they may be at a harbour.
+    """
+
+    survey_file: SurveyFile
+    closed: Sequence[shapely.Polygon]
+    adrift: Collection[int]
+
+    def is_shut(self, number: int) -> bool:
+        """Whether nothing that a sortie has left can be gone to, for it is closed."""
+        file = self.survey_file
+        sortie = file.revision.sortie(number)
+        ends = file.track_ends(sortie.boat)
+        assert ends is not None
+        place = (ends[1].state[0], ends[1].state[1])
+        reached = file.progress().reached_in(sortie)
+        try:
+            self._replanned(sortie, reached, place, self._vessel_of(sortie.boat))
+        except PlanError:
+            return True
+        return False
+
+    def give(self, lost: Collection[int], boats: Collection[int]) -> None:
+        """Give what the lost boats have left to the nearest of the `boats` that sail, sortie by
+        sortie, each as a revision of the plan.
+        """
+        for sortie in [one for one in self.survey_file.revision.sorties if one.boat in lost]:
+            self._take_over(sortie, boats)
+
+    def _take_over(self, sortie: Sortie, boats: Collection[int]) -> None:
+        file = self.survey_file
+        reached = file.progress().reached_in(sortie)
+        if reached == len(sortie):
+            return
+        places = {boat: end[1].state[:2] for boat in boats if (end := file.track_ends(boat))}
+        if not places:
+            return
+        first = file.revision.targets[sortie.first - 1 + reached].set.centre
+        heir = min(places, key=lambda boat: math.dist(places[boat], first))
+        about = self._about_lying(boats)
+        try:
+            new = self._replanned(sortie, reached, places[heir], self._vessel_of(heir), about)
+        # What is left is closed, or the way to the harbour alone: there is nothing to take over.
+        except PlanError:
+            return
+        north, east = places[heir]
+        taken = {"boat": heir, "start": Pose(north_m=north, east_m=east)}
+        sorties = [
+            replace(one, **taken) if one.number == sortie.number else one for one in new.sorties
+        ]
+        file.append_revision(replace(new, sorties=tuple(sorties)))
+
+    def _about_lying(self, boats: Collection[int]) -> list[shapely.Polygon]:
+        """The water that is kept free about all that lie in it but some boats."""
+        fleet = self.survey_file.survey.fleet
+        assert fleet is not None
+        radius_m = fleet.apart_m + 2 * WANDER_M
+        places = lying(self.survey_file, boats, self.adrift).values()
+        return [shapely.Point(at).buffer(radius_m) for at in places]
+
+    def _vessel_of(self, boat: int) -> Vessel:
+        vessel = self.survey_file.survey.vessel_of(boat)
+        if vessel is None:
+            raise PlanError("The survey does not say for which vessel it was planned.")
+        return vessel
+
+    def _replanned(
+        self,
+        sortie: Sortie,
+        reached: int,
+        place: Place,
+        vessel: Vessel,
+        about: Sequence[shapely.Polygon] = (),
+    ) -> PlanRevision:
+        """The plan in which the rest of a sortie is planned anew, from a place on."""
+        survey, revision = self.survey_file.survey, self.survey_file.revision
+        weather = survey.settings.weather if survey.settings else None
+        if weather is None:
+            raise PlanError("The survey does not say for which weather it was planned.")
+        # Where boats had gone on to of themselves need not be taken over: it was not planned.
+        planned = survey_of(survey, as_planned(self.survey_file.revisions()))
+        open_ = open_water(planned, water_of(survey))
+        closed = [*self.closed, *about]
+        return replanned(
+            revision,
+            survey,
+            open_.closing(closed, place) if closed else open_,
+            Halfway(reached=reached, place=place, sortie=sortie),
+            vessel=vessel,
+            weather=weather,
+            reason="boat_lost",
+            note=f"boat {sortie.boat} dropped out, and another takes what it has left",
+        )

@@ -1,0 +1,79 @@
+"""The missions of a fleet's boats that sail at once, each in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+
+from grebe.core.revision import PlanRevision
+from grebe.io.store import SurveyFile
+from grebe.mission.loop import Mission
+from grebe.mission.replanning import KeptPlan
+from grebe.mission.rota import Rota
+from grebe.mission.safety.traffic import Traffic
+from grebe.mission.statistics import MissionReport
+
+# How long missions have for their last words when all is stopped [s].
+LAST_WORDS_S = 0.5
+
+
+class Together:
+    """What the missions of one round share: the boats that still have something to do among it."""
+
+    def __init__(self, traffic: Traffic, file: SurveyFile) -> None:
+        boats = list(traffic.order)
+        self.traffic, self.rota, self.lock = traffic, Rota(boats), threading.Lock()
+        self.plan = KeptPlan(revision=file.revision, keep=self._keep)
+        self._file = file
+        self._busy = set(boats)
+        self._sailing = set(boats)
+
+    def _keep(self, revision: PlanRevision) -> None:
+        with self.lock:
+            self._file.append_revision(revision)
+
+    def sailing(self) -> set[int]:
+        """The boats whose missions are not over."""
+        with self.lock:
+            return set(self._sailing)
+
+    def others_sail(self, boat: int) -> bool:
+        """Whether others still sail when this boat has done its part."""
+        with self.lock:
+            self._busy.discard(boat)
+            return bool(self._busy)
+
+    def run(self, missions: dict[int, Mission], *, shares_time: bool) -> dict[int, MissionReport]:
+        """Sail all of them; raises what one of them raised, once all are over."""
+        reports: dict[int, MissionReport] = {}
+        failures: list[BaseException] = []
+
+        def sail(boat: int, mission: Mission) -> None:
+            try:
+                if shares_time:
+                    self.rota.wait(boat)
+                reports[boat] = mission.run()
+            except BaseException as error:
+                failures.append(error)
+            finally:
+                self.rota.leave(boat)
+                self.traffic.leave(boat)
+                self.others_sail(boat)
+                with self.lock:
+                    self._sailing.discard(boat)
+
+        threads = [
+            threading.Thread(target=sail, args=pair, daemon=True) for pair in missions.items()
+        ]
+        for thread in threads:
+            thread.start()
+        try:
+            for thread in threads:
+                thread.join()
+        except BaseException:
+            # Somebody stops it all: the missions end by themselves, and write until then.
+            for thread in threads:
+                thread.join(LAST_WORDS_S)
+            raise
+        if failures:
+            raise failures[0]
+        return reports
