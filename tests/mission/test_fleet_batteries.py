@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shutil
+from pathlib import Path
 
 import pytest
 import shapely
@@ -140,26 +142,33 @@ def test_unlike_boats_set_out_each_with_its_own_battery_and_minutes(tmp_path):
     }
 
 
-def in_rounds(path):
+@pytest.fixture(scope="module")
+def planned_in_rounds(tmp_path_factory):
     """A fleet of two with two sorties each, from harbours in the corners of a pond."""
     corners = FRAME.to_wgs84([(5, 5), (95, 95), (5, 95), (95, 5)]).tolist()
     harbours = tuple((lon, lat) for lon, lat in corners)
-    path = fleet_file(path, SortieSettings(minutes=3.3, harbours=harbours), side=100.0)
+    path = tmp_path_factory.mktemp("rounds") / "f.gpkg"
+    fleet_file(path, SortieSettings(minutes=3.3, harbours=harbours), side=100.0)
     with SurveyFile.open(path) as file:
         assert sorted(one.boat for one in file.revision.sorties) == [1, 1, 2, 2]
     return path
 
 
+@pytest.fixture
+def in_rounds(planned_in_rounds, tmp_path):
+    """A copy of it that may be sailed."""
+    return Path(shutil.copy(planned_in_rounds, tmp_path / "f.gpkg"))
+
+
 @pytest.mark.slow
-def test_a_real_boat_that_is_home_sets_out_again_only_in_a_run_that_somebody_begins(tmp_path):
+def test_a_real_boat_that_is_home_sets_out_again_only_in_a_run_that_somebody_begins(in_rounds):
     """Its battery is the one that it came home with, until somebody has changed it."""
-    path = in_rounds(tmp_path / "f.gpkg")
-    report, began, _ = sailed(path, real=True)
+    report, began, _ = sailed(in_rounds, real=True)
     assert sorted(boat for boat, _ in began) == [1, 2]
     assert report.ashore == (1, 2)
     assert report.goes_on
     assert not report.complete
-    report, began, _ = sailed(path, real=True, resume=True)
+    report, began, _ = sailed(in_rounds, real=True, resume=True)
     assert sorted(boat for boat, _ in began) == [1, 2]
     assert report.complete
     assert report.ashore == ()
@@ -167,29 +176,20 @@ def test_a_real_boat_that_is_home_sets_out_again_only_in_a_run_that_somebody_beg
 
 
 @pytest.mark.slow
-def test_who_comes_home_because_the_time_of_the_run_is_over_stays_there(tmp_path):
+def test_who_comes_home_because_the_time_of_the_run_is_over_stays_there(in_rounds):
     """The time of the plan's sorties is new at the harbour, and that of the run is not."""
-    path = in_rounds(tmp_path / "f.gpkg")
     until = MissionSettings(safety=SafetySettings(max_s=70.0))
-    report, began, _ = sailed(path, settings=until)
+    report, began, _ = sailed(in_rounds, settings=until)
     assert [one.ended for *_, one in report.missions] == [EndReason.CAME_HOME] * 2
     assert sorted(boat for boat, _ in began) == [1, 2]
     assert 0 < report.reached < report.targets
 
 
 @pytest.mark.slow
-def test_simulated_boats_sail_one_sortie_after_the_other(tmp_path):
-    report, began, _ = sailed(in_rounds(tmp_path / "f.gpkg"))
-    assert sorted(boat for boat, _ in began) == [1, 1, 2, 2]
-    assert report.complete
-
-
-@pytest.mark.slow
-def test_who_lies_near_a_harbour_without_having_come_home_keeps_others_away(tmp_path):
+def test_who_lies_near_a_harbour_without_having_come_home_keeps_others_away(in_rounds):
     """One that is blind within a boat's length of a harbour has not been taken ashore."""
-    path = in_rounds(tmp_path / "f.gpkg")
-    sailed(path, {2: Faults(blind=((2.0, 1e9),))}, stop_at=20)
-    with SurveyFile.open(path) as file:
+    sailed(in_rounds, {2: Faults(blind=((2.0, 1e9),))}, stop_at=3)
+    with SurveyFile.open(in_rounds) as file:
         ends = file.track_ends(2)
         assert ends is not None
         place = ends[1].state[:2]
