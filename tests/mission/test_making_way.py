@@ -12,16 +12,21 @@ from conftest import FRAME, NOON
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grebe.core.dynamics import CALM
 from grebe.core.events import EndReason, Reached, SafetyChanged, Warned
 from grebe.core.plan_settings import FleetSettings, PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.links.base import Order
+from grebe.links.base import Observation, Order
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.guard import Guard
 from grebe.mission.lookout import LONG_STUCK_S, LONGEST_WAIT_S, STUCK_S, Lookout
-from grebe.mission.safety.states import Cause
+from grebe.mission.safety.memory import Request
+from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.safety.states import Cause, SafetyState
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_makes_way
+from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
 from grebe.simulation.plant import Plant
@@ -162,6 +167,24 @@ def test_who_is_ashore_claims_nothing_and_sets_out_once_its_place_is_clear():
     one.over((1.0, 0.0), came_home=True)
     assert two.is_alone
     assert two.launches(harbour)
+
+
+@pytest.mark.parametrize(("place", "taken"), [((30.0, 50.0), True), ((10.0, 30.0), False)])
+def test_who_makes_room_goes_nowhere_that_another_has_claimed_meanwhile(monkeypatch, place, taken):
+    water = Region(name="pond", frame=FRAME, water=shapely.box(0, 0, 60, 60))
+    survey = plan(water, PRESETS["spyboat"], PlanSettings(cell_m=20.0))
+    traffic = Traffic(apart_m=APART_M, order=(1, 2))
+    lookout = Lookout(traffic=traffic, boat=1)
+    told = lambda *_, **__: None  # noqa: E731
+    guard = Guard(survey, PRESETS["spyboat"], SafetySettings(), told, NOON, lookout=lookout)
+    here = Observation(time_s=0.0, state=(30.0, 30.0, 0.0, 0.0, 0.0, 0.0))
+    guard.ask(Request.HOLD, "it makes room")
+    guard.look(here, CALM, (0.0, 0.0), 0)
+    assert guard.state is SafetyState.HOLDING
+    traffic.claim(2, line((30.0, 50.0)))
+    monkeypatch.setattr(Lookout, "place_to_wait", lambda *_: place)
+    guard.look(replace(here, time_s=0.1), CALM, (0.0, 0.0), 0)
+    assert guard._memory.place == ((30.0, 30.0) if taken else place)
 
 
 @pytest.mark.parametrize(
