@@ -172,7 +172,7 @@ def test_who_is_ashore_claims_nothing_and_sets_out_once_its_place_is_clear():
 @pytest.mark.parametrize(("place", "taken"), [((30.0, 50.0), True), ((10.0, 30.0), False)])
 def test_who_makes_room_goes_nowhere_that_another_has_claimed_meanwhile(monkeypatch, place, taken):
     water = Region(name="pond", frame=FRAME, water=shapely.box(0, 0, 60, 60))
-    survey = plan(water, PRESETS["spyboat"], PlanSettings(cell_m=20.0))
+    survey = plan(water, PRESETS["spyboat"], PlanSettings(cell_m=20.0)).survey
     traffic = Traffic(apart_m=APART_M, order=(1, 2))
     lookout = Lookout(traffic=traffic, boat=1)
     told = lambda *_, **__: None  # noqa: E731
