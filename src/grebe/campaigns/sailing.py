@@ -23,6 +23,7 @@ from grebe.mission.statistics import MissionReport
 from grebe.simulation.faults import Faults, FaultyPlant
 from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import UniformSonde
+from grebe.workflow.kernel_cache import load_controller
 from grebe.workflow.steering_names import rule_named
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def sail(
     campaign: Campaign, survey: Survey, drawn: Mapping[str, Value], number: int
 ) -> tuple[MissionReport, NDArray[np.float64]]:
     """Return the report of a mission, and where the boat truly was at each estimate, (n, 2) [m]."""
+    load_controller()
     words = {name: value for name, value in drawn.items() if isinstance(value, str)}
     numbers = {name: value for name, value in drawn.items() if not isinstance(value, str)}
     vessel = campaign.boats[words["boat"]] if words["boat"] else survey.vessel

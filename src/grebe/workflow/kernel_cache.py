@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,6 +64,17 @@ def compile_beside() -> None:
     sys.stdout.write("The quadratic problem is compiled.\n")
     sys.stdout.flush()
     sail_a_little(steered=False)
+
+
+@cache
+def load_controller() -> None:
+    """Load the kernels that missions need, all of them and always in the same order.
+
+    Two that call the same third have a copy of it each, whose last digits may differ; of all copies
+    a process runs the one that it loaded first. Loaded as they happen to be asked for, they would
+    make a mission differ by what the process has sailed before.
+    """
+    sail_a_little()
 
 
 def sail_a_little(*, steered: bool = True) -> None:
