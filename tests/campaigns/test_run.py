@@ -328,12 +328,14 @@ def test_of_a_plan_in_sorties_a_mission_sails_one_that_is_named(tmp_path):
 SAILED = """
 import sys
 from benchmarks.campaign import SMALL, WEATHER, survey_of
+from grebe.campaigns.certificate import Claim
 from grebe.campaigns.settings import Campaign, Success
 from grebe.campaigns.spread import spread_of
 from grebe.campaigns.task import Scene
 
 drawn = {key: spread_of(key, value) for key, value in WEATHER.items()}
-campaign = Campaign(name="kills", success=Success(within_s=120.0), missions=60, spreads=drawn)
+success, claim = Success(within_s=120.0), Claim()
+campaign = Campaign(name="kills", success=success, claim=claim, missions=60, spreads=drawn)
 sail = Scene(campaign=campaign, survey=survey_of(SMALL, 10.0))
 print([sail(int(number)) for number in sys.argv[1:]][-1])
 """
