@@ -147,7 +147,9 @@ def _alone(folder: Path) -> Generator[None]:
         yield
         return
     with lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        # A disk on a network may know no locks.
+        with suppress(OSError):
+            fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
 
