@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from grebe.control.apart import MOST_OTHERS, Announced, keep_apart
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
 from grebe.control.rules.base import (
     Decision,
@@ -177,6 +178,7 @@ class Controller:
         self._decision: Decision | None = None
         self._unsolved_in_a_row = 0
         self._thrusters: SlowThrusters | None = None
+        self._others: tuple[Sequence[Announced], float] = ((), 0.0)
 
     @property
     def step_s(self) -> float:
@@ -187,13 +189,23 @@ class Controller:
         """Plan for another boat from now on: the boat is not what it was said to be."""
         self.vessel = vessel
         substeps = model_substeps(vessel, self.rule.longest_stage_s)
-        self.shape = replace(self.shape, substeps=substeps)
-        self._solver = self._builder.build(vessel, self.shape)
-        self._second = None
+        self._solve_for(replace(self.shape, substeps=substeps))
 
     def expect(self, thrusters: SlowThrusters | None) -> None:
         """Plan the next step for thrusters that answer late, or at once."""
         self._thrusters = thrusters
+
+    def heed(self, others: Sequence[Announced], apart_m: float) -> None:
+        """Keep `apart_m` from where others have announced to be, in the next step's plan."""
+        self._others = (others, apart_m)
+        if others and not self.shape.apart_rows:
+            self._solve_for(replace(self.shape, apart_rows=MOST_OTHERS))
+
+    def _solve_for(self, shape: HorizonShape) -> None:
+        """Solve problems of another shape from now on."""
+        self.shape = shape
+        self._solver = self._builder.build(self.vessel, shape)
+        self._second = None
 
     @property
     def done(self) -> bool:
@@ -235,6 +247,8 @@ class Controller:
             start = self.roll_out(z, weather) if proposal.start is None else proposal.start
             if self._thrusters is not None:
                 proposal.horizon.thrust_bounds = self._thrusters.reach(start.durations)
+            if self._others[0]:
+                keep_apart(proposal.horizon, start, *self._others)
             solution = solver().solve(z, proposal.horizon, wind, start)
             self._decision = proposal.decision
             if solution.status is not Status.NOT_CONVERGED:

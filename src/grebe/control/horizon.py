@@ -3,10 +3,11 @@
 A rule writes a `Horizon`; `grebe.control.ocp` poses it; nothing here solves anything.
 
 The horizon has N stages and N + 1 nodes. Node k carries the set that the cost measures its
-distance to, the set that must hold it (softened by an L1 slack), and the corridor to stay
-in; stage k carries the bounds of its duration and the weights of effort and time. Sets are
-half-space rows (a_x, a_y, a_u, b), see `grebe.core.sets`. A row (0, 0, 0, 1) holds always: it
-fills up a set with fewer sides than the problem has room for, and stands for "no set".
+distance to, the set that must hold it (softened by an L1 slack), the corridor to stay in, and the
+lines that keep it apart from others; stage k carries the bounds of its duration and the weights of
+effort and time. Sets are half-space rows (a_x, a_y, a_u, b), see `grebe.core.sets`. A row
+(0, 0, 0, 1) holds always: it fills up a set with fewer sides than the problem has room for, and
+stands for "no set".
 """
 
 from __future__ import annotations
@@ -32,17 +33,19 @@ class HorizonShape:
     """The sizes that a problem is built for, once.
 
     `stages` N; `set_rows` half-spaces a set may have (sides + 2 for the speed window);
-    `corridor_rows` half-spaces of the corridor, 0 for none; `substeps` Runge-Kutta steps
-    in each stage.
+    `corridor_rows` half-spaces of the corridor, 0 for none; `apart_rows` others to keep apart from,
+    a half-space for each, 0 for none; `substeps` Runge-Kutta steps in each stage.
     """
 
     stages: int
     set_rows: int = 6
     corridor_rows: int = 0
+    apart_rows: int = 0
     substeps: int = 4
 
     def __post_init__(self) -> None:
-        if self.stages < 1 or self.set_rows < 5 or self.corridor_rows < 0 or self.substeps < 1:
+        least = (self.stages, self.set_rows - 4, self.corridor_rows + 1, self.apart_rows + 1)
+        if min(*least, self.substeps) < 1:
             raise ValueError(f"impossible shape: {self}")
 
 
@@ -50,10 +53,11 @@ class HorizonShape:
 class Horizon:
     """Parameters of every stage, filled in by a rule.
 
-    Arrays, with N = shape.stages, R = shape.set_rows, C = shape.corridor_rows:
+    Arrays, with N = shape.stages, R = shape.set_rows, C = shape.corridor_rows, A =
+    shape.apart_rows:
     `cost_sets` (N, R, 4) and `cost_weights` (N,), the weight of the squared distance;
     `entry_sets` (N + 1, R, 4) and `entry_penalties` (N + 1,), cost of a unit of slack;
-    `corridors` (N + 1, C, 4) and `corridor_penalty`;
+    `corridors` (N + 1, C, 4) and `corridor_penalty`; `apart` (N + 1, A, 4) and `apart_penalty`;
     `effort_weights` (N,) of the squared thrusts in units of full thrust, and `power_weights` (N,)
     [1/s] of the same times the stage's duration;
     `duration_bounds` (N, 2) [s], `time_weights` (N,) [1/s], and `duration_weights` (N,) [1/s^2]
@@ -69,6 +73,8 @@ class Horizon:
     entry_penalties: NDArray[np.float64] = field(init=False)
     corridors: NDArray[np.float64] = field(init=False)
     corridor_penalty: float = 1e3
+    apart: NDArray[np.float64] = field(init=False)
+    apart_penalty: float = 300.0
     effort_weights: NDArray[np.float64] = field(init=False)
     power_weights: NDArray[np.float64] = field(init=False)
     duration_bounds: NDArray[np.float64] = field(init=False)
@@ -85,6 +91,7 @@ class Horizon:
         # A slack that costs nothing would drift; one that is not needed stays at zero.
         self.entry_penalties = np.ones(n + 1)
         self.corridors = _no_rows(n + 1, self.shape.corridor_rows)
+        self.apart = _no_rows(n + 1, self.shape.apart_rows)
         self.effort_weights = np.zeros(n)
         self.power_weights = np.zeros(n)
         self.duration_bounds = np.ones((n, 2))

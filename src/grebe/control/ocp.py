@@ -53,8 +53,8 @@ class Problem:
 
     @property
     def slacks(self) -> int:
-        """Slack variables in each node: entry, and corridor where there is one."""
-        return 1 + (self.shape.corridor_rows > 0)
+        """Slack variables in each node: entry, and corridor and others where there are any."""
+        return 1 + (self.shape.corridor_rows > 0) + (self.shape.apart_rows > 0)
 
     @property
     def stage_width(self) -> int:
@@ -77,10 +77,11 @@ class Problem:
                 horizon.duration_nominal,
                 horizon.duration_weights,
                 horizon.entry_penalties,
-                [horizon.corridor_penalty],
+                [horizon.corridor_penalty, horizon.apart_penalty],
                 horizon.cost_sets.ravel(),
                 horizon.entry_sets.ravel(),
                 horizon.corridors.ravel(),
+                horizon.apart.ravel(),
             ]
         )
 
@@ -127,7 +128,7 @@ class _Parameters:
     """Symbols of the parameter vector, in the order of `Problem.parameters`."""
 
     def __init__(self, shape: HorizonShape) -> None:
-        n, rows, corridor = shape.stages, shape.set_rows, shape.corridor_rows
+        n, rows = shape.stages, shape.set_rows
         self._all: list[ca.SX] = []
         self.state = self._vector("state", STATES)
         self.weather = self._vector("weather", WEATHER)
@@ -141,9 +142,11 @@ class _Parameters:
         self.duration_weight = self._vector("duration_weight", n)
         self.entry_penalty = self._vector("entry_penalty", n + 1)
         self.corridor_penalty = self._vector("corridor_penalty", 1)
+        self.apart_penalty = self._vector("apart_penalty", 1)
         self.cost_set = self._sets("cost_set", n, rows)
         self.entry_set = self._sets("entry_set", n + 1, rows)
-        self.corridor = self._sets("corridor", n + 1, corridor)
+        self.corridor = self._sets("corridor", n + 1, shape.corridor_rows)
+        self.apart = self._sets("apart", n + 1, shape.apart_rows)
         self.vector = ca.vertcat(*self._all)
 
     def _vector(self, name: str, size: int) -> ca.SX:
@@ -237,11 +240,14 @@ class _Builder:
         return thrusts, self.p.duration_min[k] + share * self.p.duration_span[k]
 
     def _slack_variables(self, k: int) -> list[ca.SX]:
-        slacks = [self._variable(ca.SX.sym(f"s{k}"), 0.0, np.inf)]
-        self.cost += self.p.entry_penalty[k] * slacks[0]
+        prices = [self.p.entry_penalty[k]]
         if self.shape.corridor_rows:
-            slacks.append(self._variable(ca.SX.sym(f"c{k}"), 0.0, np.inf))
-            self.cost += self.p.corridor_penalty * slacks[1]
+            prices.append(self.p.corridor_penalty)
+        if self.shape.apart_rows:
+            prices.append(self.p.apart_penalty)
+        slacks = [self._variable(ca.SX.sym(f"s{k}_{i}"), 0.0, np.inf) for i in range(len(prices))]
+        for price, slack in zip(prices, slacks, strict=True):
+            self.cost += price * slack
         return slacks
 
     def _dynamics(self, state: ca.SX, thrusts: ca.SX, duration: ca.SX, following: ca.SX) -> None:
@@ -258,6 +264,8 @@ class _Builder:
         self._constrain(_excess(self.p.entry_set[k], state) - slacks[0], -np.inf, 0.0)
         if self.shape.corridor_rows:
             self._constrain(_excess(self.p.corridor[k], state) - slacks[1], -np.inf, 0.0)
+        if self.shape.apart_rows:
+            self._constrain(_excess(self.p.apart[k], state) - slacks[-1], -np.inf, 0.0)
 
     def _stage_cost(self, k: int, state: ca.SX, thrusts: ca.SX, duration: ca.SX) -> None:
         outside = ca.fmax(_excess(self.p.cost_set[k], state), 0.0)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
+from grebe.control.apart import Announced
 from grebe.control.controller import Command
 from grebe.control.slow_thrusters import SlowThrusters
 from grebe.core.dynamics import Weather
@@ -52,6 +53,15 @@ class ForeseeingHelm(Protocol):
 
     def expect(self, thrusters: SlowThrusters | None) -> None:
         """Plan the next step for these thrusters; None for such as answer at once."""
+        ...
+
+
+@runtime_checkable
+class HeedingHelm(Protocol):
+    """A helm whose plans can keep apart from others."""
+
+    def heed(self, others: Sequence[Announced], apart_m: float) -> None:
+        """Plan the next step `apart_m` [m] from where these have announced to be."""
         ...
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from grebe.control.apart import Announced
 from grebe.mission.safety.fence import Fence
 from grebe.mission.safety.states import Cause, Place
 from grebe.mission.safety.traffic import WANDER_M, Traffic
@@ -132,6 +133,14 @@ class Lookout:
     def claim(self, way: NDArray[np.float64]) -> bool:
         """Claim a way (n, 2); False where another holds it."""
         return self.traffic.claim(self.boat, way)
+
+    def announce(self, plan: Announced) -> None:
+        """Say where the boat is going to be."""
+        self.traffic.announce(self.boat, plan)
+
+    def announced(self, place: Place) -> list[Announced]:
+        """Where others are going to be that are near to a place."""
+        return self.traffic.announced(self.boat) if self.is_near(place) else []
 
     def refused(self) -> None:
         """The boat has to wait: it asks for more room from now on."""

@@ -132,7 +132,7 @@ class Mission:
         self._deadline_s = math.inf
         self._steering = Steering(
             controller, self._targets, self._gate, self._tracker, self._guard, self._announcer,
-            stopwatch,
+            stopwatch, self._lookout,
         )  # fmt: skip
         self._sight = Sight(
             link, self._tracker, self._guard, self._steering, self._announcer, self._requested_stop

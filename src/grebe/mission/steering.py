@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from grebe.control.apart import Announced
 from grebe.control.controller import Command
 from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
@@ -23,10 +24,12 @@ from grebe.mission.guard import Guard
 from grebe.mission.helm import (
     AdaptableHelm,
     ForeseeingHelm,
+    HeedingHelm,
     Helm,
     possible_thrusts,
     step_of,
 )
+from grebe.mission.lookout import Lookout
 from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.states import Place, SafetyState
 
@@ -34,7 +37,8 @@ Thrusts = tuple[float, float]
 
 
 class Steering:
-    """Steers one boat by `controller` through `targets`; `stopwatch` times the steps [s].
+    """Steers one boat by `controller` through `targets`; `stopwatch` times the steps [s];
+    `lookout` of a fleet.
 
     `thrusts` is what the boat was given last, and `told` what it was told so that it has it.
     """
@@ -48,10 +52,12 @@ class Steering:
         guard: Guard,
         announcer: Announcer,
         stopwatch: Callable[[], float],
+        lookout: Lookout | None = None,
     ) -> None:
         self.controller, self._targets = controller, targets
         self._gate, self._tracker, self._guard = gate, tracker, guard
         self._announcer, self._stopwatch = announcer, stopwatch
+        self._lookout = lookout
         self._next_step_s = 0.0
         self._command: tuple[float, Command] | None = None
         self.thrusts: Thrusts = (0.0, 0.0)
@@ -96,6 +102,16 @@ class Steering:
             self._steer(observation, reached)
         else:
             self._follow_plan(observation, reached)
+        if self._lookout is not None:
+            self._lookout.announce(self._announced(observation, waits=idle or waits_at is not None))
+
+    def _announced(self, observation: Observation, *, waits: bool) -> Announced:
+        """Where the boat is going to be, for others to plan with."""
+        helm, command = self._guard.helm or (None if waits else self.controller), self._command
+        keeps = self._guard.own_thrusts(observation, self._weather) is not None
+        if keeps or helm is None or command is None or command[1].plan is None:
+            return Announced.lying((observation.state[0], observation.state[1]))
+        return Announced.of_plan(command[1].plan, observation.time_s - command[0])
 
     def ahead(self, observation: Observation) -> Schedule | None:
         """The thrusts that the boat is going to have, as far as they are planned."""
@@ -130,6 +146,9 @@ class Steering:
         state = self._tracker.ahead(then_s, observation.time_s, observation.state)
         if isinstance(helm, ForeseeingHelm):
             helm.expect(self._tracker.thrusters(observation.time_s))
+        if self._lookout is not None and isinstance(helm, HeedingHelm):
+            others = self._lookout.announced((state[0], state[1]))
+            helm.heed(others, self._lookout.traffic.wide_m)
         command = helm.step(state, self._weather, elapsed)
         solve_ms = 1e3 * (self._stopwatch() - began)
         self._command = (observation.time_s, command)

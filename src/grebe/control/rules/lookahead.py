@@ -57,8 +57,8 @@ SEEN_BEYOND, ENTRY_ROOM, LARGE_SHARE = 6, 0.015, 0.25
 TURN_ROOM = 2.0
 # The largest price of thrust: beyond it boats were taken for held by weeds.
 MOST_THRIFT = 4.0
-# Land is worse than a missed set.
-CORRIDOR_PENALTY = 1000.0
+# Land is worse than a missed set; another boat is, but does not drive the boat ashore.
+CORRIDOR_PENALTY, APART_PENALTY = 1000.0, 300.0
 EFFORT = 0.005
 HALF_TURN_S = 4.0
 # Steps without coming nearer after which the last plan is dropped: a loop takes less, a solver
@@ -126,6 +126,7 @@ class Lookahead:
         nodes: list[int] = np.cumsum(stages).tolist()
         confine(horizon, situation, nodes)
         horizon.corridor_penalty = self._dearest * CORRIDOR_PENALTY
+        horizon.apart_penalty = self._dearest * APART_PENALTY
         decision = Decision(
             target=situation.target, split=nodes[0], entries=tuple(nodes), memory=now
         )

@@ -9,6 +9,10 @@ and a stop that is always at hand, is how distributed predictive control keeps w
 (Schouwenaars, How and Feron 2004, AIAA GNC, "Decentralized cooperative trajectory planning of
 multiple aircraft with hard safety guarantees").
 
+So that claims seldom have to stop a boat, each plans with what the others have announced: where
+they are going to be by their own plans, told anew at each of their estimates, which needs no clock
+that they share.
+
 Who may go first is decided beforehand, by the order in which the boats set out: a boat also says
 where it wishes to go, and one of a later place that lies in the way makes room. Boats that wait for
 each other would do so for good: one of them then goes before its turn, or home (`Traffic.stuck`).
@@ -28,6 +32,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from grebe.control.apart import Announced
 from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_makes_way
 
 if TYPE_CHECKING:
@@ -51,6 +56,7 @@ class Traffic:
     order: Sequence[int] = ()
     _claims: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
     _wishes: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
+    _announced: dict[int, Announced] = field(default_factory=dict[int, Announced])
     _waits: dict[int, Waiting] = field(default_factory=dict[int, Waiting])
     _first: set[int] = field(default_factory=set[int])
     _over: set[int] = field(default_factory=set[int])
@@ -72,7 +78,26 @@ class Traffic:
                 for other, wish in self._wishes.items()
                 if other != boat and (by_all or self._goes_before(other, boat))
             ]
-        return _around(wishes, self._wish_m)
+        return _around(wishes, self.wide_m)
+
+    @property
+    def wide_m(self) -> float:
+        """How far a boat keeps from the ways that others wish to go, or plan."""
+        return self.apart_m + 3 * WANDER_M
+
+    def announce(self, boat: int, plan: Announced) -> None:
+        """Say where this boat is going to be."""
+        with self._lock:
+            self._announced[boat] = plan
+
+    def announced(self, boat: int) -> list[Announced]:
+        """Where the others are going to be; one that has not said so lies at its claim's end."""
+        with self._lock:
+            return [
+                self._announced.get(other) or Announced.lying(_end(claim))
+                for other, claim in self._claims.items()
+                if other != boat
+            ]
 
     def in_the_way(self, boat: int, way: NDArray[np.float64]) -> Waiting:
         """Whose claims, and whose mere wishes that go before this boat's, are on its way (n, 2)."""
@@ -86,7 +111,7 @@ class Traffic:
             wished = {
                 other
                 for other, wish in self._wishes.items()
-                if self._goes_before(other, boat) and wish.distance(line) <= self._wish_m
+                if self._goes_before(other, boat) and wish.distance(line) <= self.wide_m
             }
         return Waiting(claimed_by=frozenset(claimed), wished_by=frozenset(wished - claimed))
 
@@ -160,13 +185,9 @@ class Traffic:
         self.waits(boat, None)
         with self._lock:
             self._over.add(boat)
+            self._announced.pop(boat, None)
             if ashore:
                 self._claims.pop(boat, None)
-
-    @property
-    def _wish_m(self) -> float:
-        """How far a boat keeps from the ways that others wish to go."""
-        return self.apart_m + 3 * WANDER_M
 
     def _goes_before(self, one: int, other: int) -> bool:
         return self._turn(one) < self._turn(other)
@@ -184,6 +205,11 @@ def _line(way: NDArray[np.float64]) -> BaseGeometry:
     if np.ptp(way, axis=0).max() < ROUNDING_M:
         return shapely.Point(way[0])
     return shapely.LineString(way).simplify(ROUNDING_M)
+
+
+def _end(claim: BaseGeometry) -> tuple[float, float]:
+    north, east = shapely.get_coordinates(claim)[-1].tolist()
+    return north, east
 
 
 def _away_m(shape: BaseGeometry, others: list[BaseGeometry]) -> float:

@@ -105,11 +105,11 @@ class FastSolver:
 
 
 def _rows(horizon: Horizon) -> dict[str, Any]:
-    """Gather cost sets, entry sets and corridors, node by node; rows that always hold are left out,
-    and sets that weigh nothing.
+    """Gather cost sets, entry sets, corridors and what keeps apart, node by node; rows that always
+    hold are left out, and sets that weigh nothing.
     """
     n = horizon.shape.stages
-    groups = (horizon.cost_sets, horizon.entry_sets, horizon.corridors)
+    groups = (horizon.cost_sets, horizon.entry_sets, horizon.corridors, horizon.apart)
     width = max(group.shape[1] for group in groups)
     rows = np.zeros((n + 1, len(groups), width, 4))
     for i, group in enumerate(groups):
@@ -117,6 +117,7 @@ def _rows(horizon: Horizon) -> dict[str, Any]:
     weight, price = np.zeros((n + 1, len(groups))), np.zeros((n + 1, len(groups)))
     weight[:n, 0] = horizon.cost_weights
     price[:, 1], price[:, 2] = horizon.entry_penalties, horizon.corridor_penalty
+    price[:, 3] = horizon.apart_penalty
     rows[weight + price <= 0] = 0.0
     used = (rows[..., :3] != 0).any(axis=3)
     count = used.sum(axis=2)
