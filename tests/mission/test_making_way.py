@@ -120,18 +120,18 @@ def test_who_is_held_by_a_wish_alone_goes_before_its_turn_until_nobody_waits_for
     traffic.claim(2, line((11.0, 0.0)))
     first.wish((0.0, 0.0), (60.0, 0.0))
     ahead.wish((11.0, 0.0), (60.0, 0.0))
-    assert not ahead.is_clear((11.0, 0.0), (60.0, 0.0))
     for time_s in np.arange(0.0, STUCK_S + 2, 1.0):
         behind = first.waits((0.0, 0.0), (60.0, 0.0), float(time_s), 0.0, math.inf)
         stuck = ahead.waits((11.0, 0.0), (60.0, 0.0), float(time_s), 0.0, math.inf)
         assert behind is Stuck.WAITS
         assert (stuck is Stuck.GOES_FIRST) == (time_s > STUCK_S)
     assert ahead.is_clear((11.0, 0.0), (60.0, 0.0))
-    ahead.goes()
+    ahead.goes((11.0, 0.0), 9.0)
     ahead.wish((20.0, 0.0), (70.0, 0.0))
     assert ahead.is_clear((11.0, 0.0), (60.0, 0.0))
-    first.goes()
+    first.goes((0.0, 0.0), 9.0)
     ahead.wish((30.0, 0.0), (80.0, 0.0))
+    first.waits((0.0, 0.0), (60.0, 0.0), 10.0, 0.0, math.inf)
     assert not ahead.is_clear((11.0, 0.0), (60.0, 0.0))
 
 

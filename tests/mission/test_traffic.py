@@ -13,6 +13,7 @@ from conftest import FRAME, NOON
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grebe.control.apart import Announced
 from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, UsageError
 from grebe.core.events import EndReason, SafetyChanged
@@ -23,8 +24,10 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import Reading
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
+from grebe.mission.lookout import STUCK_S, Lookout
 from grebe.mission.rota import Rota
 from grebe.mission.safety.traffic import Traffic
+from grebe.mission.safety.waiting import Waiting
 from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.simulation.faults import NO_FAULTS, Faults
@@ -50,16 +53,55 @@ def test_whatever_is_claimed_no_two_claims_come_nearer_than_stated(claims):
                 assert a == b or one.distance(other) >= 8.0
 
 
-def test_who_wishes_to_pass_has_the_right_of_way_by_its_number():
-    traffic = Traffic(apart_m=5.0)
-    traffic.wish(1, np.array([(0, 0), (10, 0)]))
+def test_of_boats_that_wait_the_first_has_the_right_of_way():
+    traffic, way = Traffic(apart_m=5.0), np.array([(0, 0), (10, 0)])
+    traffic.wish(1, way)
+    # A boat under way is planned with, and needs no more room than its plan.
+    assert traffic.wished(2).is_empty
+    assert not traffic.wished(2, by_all=True).is_empty
+    traffic.waits(1, Waiting(claimed_by=frozenset({2})))
     assert not traffic.wished(2).is_empty
+    assert traffic.in_the_way(2, way).wished_by == {1}
     assert traffic.wished(1).is_empty
-    assert traffic.wished(1, by_all=True).is_empty
-    traffic.wish(2, np.array([(0, 0), (10, 0)]))
+    traffic.wish(2, way)
+    traffic.waits(2, Waiting(claimed_by=frozenset({1})))
     assert traffic.wished(1).is_empty
-    assert not traffic.wished(1, by_all=True).is_empty
+    assert traffic.in_the_way(1, way).wished_by == frozenset()
     traffic.leave(1)
+    assert traffic.wished(2).is_empty
+
+
+def test_a_boat_that_has_announced_nothing_lies_where_its_claim_ends():
+    traffic = Traffic(apart_m=5.0)
+    traffic.claim(1, np.array([(0.0, 0.0), (0.0, 4.0)]))
+    traffic.claim(2, np.array([(20.0, 0.0)]))
+    traffic.announce(2, Announced(moments=np.array([0.0, 5.0]), places=np.eye(2) * 20.0))
+    assert traffic.announced(2)[0].at(np.array([7.0])).tolist() == [[0.0, 4.0]]
+    assert traffic.announced(1)[0].at(np.array([2.5])).tolist() == [[10.0, 10.0]]
+    # One that is over lies there, whatever it had in mind; one that is ashore is in no way.
+    traffic.leave(2)
+    assert traffic.announced(1)[0].at(np.array([2.5])).tolist() == [[20.0, 0.0]]
+    traffic.leave(1, ashore=True)
+    assert traffic.announced(2) == []
+
+
+def test_who_does_not_come_nearer_for_others_waits_for_them_as_one_that_was_stopped():
+    traffic = Traffic(apart_m=5.0)
+    boat, place, towards = Lookout(traffic=traffic, boat=1), (0.0, 0.0), (10.0, 0.0)
+    traffic.claim(1, np.array([place]))
+    # Within what a plan keeps, and without what a claim does.
+    traffic.claim(2, np.array([(10.0, 7.5)]))
+    boat.wish(place, towards)
+    for time_s in np.arange(0.0, STUCK_S + 1.0):
+        assert traffic.wished(2).is_empty
+        boat.goes(place, float(time_s))
+    boat.goes(place, STUCK_S + 1.0)
+    assert not traffic.wished(2).is_empty
+    boat.goes((1.0, 0.0), STUCK_S + 2.0)
+    assert traffic.wished(2).is_empty
+    # Where nobody is in the way, whatever keeps it is not others.
+    traffic.claim(2, np.array([(10.0, 30.0)]))
+    boat.goes((1.0, 0.0), 3 * STUCK_S)
     assert traffic.wished(2).is_empty
 
 

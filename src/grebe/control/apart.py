@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 MOST_OTHERS = 3
 # A node that is farther from another's disc than this has no row: a solve does not move it there.
 REACH_M = 10.0
+# Boats so near to each other are in one place.
+SAME_M = 1e-6
 # A plan that leads through so much of the disc's middle has no side yet, and takes the starboard
 # one, as all boats do that meet.
 NO_SIDE = 0.25
@@ -82,8 +84,10 @@ def _normals(away: Array, apart_m: float) -> Array:
     """Unit normals (N + 1, 2), away from the other, of the lines beyond which a boat has to be that
     would be at `away` (N + 1, 2) from it.
     """
+    # Two in one place have no direction between them: any will do.
+    away = np.where(np.hypot(*away.T)[:, None] < SAME_M, (SAME_M, 0.0), away)
     distance = np.hypot(*away.T)
-    facing = away / np.maximum(distance, 1e-9)[:, None]
+    facing = away / distance[:, None]
     nearest = int(np.argmin(distance))
     if distance[nearest] >= apart_m:
         return facing

@@ -236,12 +236,12 @@ class Guard:
         ahead = self._next_place(facts.reached)
         lookout.wish(facts.place, ahead)
         if self.state is not SafetyState.HOLDING:
-            lookout.goes()
+            lookout.goes(facts.place, facts.time_s)
             return
         if self._memory.cause is Cause.TRAFFIC:
             after = self._in_others_way(lookout, facts, ahead)
             if after is not None:
-                lookout.goes()
+                lookout.goes(facts.place, facts.time_s)
                 self._become(after, observation)
                 return
         if self._memory.cause in (Cause.TRAFFIC, *WAITS):

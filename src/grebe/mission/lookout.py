@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ from grebe.control.apart import Announced
 from grebe.mission.safety.fence import Fence
 from grebe.mission.safety.states import Cause, Place
 from grebe.mission.safety.traffic import WANDER_M, Traffic
-from grebe.mission.safety.waiting import Stuck
+from grebe.mission.safety.waiting import Approach, Stuck
 from grebe.mission.spent import AT_HARBOUR_M
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ class Lookout:
     is_spent: bool = False
     is_called: bool = False
     _seen_s: float | None = None
+    _approach: Approach = field(default_factory=Approach)
 
     def launches(self, place: Place) -> bool:
         """Whether the boat is on the water: one that is ashore waits until its place is neither
@@ -82,10 +83,18 @@ class Lookout:
         self.gave_way = self.gave_way or cause is Cause.TRAFFIC
         self.is_spent = self.is_spent or cause in self.renewed
 
-    def goes(self) -> None:
-        """The boat waits for nobody."""
+    def goes(self, place: Place, time_s: float) -> None:
+        """The boat is under way. One whose plans no longer bring it nearer to where it goes, for
+        others are there, waits for these as one does that has been stopped.
+        """
         self._seen_s = None
-        self.traffic.waits(self.boat, None)
+        self._approach = self._approach.seen(place, self.towards, time_s)
+        waiting = None
+        if self.towards is not None and self._approach.idle_s(time_s) > STUCK_S:
+            way = _way_to(place, self.towards)
+            stands = self.traffic.in_the_way(self.boat, way, of_plan=True)
+            waiting = stands if stands.waits_for else None
+        self.traffic.waits(self.boat, waiting)
 
     def waits(
         self, place: Place, towards: Place, time_s: float, held_s: float, home_m: float
@@ -94,7 +103,7 @@ class Lookout:
         way home is [m], infinite where it cannot make way so; return what it is to do.
         """
         self.waited_s += 0.0 if self._seen_s is None else time_s - self._seen_s
-        self._seen_s = time_s
+        self._seen_s, self._approach = time_s, Approach()
         stands = self.traffic.in_the_way(self.boat, _way_to(place, towards))
         makes_way = self.gave_way and not math.isfinite(home_m)
         self.traffic.waits(self.boat, replace(stands, home_m=home_m, makes_way=makes_way))

@@ -71,12 +71,12 @@ class Traffic:
         return _around(self._of_others(boat), self.apart_m + 2 * WANDER_M)
 
     def wished(self, boat: int, *, by_all: bool = False) -> BaseGeometry:
-        """The water that boats which go before this one wish to cross, or all others."""
+        """The water that boats wish to cross which wait and go before this one, or all others."""
         with self._lock:
             wishes = [
                 wish
                 for other, wish in self._wishes.items()
-                if other != boat and (by_all or self._goes_before(other, boat))
+                if other != boat and (by_all or self._is_to_be_left(other, boat))
             ]
         return _around(wishes, self.wide_m)
 
@@ -99,9 +99,12 @@ class Traffic:
                 if other != boat
             ]
 
-    def in_the_way(self, boat: int, way: NDArray[np.float64]) -> Waiting:
-        """Whose claims, and whose mere wishes that go before this boat's, are on its way (n, 2)."""
-        line, claimed_m = _line(way), self.apart_m + 2 * WANDER_M
+    def in_the_way(self, boat: int, way: NDArray[np.float64], *, of_plan: bool = False) -> Waiting:
+        """Whose claims, and whose mere wishes that go before this boat's, are on its way (n, 2), or
+        so near to it that a plan would not go there.
+        """
+        line = _line(way)
+        claimed_m = self.wide_m if of_plan else self.apart_m + 2 * WANDER_M
         with self._lock:
             claimed = {
                 other
@@ -111,7 +114,7 @@ class Traffic:
             wished = {
                 other
                 for other, wish in self._wishes.items()
-                if self._goes_before(other, boat) and wish.distance(line) <= self.wide_m
+                if self._is_to_be_left(other, boat) and wish.distance(line) <= self.wide_m
             }
         return Waiting(claimed_by=frozenset(claimed), wished_by=frozenset(wished - claimed))
 
@@ -188,6 +191,12 @@ class Traffic:
             self._announced.pop(boat, None)
             if ashore:
                 self._claims.pop(boat, None)
+
+    def _is_to_be_left(self, one: int, other: int) -> bool:
+        """Whether one boat's wish is to be left by another: it waits, and goes before that. Boats
+        under way plan with each other's plans, and need no more room than these.
+        """
+        return one in self._waits and self._goes_before(one, other)
 
     def _goes_before(self, one: int, other: int) -> bool:
         return self._turn(one) < self._turn(other)

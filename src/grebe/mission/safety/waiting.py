@@ -12,6 +12,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from grebe.mission.safety.states import Place
+
+# A boat that comes so much nearer gets on [m].
+NEARER_M = 0.5
+
 
 class Stuck(enum.Enum):
     """What a boat does that waits: it waits on, goes before its turn, makes way and goes home, or
@@ -40,6 +45,28 @@ class Waiting:
     def waits_for(self) -> frozenset[int]:
         """All for whom it waits."""
         return self.claimed_by | self.wished_by
+
+
+@dataclass(frozen=True, kw_only=True)
+class Approach:
+    """How near a boat has come to the place `towards` which it goes [m], and when it last came
+    nearer [s].
+    """
+
+    towards: Place | None = None
+    nearest_m: float = math.inf
+    since_s: float = math.inf
+
+    def seen(self, place: Place, towards: Place | None, time_s: float) -> Approach:
+        """The approach after the boat has been seen at a place."""
+        away_m = math.inf if towards is None else math.dist(place, towards)
+        if towards == self.towards and away_m > self.nearest_m - NEARER_M:
+            return self
+        return Approach(towards=towards, nearest_m=away_m, since_s=time_s)
+
+    def idle_s(self, time_s: float) -> float:
+        """For how long the boat has not come nearer."""
+        return max(time_s - self.since_s, 0.0)
 
 
 def ring(waits: Mapping[int, Waiting], boat: int) -> frozenset[int]:
