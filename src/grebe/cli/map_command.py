@@ -17,10 +17,13 @@ from grebe.core.quantities import BUILTIN
 from grebe.io.store import SurveyFile
 from grebe.mapping.covariance.drift import linear
 from grebe.report.thresholds import read_profile
+from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.files import filled_folder, make_folder
+from grebe.workflow.helpers import Crew
 from grebe.workflow.maps import (
     NETCDF_NAME,
     change_notes,
+    helpers_for,
     map_numbers,
     map_survey,
     movie_note,
@@ -34,7 +37,9 @@ from grebe.workflow.maps import (
 @click.option("--out", type=options.FOLDER, required=True, help="Folder for the maps.")
 @click.option("--many", is_flag=True, help="Map several surveys, each to a folder below --out.")
 @click.option(
-    "--workers", type=click.IntRange(min=1), help="For --many: processes.  [default: one a core]"
+    "--workers",
+    type=click.IntRange(min=1),
+    help="Processes that share the quantities, or with --many the surveys.  [default: one a core]",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="For --many: a Dask cluster's scheduler.")
 @mapping_options
@@ -88,17 +93,22 @@ def command(
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} holds maps already; give another folder, or --force.")
     with filled_folder(out):
-        _map_one(files[0], out, asked, asked_again(ctx), as_json=as_json)
+        _map_one(files[0], out, asked | {"workers": workers}, asked_again(ctx), as_json=as_json)
 
 
+@no_long_pauses()
 def _map_one(file: Path, out: Path, asked: dict[str, Any], again: str, *, as_json: bool) -> None:
     with SurveyFile.open(file) as survey_file:
         settings = map_settings(asked, survey_file.survey)
         mapped = sum(one.mapped for one in survey_file.quantities.values())
         thresholds = read_profile(asked["profile"], BUILTIN.extended(survey_file.quantities))
-    with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
-        data = map_survey(file, settings, asked["resolution_m"], countdown.update, asked["every_s"])
-    written = write_maps(data, out, thresholds, asked["draws"], asked["credits_file"])
+        helpers = helpers_for(survey_file, asked["resolution_m"], asked["workers"])
+    with Crew(helpers) as crew:
+        with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
+            data = map_survey(
+                file, settings, asked["resolution_m"], countdown.update, asked["every_s"], crew.map
+            )
+        written = write_maps(data, out, thresholds, asked["draws"], asked["credits_file"], crew.map)
     for text in data.left_out:
         output.note(f"left out: {text}")
     for text in change_notes(data.maps):

@@ -220,7 +220,7 @@ class _Problem:
         chosen = thinned(len(readings), MOST_SAMPLES)
         posterior = _posterior(readings, readings.positions, chosen, kind)
         start = fit_variogram(readings.positions, readings.values, "matheron").model
-        model = posterior.best(replace(start, kind=kind))[1]
+        model = posterior.model(posterior.highest_near(start)[1])
         of_place = np.log(
             [
                 model.range_m / posterior.extent_m,

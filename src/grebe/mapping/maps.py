@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
 
 import numpy as np
 import shapely
@@ -34,12 +34,28 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
+A = TypeVar("A")
+R = TypeVar("R")
+
 # Other quantities' readings, by their keys.
 Beside = Sequence[tuple[str, Readings]]
 
 FEWEST_SAMPLES = 10
 # Units whose zero is a convention: twice as much means nothing.
 INTERVAL_UNITS = ("°C", "mV", "")
+
+
+class Each(Protocol):
+    """Does a task for each of some items."""
+
+    def __call__(self, task: Callable[[A], R], items: Iterable[A], /) -> Iterator[R]:
+        """Give the results in the order of the items."""
+        ...
+
+
+def in_turn(task: Callable[[A], R], items: Iterable[A], /) -> Iterator[R]:
+    """One after the other; see `Each`."""
+    return map(task, items)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +201,7 @@ class Mapper:
             validation=found.validation,
             flagged=flagged,
             scale=scale,
-            on_scale=None if scale is LINEAR else (self.grid.spread(mean), self.grid.spread(sd)),
+            on_scale=None if scale == LINEAR else (self.grid.spread(mean), self.grid.spread(sd)),
         )
 
     def _change(self, readings: Readings, *, is_bed: bool) -> Change:
@@ -227,7 +243,7 @@ class Mapper:
             return LINEAR
         if asked is None:
             return scale_of(readings.positions, readings.values) if may_be_log else LINEAR
-        if asked is not LINEAR and float(readings.values.min()) <= 0:
+        if asked != LINEAR and float(readings.values.min()) <= 0:
             raise ValueError("the logarithm needs readings above 0, and there are others")
         return asked
 
@@ -300,15 +316,43 @@ def _beside(
     return [(one, readings) for one, readings in found if readings is not None]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _OneMap:
+    """Called with the key of a quantity it makes its map, or says why there is none."""
+
+    mapper: Mapper
+    samples: Samples
+    quantities: Quantities
+    times: Array | None
+
+    def __call__(self, key: str) -> QuantityMap | str:
+        quantity, samples = self.quantities[key], self.samples
+        if not samples.measured(key):
+            return f"{quantity.label}: not measured"
+        try:
+            return self.mapper.map_quantity(
+                quantity,
+                samples.positions,
+                samples.values[key],
+                samples.flags[key],
+                self.times,
+                _beside(self.mapper, samples, self.quantities, key, self.times),
+            )
+        except InputError as error:
+            return str(error).rstrip(".")
+
+
 def map_all(
     mapper: Mapper,
     samples: Samples,
     quantities: Quantities,
     on_done: Callable[[int, int], None] | None = None,
+    each: Each = in_turn,
 ) -> tuple[list[QuantityMap], list[str]]:
     """Map every quantity that can be mapped; return the maps and why others are left out.
 
-    `on_done` is told after each quantity how many are done, and of how many. Raises `InputError`
+    `on_done` is told after each quantity how many are done, and of how many. `each` does what is to
+    be done for each of them, here or elsewhere; the maps are the same. Raises `InputError`
     where a moment is asked for in which nobody measured, or a quantity together with others that
     was not measured.
     """
@@ -322,25 +366,14 @@ def map_all(
     left_out: list[str] = []
     # What changed, and how late sensors were, is told by one boat's way over time.
     times = spread_times(samples.times) if samples.boat is None else None
-    wanted = [one for one in quantities.values() if one.mapped]
-    for done, quantity in enumerate(wanted, start=1):
-        key = quantity.key
-        try:
-            if samples.measured(key):
-                maps.append(
-                    mapper.map_quantity(
-                        quantity,
-                        samples.positions,
-                        samples.values[key],
-                        samples.flags[key],
-                        times,
-                        _beside(mapper, samples, quantities, key, times),
-                    )
-                )
-            else:
-                left_out.append(f"{quantity.label}: not measured")
-        except InputError as error:
-            left_out.append(str(error).rstrip("."))
+    wanted = [one.key for one in quantities.values() if one.mapped]
+    task = _OneMap(mapper=mapper, samples=samples, quantities=quantities, times=times)
+    for done, made in enumerate(each(task, wanted), start=1):
+        if isinstance(made, str):
+            left_out.append(made)
+        else:
+            # From another process it comes with a grid of its own.
+            maps.append(replace(made, grid=mapper.grid))
         if on_done is not None:
             on_done(done, len(wanted))
     if not wanted:

@@ -19,6 +19,8 @@ REACH_M = 3.0
 # Between readings further apart than this nobody knows which way the boat went [m]. It is a little
 # more than the longest stretch by whose leaving out a map is proved.
 LONGEST_LEG_M = 40.0
+# Up to so many places are the samples of a fold; a map has more nodes.
+FEW_PLACES = 1_000
 
 
 def half_cell_m(step_m: float) -> float:
@@ -66,11 +68,22 @@ def _leg_ends(way: Array) -> Array:
     return ends
 
 
-# All quantities of a survey, and both halves of a map, ask for the same nodes beside the same way.
-@remembered(4)
 def _nearest_leg(way: Array, ends: Array, places: Array) -> tuple[NDArray[np.int64], Array]:
+    """Which leg (m,) is nearest to each place, and how far [m] it is. All quantities of a survey,
+    and both halves of a map, ask for the same nodes beside the same way; between two quantities
+    each asks for the few samples of every fold, which must not push the nodes out of memory.
+    """
+    asked = _nearest_to_few if len(places) <= FEW_PLACES else _nearest_to_many
+    return asked(way, ends, places)
+
+
+def _legs_queried(way: Array, ends: Array, places: Array) -> tuple[NDArray[np.int64], Array]:
     legs = np.asarray(shapely.linestrings(np.stack([way, ends], axis=1)))
     (_, leg), away = shapely.STRtree(legs).query_nearest(
         shapely.points(places), return_distance=True, all_matches=False
     )
     return np.asarray(leg), np.asarray(away)
+
+
+_nearest_to_few = remembered(32)(_legs_queried)
+_nearest_to_many = remembered(4)(_legs_queried)

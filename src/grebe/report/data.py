@@ -20,7 +20,7 @@ from grebe.core.survey import OF_TRACK, Survey, is_simulated
 from grebe.io.store import Progress, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
 from grebe.mapping.lag import Lag, corrected_values
-from grebe.mapping.maps import Mapper, MapSettings, map_all
+from grebe.mapping.maps import Each, Mapper, MapSettings, in_turn, map_all
 from grebe.mapping.movie import Movie, is_told, moments_of, movie_of
 from grebe.mapping.quantity_map import QuantityMap
 
@@ -96,8 +96,10 @@ def gather(
     settings: MapSettings | None = None,
     on_mapped: Callable[[int, int], None] | None = None,
     every_s: float | None = None,
+    each: Each = in_turn,
 ) -> ReportData:
     """Read a survey file and map its samples; `on_mapped` is told how many quantities are done.
+    `each` makes the map of each of them.
 
     With `every_s` there are movies of what changed, a map every so many seconds, and the maps are
     of one moment: the middle, if no other is stated.
@@ -119,7 +121,7 @@ def gather(
         )
     mapper = Mapper(survey.water, make_grid(survey.water, resolution_m), settings)
     corrected = samples.with_values(corrected_values(samples, lags))
-    maps, left_out = map_all(mapper, corrected, survey_file.quantities, on_mapped)
+    maps, left_out = map_all(mapper, corrected, survey_file.quantities, on_mapped, each)
     movies = None
     if moments is not None:
         movies = [movie_of(one, moments) for one in maps if is_told(one)]

@@ -203,7 +203,7 @@ def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
     axes.set_title(texts["variogram_title"], loc="right")
     axes.set_xlabel(texts["distance"])
     # On a scale that is a logarithm, its square has no unit.
-    unit = one.quantity.unit if one.scale is LINEAR else ""
+    unit = one.quantity.unit if one.scale == LINEAR else ""
     axes.set_ylabel(texts["semivariance"] + (f" [({unit})²]" if unit else ""))
     axes.legend(fontsize="small")
 

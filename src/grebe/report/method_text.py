@@ -28,7 +28,7 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
         ),
         t(
             "model",
-            text=covariance_text(model, t, one.quantity.unit if one.scale is LINEAR else ""),
+            text=covariance_text(model, t, one.quantity.unit if one.scale == LINEAR else ""),
             nugget=_squared(model.nugget, one, t),
             sill="-" if model.sill is None else _squared(model.sill, one, t),
             reason=_because(model.reason, t),
@@ -40,7 +40,7 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
         said.append(
             t("lag_corrected", delay=t.number(f"{lag.delay_s:g}"), tau=t.number(f"{lag.tau_s:g}"))
         )
-    if one.scale is not LINEAR:
+    if one.scale != LINEAR:
         said.append(t("on_log_scale"))
     said += _changed(one, t)
     if check is not None:
@@ -145,7 +145,7 @@ def covariance_text(model: Model, t: Texts, unit: str) -> str:
 
 def _squared(variance: float, one: QuantityMap, t: Texts) -> str:
     """A variance with its unit, which a logarithm has none of."""
-    unit = one.quantity.unit if one.scale is LINEAR else ""
+    unit = one.quantity.unit if one.scale == LINEAR else ""
     return t.number(significant(variance, 3)) + (f" ({unit})²" if unit else "")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,8 @@ import shapely
 
 from grebe.core.errors import InputError
 from grebe.core.quantity import inline
+from grebe.core.samples import Samples
+from grebe.core.survey import Survey
 from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.export.contours import write_contours
 from grebe.io.export.geotiff import affine, write_geotiff
@@ -20,7 +23,8 @@ from grebe.io.export.netcdf_movie import write_movie_netcdf
 from grebe.io.export.stac import ITEM_NAME, Asset, write_stac_item
 from grebe.io.readers.credits import read_credits
 from grebe.io.store import SurveyFile
-from grebe.mapping.maps import MapSettings
+from grebe.mapping.grid import DEFAULT_NODES
+from grebe.mapping.maps import Each, MapSettings, in_turn
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.stamps import usual_step_s
 from grebe.report import canvas, map_figures
@@ -30,11 +34,17 @@ from grebe.report.movie_figures import movie_figure
 from grebe.report.texts import texts_of
 from grebe.report.thresholds import Profile
 from grebe.workflow.files import make_folder
+from grebe.workflow.helpers import idle_cores
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    Array = NDArray[np.floating]
+
 NETCDF_NAME, MOVIE_NAME = "map.nc", "movie.nc"
+# Samples times quantities that are worth a second process, which takes a second to begin; and the
+# largest surveys that each process holds whole.
+LEAST_WORK, MOST_SAMPLES, MOST_NODES = 2_000, 100_000, 500_000
 
 
 def map_survey(
@@ -43,14 +53,33 @@ def map_survey(
     resolution_m: float | None = None,
     on_mapped: Callable[[int, int], None] | None = None,
     every_s: float | None = None,
+    each: Each = in_turn,
 ) -> ReportData:
     """Map every quantity that a survey file has samples of; `maps` holds them by their order.
 
-    `on_mapped` is told how many quantities are done, and of how many. With `every_s` there are
+    `on_mapped` is told how many quantities are done, and of how many; `each` makes the map of each
+    of them. With `every_s` there are
     `movies` of them too, a map every so many seconds.
     """
     with SurveyFile.open(file) as survey_file:
-        return gather(survey_file, resolution_m, settings, on_mapped, every_s)
+        return gather(survey_file, resolution_m, settings, on_mapped, every_s, each)
+
+
+def helpers_for(
+    survey_file: SurveyFile, resolution_m: float | None = None, workers: int | None = None
+) -> int:
+    """How many processes beside this one the maps of a survey are worth, where not stated by
+    `workers`: none where little is to be done, or where each would need much memory.
+    """
+    several = sum(one.mapped for one in survey_file.quantities.values())
+    if workers is not None:
+        return max(min(workers, several) - 1, 0)
+    nodes = survey_file.survey.water.area / resolution_m**2 if resolution_m else DEFAULT_NODES
+    if survey_file.count("samples") * several < LEAST_WORK or nodes > MOST_NODES:
+        return 0
+    if survey_file.count("samples") > MOST_SAMPLES:
+        return 0
+    return max(min(idle_cores(), several - 1), 0)
 
 
 def write_maps(
@@ -59,10 +88,12 @@ def write_maps(
     profile: Profile,
     draws: int = 0,
     credits_file: Path | None = None,
+    each: Each = in_turn,
 ) -> list[Path]:
     """Write everything that maps are given in; `InputError` when there is nothing to map.
 
-    `credits_file` says who made the survey, and on what terms.
+    `credits_file` says who made the survey, and on what terms. `each` writes the raster and the
+    pictures of each map.
     """
     if not data.maps:
         raise InputError(f"No quantity can be mapped: {'; '.join(data.left_out)}.")
@@ -78,12 +109,9 @@ def write_maps(
     }
     written = [out / NETCDF_NAME, out / "contours.gpkg"]
     write_contours(written[1], data.maps, frame)
-    for one in data.maps:
-        key = one.quantity.key
-        write_geotiff(out / f"{key}.tif", one, frame, concerns[key])
-        canvas.save(map_figures.map_figure(data.survey, one, data.samples), out / f"{key}.png")
-        written += [out / f"{key}.tif", out / f"{key}.png"]
-        written += _write_bathymetry(data, one, out)
+    write = _OneWritten(survey=data.survey, samples=data.samples, out=out)
+    for files in each(write, [(one, concerns[one.quantity.key]) for one in data.maps]):
+        written += files
     for earlier in (out / MOVIE_NAME, *out.glob("*_movie.png")):
         earlier.unlink(missing_ok=True)
     written += _write_movies(data, out, entry)
@@ -93,14 +121,28 @@ def write_maps(
     return [*written, out / ITEM_NAME]
 
 
-def _write_bathymetry(data: ReportData, one: QuantityMap, out: Path) -> list[Path]:
-    lake = bathymetry_of(one, data.survey)
-    if lake is None:
-        return []
-    written = [out / "hypsography.csv", out / "hypsography.png"]
-    write_hypsography(written[0], lake)
-    canvas.save(hypsographic_figure(lake), written[1])
-    return written
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _OneWritten:
+    """Called with a map and its probabilities of concern by name it writes its raster and its
+    pictures to the folder `out`, and returns the files.
+    """
+
+    survey: Survey
+    samples: Samples
+    out: Path
+
+    def __call__(self, item: tuple[QuantityMap, Mapping[str, Array]]) -> list[Path]:
+        one, concerns = item
+        raster, picture = (self.out / f"{one.quantity.key}.{end}" for end in ("tif", "png"))
+        write_geotiff(raster, one, self.survey.frame, concerns)
+        canvas.save(map_figures.map_figure(self.survey, one, self.samples), picture)
+        lake = bathymetry_of(one, self.survey)
+        if lake is None:
+            return [raster, picture]
+        table, curve = self.out / "hypsography.csv", self.out / "hypsography.png"
+        write_hypsography(table, lake)
+        canvas.save(hypsographic_figure(lake), curve)
+        return [raster, picture, table, curve]
 
 
 def _write_movies(data: ReportData, out: Path, entry: CatalogueEntry) -> list[Path]:

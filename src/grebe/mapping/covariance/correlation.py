@@ -84,9 +84,19 @@ def slopes_of(code, x):
     """By how much the correlations at distances of `x` (n,) ranges grow with the range's logarithm,
     (n,), and the correlations themselves, (n,).
     """
-    found, t, bits = np.empty(x.size), x.copy(), np.empty(x.size, np.int64)
+    found, grown, t = np.empty(x.size), np.empty(x.size), np.empty(x.size)
+    grow(code, x, t, np.empty(x.size, np.int64), found, grown)
+    return grown, found
+
+
+@machine_code
+def grow(code, x, t, bits, found, grown):
+    """Write what `slopes_of` gives of a row `x` (m,) to `found` and `grown` (m,); `t` (m,) and
+    `bits` (m,) are to work with.
+    """
+    for i in range(x.size):
+        t[i] = x[i]
     correlate(code, t, bits, found)
-    grown = np.empty(x.size)
     for i in range(x.size):
         if code == 0:
             near = min(x[i], 1.0)
@@ -99,7 +109,73 @@ def slopes_of(code, x):
             grown[i] = t[i] * t[i] * (1 + t[i]) / (3 + 3 * t[i] + t[i] * t[i]) * found[i]
         else:
             grown[i] = 2 * t[i] * found[i]
-    return grown, found
+
+
+@exact_machine_code
+def lower_covariance(code, sill, reach, jitter, distance, passing, memory, apart):
+    """Below the diagonal and on it, the covariance (n, n) of samples at each other's `distance`
+    (n, n), `sill` on the diagonal increased by a share of `jitter`; and that of a fleeting process
+    of the variance `passing` for times `apart` (n, n), where that is not empty.
+    """
+    n = distance.shape[0]
+    out = np.empty((n, n))
+    x, row, bits = np.empty(n), np.empty(n), np.empty(n, np.int64)
+    for i in range(n):
+        m = i + 1
+        for j in range(m):
+            x[j] = distance[i, j] / reach
+        correlate(code, x[:m], bits[:m], row[:m])
+        for j in range(m):
+            out[i, j] = row[j] * sill
+        out[i, i] += jitter * sill
+        if apart.size:
+            for j in range(m):
+                x[j] = apart[i, j] / memory
+            decay(x[:m], bits[:m], row[:m])
+            for j in range(m):
+                out[i, j] += passing * row[j]
+    return out
+
+
+@machine_code
+def lower_slopes(
+    code, sill, reach, jitter, distance, passing, memory, apart, inverse, rest, by_one
+):
+    """Sums (4,) over all pairs of samples.
+
+        (rest_i rest_j + by_one_i by_one_j - inverse_ij) dC_ij,
+
+    dC the derivative of `lower_covariance` by the logarithms of `reach`, `sill`, `passing` and
+    `memory` in turn. Of `inverse` (n, n) what lies below the diagonal and on it is read.
+    """
+    n = distance.shape[0]
+    sums = np.zeros(4)
+    x, t, bits = np.empty(n), np.empty(n), np.empty(n, np.int64)
+    found, grown, weight = np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        m = i + 1
+        for j in range(m):
+            x[j] = distance[i, j] / reach
+            weight[j] = 2.0 * (rest[i] * rest[j] + by_one[i] * by_one[j] - inverse[i, j])
+        weight[i] *= 0.5
+        grow(code, x[:m], t[:m], bits[:m], found[:m], grown[:m])
+        by_reach, by_sill = 0.0, jitter * weight[i]
+        for j in range(m):
+            by_reach += weight[j] * grown[j]
+            by_sill += weight[j] * found[j]
+        sums[0] += sill * by_reach
+        sums[1] += sill * by_sill
+        if apart.size:
+            for j in range(m):
+                x[j] = apart[i, j] / memory
+            decay(x[:m], bits[:m], found[:m])
+            by_passing, by_memory = 0.0, 0.0
+            for j in range(m):
+                by_passing += weight[j] * found[j]
+                by_memory += weight[j] * x[j] * found[j]
+            sums[2] += passing * by_passing
+            sums[3] += passing * by_memory
+    return sums
 
 
 @machine_code
@@ -142,6 +218,22 @@ def faded(variance, memory, a, b):
         for j in range(b.size):
             out[i, j] *= variance
     return out
+
+
+@machine_code
+def add_faded(variance, memory, times, out):
+    """Add to `out` (n, n), below the diagonal and on it, what `faded` gives of times (n,) and
+    themselves.
+    """
+    x, row, bits = np.empty(times.size), np.empty(times.size), np.empty(times.size, np.int64)
+    inverse = 1.0 / memory
+    for i in range(times.size):
+        m = i + 1
+        for j in range(m):
+            x[j] = inverse * abs(times[i] - times[j])
+        decay(x[:m], bits[:m], row[:m])
+        for j in range(m):
+            out[i, j] += variance * row[j]
 
 
 @machine_code

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.mapping.covariance.correlation import (
+    add_faded,
     carried,
     correlations_of,
     covariances,
@@ -140,6 +141,14 @@ class Fleeting:
         """Covariance (n, m) between times (n,) and (m,) [s]."""
         a, b = np.ascontiguousarray(a, dtype=float), np.ascontiguousarray(b, dtype=float)
         return faded(self.variance, self.memory_s, a, b)
+
+    def add_among(self, times: Array, covariance: Array) -> None:
+        """Add the covariance of times (n,) and themselves to another (n, n), below the diagonal and
+        on it alone.
+        """
+        add_faded(
+            self.variance, self.memory_s, np.ascontiguousarray(times, dtype=float), covariance
+        )
 
     def carried(self, times: Array, weights: Array, at: Array) -> Array:
         """Sums (m, c) of covariances with `at` (m,) weighted by (n, c) at `times` (n,): what a

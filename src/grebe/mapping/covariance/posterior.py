@@ -19,14 +19,9 @@ from scipy.linalg import get_lapack_funcs
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
+from grebe.mapping.covariance.correlation import lower_covariance, lower_slopes
 from grebe.mapping.covariance.likelihood import CLEAR_GAIN
-from grebe.mapping.covariance.models import (
-    PRACTICAL_RANGE,
-    CovarianceModel,
-    Fleeting,
-    correlations,
-    slopes,
-)
+from grebe.mapping.covariance.models import KINDS, PRACTICAL_RANGE, CovarianceModel, Fleeting
 from grebe.mapping.covariance.noise import median_noise_variance
 from grebe.mapping.covariance.variogram import Estimator, VariogramFit, fit_variogram
 
@@ -51,6 +46,8 @@ SILL_BOUNDS, NOISE_BOUNDS, SHARE_BOUNDS = (1e-4, 1e2), (1e-8, 2.0), (1e-8, 1e2)
 MEMORY_SHARE, MEMORY_LOG_SD, MEMORY_BOUNDS = 0.05, 1.0, (0.02, 50.0)
 # Of the step for a derivative of the slope; the density where a covariance is none.
 STEP, IMPOSSIBLE = 1e-2, -1e300
+# Added to the diagonal, of the sill: what keeps a smooth covariance positive in doubles.
+JITTER = 1e-9
 
 
 def fit_posterior(
@@ -148,11 +145,14 @@ class Posterior:
 
     def best(self, start: CovarianceModel) -> tuple[float, CovarianceModel, dict[str, float]]:
         """The highest log posterior, its model, and the standard errors by its curvature."""
-        sill = max(start.sill / self.variance, 0.3)
-        guess = np.log([min(start.range_m / self.extent_m, 0.5), sill, self.noise])
-        density, at = self.highest(guess)
+        density, at = self.highest_near(start)
         model = self.model(at)
         return density, model, self.standard_errors(model, at)
+
+    def highest_near(self, start: CovarianceModel) -> tuple[float, Array]:
+        """The highest log posterior from what fits the variogram on, and where."""
+        sill = max(start.sill / self.variance, 0.3)
+        return self.highest(np.log([min(start.range_m / self.extent_m, 0.5), sill, self.noise]))
 
     def model(self, at: Array) -> CovarianceModel:
         """The covariance of place that the first three numbers stand for."""
@@ -191,22 +191,25 @@ class Posterior:
 
     def density_and_slope(self, at: Array) -> tuple[float, Array]:
         """Log posterior, but for a constant, and its derivatives by `at`."""
-        matrix, slopes_ = self._matrix(at)
-        white = self._whitened(matrix)
+        white = self._whitened(self.covariance(at))
         if white is None:
             return IMPOSSIBLE, np.zeros(len(at))
         by_one, rest = white.backward(np.stack([white.ones, white.rest]))
         by_one = by_one / np.sqrt(float(white.ones @ white.ones))
         inverse = white.inverse()
-        share = float(np.exp(at[2]))
         # The noise's derivative is a multiple of the unit matrix.
-        of_noise = share * float(rest @ rest + by_one @ by_one - np.trace(inverse))
-        slope = [
-            float(rest @ one @ rest + by_one @ one @ by_one) - _product(inverse, one)
-            for one in slopes_
+        of_noise = float(np.exp(at[2])) * float(rest @ rest + by_one @ by_one - np.trace(inverse))
+        reach, sill, *fleeting = lower_slopes(
+            *self._of_place_and_time(at), inverse.T, rest, by_one
+        ).tolist()
+        shares = [
+            float(np.exp(log_share))
+            * (float(rest @ one @ rest + by_one @ one @ by_one) - _product(inverse, one))
+            for log_share, one in zip(at[3:].tolist(), self.common, strict=False)
         ]
+        last = [] if self.apart_s is None else fleeting
         prior, prior_slope = self._prior(at)
-        all_slopes = 0.5 * np.array([*slope[:2], of_noise, *slope[2:]])
+        all_slopes = 0.5 * np.array([reach, sill, of_noise, *shares, *last])
         return white.log_likelihood + prior, all_slopes + prior_slope
 
     def log_density(self, at: Array) -> float:
@@ -214,33 +217,25 @@ class Posterior:
         return self.log_likelihood(at) + self._prior(at)[0]
 
     def covariance(self, at: Array) -> Array:
-        """Covariance of the values, (n, n)."""
-        return self._matrix(at)[0]
-
-    def _matrix(self, at: Array) -> tuple[Array, list[Array]]:
-        """The values' covariance, and its derivatives by `at` but for that by the noise, which is
-        `noise` on the diagonal.
+        """Covariance (n, n) of the values, below the diagonal and on it; what is above is not
+        meant.
         """
-        share, sill, noise = np.exp(at[:3]).tolist()
-        x = self.distance / (share * self.extent_m)
-        grown, of_place = slopes(self.kind, x)
-        diagonal = np.diag_indices(len(x))
-        of_place *= sill
-        of_place[diagonal] += 1e-9 * sill
-        parts = [
-            np.exp(log_share) * common
-            for log_share, common in zip(at[3:].tolist(), self.common, strict=False)
-        ]
-        fading: list[Array] = []
-        if self.apart_s is not None:
-            ago = self.apart_s / (np.exp(at[-1]) * self.memory_s)
-            passes = np.exp(at[-2]) * correlations("exponential", ago)
-            parts, fading = [*parts, passes], [ago * passes]
-        matrix = of_place.copy()
-        for part in parts:
-            matrix += part
-        matrix[diagonal] += noise
-        return matrix, [sill * grown, of_place, *parts, *fading]
+        matrix = lower_covariance(*self._of_place_and_time(at))
+        for log_share, common in zip(at[3:].tolist(), self.common, strict=False):
+            matrix += np.exp(log_share) * common
+        matrix[np.diag_indices(len(matrix))] += np.exp(at[2])
+        return matrix
+
+    def _of_place_and_time(
+        self, at: Array
+    ) -> tuple[int, float, float, float, Array, float, float, Array]:
+        """What `lower_covariance` and `lower_slopes` are told of the numbers."""
+        share, sill = np.exp(at[:2]).tolist()
+        place = KINDS.index(self.kind), sill, share * self.extent_m, JITTER, self.distance
+        if self.apart_s is None:
+            return *place, 0.0, 1.0, np.empty((0, 0))
+        passing, memory = np.exp(at[-2:]).tolist()
+        return *place, passing, memory * self.memory_s, self.apart_s
 
     def log_likelihood(self, at: Array) -> float:
         """Restricted log likelihood, but for a constant."""

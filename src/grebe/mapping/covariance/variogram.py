@@ -7,7 +7,7 @@ fit.method 7). Estimators: Matheron's, and two that outliers do not move: Cressi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -78,37 +78,84 @@ class VariogramFit:
     reason: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Pairs:
-    """Distances [m], directions [deg in 0 to 180] and absolute differences of pairs."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Classes:
+    """Some of the pairs by classes of distance: which of all pairs are `chosen` (k,), None for all
+    of them; the class of each, `index` (k,), of so many `bins`; and of the classes that have any,
+    the number of pairs and their mean distance [m].
+    """
 
-    distance: Array
-    bearing: Array
-    difference: Array
-
-    def along(self, direction_deg: float) -> _Pairs:
-        """The pairs within `SECTOR_DEG` of a direction."""
-        off = np.abs((self.bearing - direction_deg + 90) % 180 - 90) <= SECTOR_DEG
-        return _Pairs(
-            distance=self.distance[off],
-            bearing=self.bearing[off],
-            difference=self.difference[off],
-        )
+    chosen: NDArray[np.int32] | None
+    index: NDArray[np.int16]
+    bins: int
+    number: NDArray[np.int64]
+    distance_m: Array
 
 
-def _pairs(positions: Array, values: Array, cutoff_m: float) -> _Pairs:
-    if len(values) > MOST_SAMPLES:
-        chosen = np.linspace(0, len(values) - 1, MOST_SAMPLES).astype(int)
-        positions, values = positions[chosen], values[chosen]
-    distance, difference = pdist(positions), pdist(values[:, None])
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Geometry:
+    """What of pairs does not depend on the values: the two samples of each, `first` and `second`
+    (p,); the classes of all pairs, and of those along each of some directions.
+    """
+
+    first: NDArray[np.int32]
+    second: NDArray[np.int32]
+    of_all: _Classes
+    along: tuple[_Classes, ...]
+
+    def differences(self, values: Array) -> Array:
+        """Absolute differences (p,) of the pairs' values."""
+        return np.abs(values[self.second] - values[self.first])
+
+
+# All quantities of a survey have their samples at the same places.
+@remembered(2)
+def _geometry(
+    positions: Array, bins: int, cutoff_m: float, directions_deg: tuple[float, ...]
+) -> _Geometry:
+    """The pairs no further apart than the cutoff."""
+    distance = pdist(positions)
     near = (distance > 0) & (distance <= cutoff_m)
-    first, second = np.triu_indices(len(values), 1)
-    way = positions[second[near]] - positions[first[near]]
-    return _Pairs(
-        distance=distance[near],
-        bearing=np.degrees(np.arctan2(way[:, 1], way[:, 0])) % 180,
-        difference=difference[near],
+    distance = distance[near]
+    first, second = (one[near].astype(np.int32) for one in np.triu_indices(len(positions), 1))
+    # gstat's classes are open below and closed above: (k w, (k + 1) w].
+    index = np.clip(np.ceil(distance * bins / cutoff_m).astype(np.int16) - 1, 0, bins - 1)
+    along: list[_Classes] = []
+    if directions_deg:
+        way = positions[second] - positions[first]
+        bearing = np.degrees(np.arctan2(way[:, 1], way[:, 0])) % 180
+        for direction in directions_deg:
+            off = np.abs((bearing - direction + 90) % 180 - 90)
+            chosen = np.flatnonzero(off <= SECTOR_DEG).astype(np.int32)
+            along.append(_of_classes(distance[chosen], index[chosen], bins, chosen))
+    return _Geometry(
+        first=first,
+        second=second,
+        of_all=_of_classes(distance, index, bins, None),
+        along=tuple(along),
     )
+
+
+def _of_classes(
+    distance: Array, index: NDArray[np.int16], bins: int, chosen: NDArray[np.int32] | None
+) -> _Classes:
+    count = np.bincount(index, minlength=bins)
+    filled = count > 0
+    return _Classes(
+        chosen=chosen,
+        index=index,
+        bins=bins,
+        number=count[filled].astype(np.int64),
+        distance_m=np.bincount(index, distance, bins)[filled] / count[filled],
+    )
+
+
+def _thinned(positions: Array, values: Array) -> tuple[Array, Array]:
+    """At most `MOST_SAMPLES` samples, evenly along their order."""
+    if len(values) <= MOST_SAMPLES:
+        return positions, values
+    chosen = np.linspace(0, len(values) - 1, MOST_SAMPLES).astype(int)
+    return positions[chosen], values[chosen]
 
 
 def default_cutoff_m(positions: Array) -> float:
@@ -130,29 +177,29 @@ def empirical_variogram(
     pairs within `SECTOR_DEG` of it count. Classes without pairs are left out.
     """
     cutoff_m = cutoff_m or default_cutoff_m(positions)
-    pairs = _pairs(positions, values, cutoff_m)
-    if direction_deg is not None:
-        pairs = pairs.along(direction_deg)
-    return _classes(pairs, bins, cutoff_m, estimator)
+    positions, values = _thinned(positions, values)
+    directions = () if direction_deg is None else (direction_deg,)
+    pairs = _geometry(positions, bins, cutoff_m, directions)
+    classes = pairs.of_all if direction_deg is None else pairs.along[0]
+    return _estimated(classes, pairs.differences(values), estimator)
 
 
-def _classes(pairs: _Pairs, bins: int, cutoff_m: float, estimator: Estimator) -> EmpiricalVariogram:
-    # gstat's classes are open below and closed above: (k w, (k + 1) w].
-    index = np.clip(np.ceil(pairs.distance * bins / cutoff_m).astype(int) - 1, 0, bins - 1)
-    count = np.bincount(index, minlength=bins)
-    filled = count > 0
-    number = count[filled]
-    distance = np.bincount(index, pairs.distance, bins)[filled] / number
+def _estimated(classes: _Classes, difference: Array, estimator: Estimator) -> EmpiricalVariogram:
+    """The variogram of some pairs, by the differences (p,) of all pairs."""
+    if classes.chosen is not None:
+        difference = difference[classes.chosen]
+    index, bins, number = classes.index, classes.bins, classes.number
+    filled = np.bincount(index, minlength=bins) > 0
     if estimator == "matheron":
-        semivariance = 0.5 * np.bincount(index, pairs.difference**2, bins)[filled] / number
+        semivariance = 0.5 * np.bincount(index, difference**2, bins)[filled] / number
     elif estimator == "cressie":
-        root = np.bincount(index, np.sqrt(pairs.difference), bins)[filled] / number
+        root = np.bincount(index, np.sqrt(difference), bins)[filled] / number
         semivariance = 0.5 * root**4 / (0.457 + 0.494 / number)
     else:
-        medians = [np.median(pairs.difference[index == k]) for k in np.flatnonzero(filled)]
+        medians = [np.median(difference[index == k]) for k in np.flatnonzero(filled)]
         semivariance = 0.5 * 2.198 * np.square(medians)
     return EmpiricalVariogram(
-        distance_m=distance, semivariance=semivariance, pairs=number.astype(np.int64)
+        distance_m=classes.distance_m, semivariance=semivariance, pairs=number
     )
 
 
@@ -248,8 +295,10 @@ def fit_variogram(
     has a direction. `ValueError` where there are too few pairs.
     """
     cutoff_m = default_cutoff_m(positions)
-    pairs = _pairs(positions, values, cutoff_m)
-    empirical = _classes(pairs, BINS, cutoff_m, estimator)
+    positions, values = _thinned(positions, values)
+    pairs = _geometry(positions, BINS, cutoff_m, DIRECTIONS_DEG)
+    difference = pairs.differences(values)
+    empirical = _estimated(pairs.of_all, difference, estimator)
     trusted = empirical.trusted()
     if len(trusted.pairs) < FEWEST_CLASSES:
         raise ValueError("too few pairs of samples for a variogram")
@@ -257,7 +306,9 @@ def fit_variogram(
     model, _, errors = fits[0]
     rivals = ", ".join(f"{one.kind} {misfit:.3g}" for one, misfit, _ in fits)
     reason = f"{model.kind} has the smallest weighted misfit to the variogram ({rivals})"
-    directed = _directed(pairs, cutoff_m, model, estimator)
+    directed = _directed(
+        [_estimated(one, difference, estimator).trusted() for one in pairs.along], model
+    )
     if directed is not None:
         model, gain = directed
         errors = np.array([errors[0], errors[1], np.nan])
@@ -272,13 +323,11 @@ def fit_variogram(
 
 
 def _directed(
-    pairs: _Pairs, cutoff_m: float, model: CovarianceModel, estimator: Estimator
+    sectors: Sequence[EmpiricalVariogram], model: CovarianceModel
 ) -> tuple[CovarianceModel, float] | None:
-    """The model with a direction, and by how much that lowers the misfit; None if not clearly."""
-    sectors = [
-        _classes(pairs.along(angle), BINS, cutoff_m, estimator).trusted()
-        for angle in DIRECTIONS_DEG
-    ]
+    """The model with a direction, and by how much that lowers the misfit of the variograms along
+    each of `DIRECTIONS_DEG`; None if not clearly.
+    """
     if min(len(sector.pairs) for sector in sectors) < FEWEST_CLASSES or model.sill == 0:
         return None
     level = model.nugget + model.sill

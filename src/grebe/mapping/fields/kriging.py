@@ -223,7 +223,7 @@ class _Samples:
         """Cholesky's lower factor of the samples' covariance."""
         system = model.among(self.positions)
         if self.fleeting is not None:
-            system += self.fleeting.covariance(self.times, self.times)
+            self.fleeting.add_among(self.times, system)
         system[np.diag_indices(len(self.noise))] += self.noise
         # By columns, as LAPACK has it, its transpose needs no copy.
         return cholesky(system.T, lower=False, overwrite_a=True, check_finite=False).T

@@ -7,8 +7,9 @@ weights by left-out readings follow whichever model swings least there, not else
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,14 +90,14 @@ def _mixed(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     return means.mean(axis=0), np.sqrt((sds**2).mean(axis=0) + means.var(axis=0))
 
 
+def _mean_of(curves: Sequence[Callable[[Array], Array]], distance: Array) -> Array:
+    return np.mean([one(distance) for one in curves], axis=0)
+
+
 def averaged(fields: tuple[KrigingField, ...]) -> AveragedField:
     """The mean of fields, and what it is made of: that of the first, in numbers that are means."""
     models = [one.model for one in fields]
     first = models[0]
-
-    def semivariance(distance: Array) -> Array:
-        return np.mean([one.semivariance(distance) for one in models if one.semivariance], axis=0)
-
     return AveragedField(
         fields=fields,
         model=Model(
@@ -111,7 +112,9 @@ def averaged(fields: tuple[KrigingField, ...]) -> AveragedField:
             parts=tuple(models),
             reason="; ".join(one.reason for one in models),
             standard_errors=first.standard_errors,
-            semivariance=semivariance,
+            semivariance=partial(
+                _mean_of, tuple(one.semivariance for one in models if one.semivariance)
+            ),
             empirical=first.empirical,
         ),
     )

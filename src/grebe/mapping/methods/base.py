@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 import shapely
@@ -69,6 +69,10 @@ class Domain:
 
     outline: shapely.Polygon
     grid: Grid
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Another process makes meshes of its own."""
+        return {"outline": self.outline, "grid": self.grid}
 
     @cached_property
     def mesh(self) -> Mesh:

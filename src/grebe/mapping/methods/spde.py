@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -77,6 +77,10 @@ class SpdeField:
                 "the field with no flux through the shore takes readings of one noise only; "
                 "map with kriging"
             )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What was worked out of the fields stays in this process: a factor cannot leave it."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def mean(self, places: Array) -> Array:
         """See `Field`."""

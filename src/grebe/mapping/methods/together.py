@@ -9,6 +9,7 @@ likelihood is not clearly for their sharing anything.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,10 +91,6 @@ class Together:
     def _described(self, covariance: Coregionalisation, readings: Readings) -> Model:
         reach = covariance.practical_range_m(0)
         nugget, sill = float(covariance.nuggets[0]), float(covariance.whole[0, 0])
-
-        def semivariance(distance: Array) -> Array:
-            return nugget + sill - covariance.covariance(0, distance)
-
         return Model(
             kind="two exponential",
             text=f"two exponential structures, practical range {reach:.0f} m",
@@ -101,7 +98,7 @@ class Together:
             sill=sill,
             practical_range_m=reach,
             reason="ranges, noise and what the quantities share by the posterior mode under priors",
-            semivariance=semivariance,
+            semivariance=partial(_semivariance, covariance),
             empirical=_shown(readings),
         )
 
@@ -190,6 +187,12 @@ class TogetherField:
         positions, values, noise = (np.concatenate(column) for column in zip(*joined, strict=True))
         of = np.repeat(np.arange(len(joined)), [len(one[0]) for one in joined])
         return Observed(positions=positions, values=values, of=of, noise=noise)
+
+
+def _semivariance(covariance: Coregionalisation, distance: Array) -> Array:
+    """The model's curve of the first of the quantities."""
+    level = float(covariance.nuggets[0]) + float(covariance.whole[0, 0])
+    return level - covariance.covariance(0, distance)
 
 
 def _shown(readings: Readings) -> EmpiricalVariogram | None:

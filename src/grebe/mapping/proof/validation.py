@@ -112,7 +112,7 @@ def prove(
         return None
     simple = _simple_errors(readings, folds, scale)
     in_unit = errors.error
-    if scale is not LINEAR:
+    if scale != LINEAR:
         in_unit = scale.mean(errors.read + errors.error, errors.sd) - scale.back(errors.read)
     msdr = float(np.mean(errors.z**2))
     return Validation(
