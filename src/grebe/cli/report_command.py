@@ -17,6 +17,9 @@ from grebe.report.page import write_report
 from grebe.report.pdf import print_pdf
 from grebe.report.texts import LANGUAGES
 from grebe.report.thresholds import read_profile
+from grebe.workflow.collector import no_long_pauses
+from grebe.workflow.helpers import Crew
+from grebe.workflow.maps import helpers_for
 
 
 @click.command(name="report")
@@ -30,6 +33,7 @@ from grebe.report.thresholds import read_profile
 @click.option("--pdf", is_flag=True, help="Print the page to a PDF beside it, by a browser.")
 @options.force_option
 @options.json_option
+@no_long_pauses()
 def command(
     file: Path,
     path: Path | None,
@@ -51,8 +55,11 @@ def command(
     with SurveyFile.open(file) as survey_file:
         thresholds = read_profile(profile, BUILTIN.extended(survey_file.quantities))
         settings = map_settings(asked, survey_file.survey)
-        data = gather(survey_file, asked["resolution_m"], settings, every_s=asked["every_s"])
-    write_report(path, data, thresholds, language)
+        with Crew(helpers_for(survey_file, asked["resolution_m"])) as crew:
+            data = gather(
+                survey_file, asked["resolution_m"], settings, None, asked["every_s"], crew.map
+            )
+            write_report(path, data, thresholds, language, crew.map)
     printed: dict[str, str] = {}
     if pdf:
         print_pdf(path, path.with_suffix(".pdf"))

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     from grebe.mapping.quantity_map import QuantityMap
     from grebe.mapping.series.difference import Difference
-    from grebe.report.data import ReportData
     from grebe.report.texts import Texts
     from grebe.report.thresholds import Threshold
 
@@ -76,13 +75,13 @@ def _draw_samples(axes: Axes, key: str, samples: Samples) -> None:
 
 @styled
 def quantity_figure(
-    data: ReportData, one: QuantityMap, thresholds: Sequence[Threshold], texts: Texts
+    survey: Survey, one: QuantityMap, thresholds: Sequence[Threshold], texts: Texts
 ) -> Figure:
     """All there is to see of a quantity: mean and standard deviation, and below them how it is
     distributed, the probability of concern, and the variogram.
     """
-    figure = Figure(figsize=(10.9, 4.4 * aspect(data.survey) + 4.3))
-    grid = figure.add_gridspec(2, 6, height_ratios=(1.35 * aspect(data.survey) + 0.3, 1))
+    figure = Figure(figsize=(10.9, 4.4 * aspect(survey) + 4.3))
+    grid = figure.add_gridspec(2, 6, height_ratios=(1.35 * aspect(survey) + 0.3, 1))
     unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
     left, right = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3:])
     title = texts("mean_title", label=one.quantity.label_in(texts.language))
@@ -92,13 +91,13 @@ def quantity_figure(
     points = one.positions
     right.plot(points[:, 1], points[:, 0], ".", ms=1.2, color=SKY, alpha=0.7)
     for axes in (left, right):
-        draw_shore(axes, data.survey)
-        finish_map(axes, data.survey, texts["east"], texts["north"])
+        draw_shore(axes, survey)
+        finish_map(axes, survey, texts["east"], texts["north"])
     right.set_ylabel("")
     _draw_histogram(figure.add_subplot(grid[1, :2]), one, thresholds, texts)
     middle = figure.add_subplot(grid[1, 2:4])
     if thresholds:
-        _draw_concern(figure, middle, data.survey, one, thresholds, texts)
+        _draw_concern(figure, middle, survey, one, thresholds, texts)
     else:
         middle.set_axis_off()
     _draw_variogram(figure.add_subplot(grid[1, 4:]), one, texts)

@@ -13,7 +13,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from grebe.core.quantity import inline
+from grebe.core.survey import Survey
 from grebe.io.atomic_write import write_text_whole
+from grebe.mapping.maps import Each, in_turn
 from grebe.mapping.proof.validation import Z95
 from grebe.mapping.quantity_map import QuantityMap
 from grebe.report import canvas, map_figures, mission_figures
@@ -40,8 +42,13 @@ class Concern:
     share: float
 
 
-def render(data: ReportData, profile: Profile | None = None, language: str = "en") -> str:
-    """Return the page as HTML."""
+def render(
+    data: ReportData,
+    profile: Profile | None = None,
+    language: str = "en",
+    each: Each = in_turn,
+) -> str:
+    """Return the page as HTML; `each` draws the picture of each quantity."""
     profile, texts = profile or read_profile(None), texts_of(language)
     package = resources.files("grebe.report") / "templates" / "report.html"
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
@@ -66,10 +73,9 @@ def render(data: ReportData, profile: Profile | None = None, language: str = "en
         series_picture=_embed(mission_figures.series_figure(data.survey, data.track, texts), texts)
         if len(data.track) and data.survey.targets
         else "",
-        maps=[
-            (one, _embed(map_figures.quantity_figure(data, one, profile.of(one), texts), texts))
-            for one in data.maps
-        ],
+        maps=list(
+            zip(data.maps, each(_Pictured(data.survey, profile, texts), data.maps), strict=True)
+        ),
         bathymetry=_bathymetry(data, texts),
         movies=_movies(data, texts),
         untold=_untold(data, texts),
@@ -93,10 +99,14 @@ def _figures(t: Texts, value: float, digits: int = 4) -> str:
 
 
 def write_report(
-    path: Path, data: ReportData, profile: Profile | None = None, language: str = "en"
+    path: Path,
+    data: ReportData,
+    profile: Profile | None = None,
+    language: str = "en",
+    each: Each = in_turn,
 ) -> None:
-    """Render the page and write it to `path`."""
-    write_text_whole(path, render(data, profile, language))
+    """Render the page and write it to `path`; see `render`."""
+    write_text_whole(path, render(data, profile, language, each))
 
 
 def _finding(data: ReportData, t: Texts) -> str:
@@ -315,6 +325,20 @@ def _measured(data: ReportData, t: Texts) -> list[tuple[str, str]]:
         (t["configuration"], meta.get("configuration_hash", "")[:12]),
         (t["survey_id"], f"{meta.get('survey_id', '')}, {meta.get('created', '')}"),
     ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Pictured:
+    """Called with a map it draws all there is to see of its quantity."""
+
+    survey: Survey
+    profile: Profile
+    texts: Texts
+
+    def __call__(self, one: QuantityMap) -> str:
+        thresholds = self.profile.of(one)
+        figure = map_figures.quantity_figure(self.survey, one, thresholds, self.texts)
+        return _embed(figure, self.texts)
 
 
 def _embed(figure: Figure, t: Texts) -> str:

@@ -25,7 +25,11 @@ R = TypeVar("R")
 
 # Each takes the memory of a process, and the last of many tasks is waited for anyway.
 MOST_HELPERS = 3
-_HELP = "from grebe.workflow.helpers import help_with; help_with({}, {})"
+# A user's own functions are found there where this process finds them.
+_HELP = (
+    "import sys; sys.path[:] = {path}; "
+    "from grebe.workflow.helpers import help_with; help_with({pipe}, {parent})"
+)
 
 
 class Crew:
@@ -63,8 +67,8 @@ class Crew:
                     if mine is None:
                         work.wait(number)
                     else:
-                        work.put(mine, task(items[mine]))
-                yield work.result(number)
+                        work.put(mine, _done(task, items[mine]))
+                yield _result(*work.result(number))
         except BaseException:
             work.give_up()
             self._dismiss()
@@ -83,6 +87,20 @@ def idle_cores() -> int:
     return min(len(os.sched_getaffinity(0)) - 1, MOST_HELPERS)
 
 
+def _done(task: Callable[[A], R], item: A) -> tuple[R | None, Exception | None]:
+    """The result, or the error, which waits for the results of earlier items."""
+    try:
+        return task(item), None
+    except Exception as error:
+        return None, error
+
+
+def _result(result: Any, error: Exception | None) -> Any:
+    if error is not None:
+        raise error
+    return result
+
+
 def _pickled(task: Callable[..., Any]) -> bytes | None:
     """A task as it is sent; None where it cannot be, as a function within a function."""
     try:
@@ -97,7 +115,9 @@ class _Work:
 
     items: Sequence[Any]
     _waiting: list[int] = field(init=False)
-    _results: dict[int, Any] = field(default_factory=dict[int, Any], init=False)
+    _results: dict[int, tuple[Any, Exception | None]] = field(
+        default_factory=dict[int, tuple[Any, Exception | None]], init=False
+    )
     _changed: threading.Condition = field(default_factory=threading.Condition, init=False)
 
     def __post_init__(self) -> None:
@@ -108,10 +128,10 @@ class _Work:
         with self._changed:
             return self._waiting.pop(0) if self._waiting else None
 
-    def put(self, number: int, result: Any) -> None:
-        """Keep what came of one."""
+    def put(self, number: int, outcome: tuple[Any, Exception | None]) -> None:
+        """Keep what came of one, a result or an error."""
         with self._changed:
-            self._results[number] = result
+            self._results[number] = outcome
             self._changed.notify_all()
 
     def put_back(self, number: int) -> None:
@@ -135,7 +155,7 @@ class _Work:
         with self._changed:
             self._changed.wait_for(lambda: number in self._results or self._waiting)
 
-    def result(self, number: int) -> Any:
+    def result(self, number: int) -> tuple[Any, Exception | None]:
         """What came of one; it is not kept any longer."""
         with self._changed:
             return self._results.pop(number)
@@ -153,7 +173,8 @@ class _Helper:
         ours, theirs = socket.socketpair()
         # In a session of its own it hears no Ctrl-C: who called it ends it.
         process = subprocess.Popen(
-            [sys.executable, "-c", _HELP.format(theirs.fileno(), os.getpid())],
+            [sys.executable, "-c",
+             _HELP.format(path=sys.path, pipe=theirs.fileno(), parent=os.getpid())],
             pass_fds=(theirs.fileno(),), stdin=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         theirs.close()
@@ -172,7 +193,7 @@ class _Helper:
                 work.put_back(number)
                 return
             first = None
-            work.put(number, result)
+            work.put(number, (result, None))
 
     def dismiss(self) -> None:
         self.process.kill()

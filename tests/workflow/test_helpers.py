@@ -1,0 +1,129 @@
+"""Helpers give the same results in the same order, and lose nothing, whatever befalls them."""
+
+import os
+import signal
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+import shapely
+from conftest import square_survey
+
+from grebe.core.quantities import BUILTIN
+from grebe.core.samples import Samples
+from grebe.io.store import SurveyFile
+from grebe.mapping.grid import make_grid
+from grebe.mapping.maps import Mapper, MapSettings, map_all
+from grebe.mapping.methods.spde import Spde
+from grebe.mapping.scale import LINEAR
+from grebe.workflow.files import write_survey
+from grebe.workflow.helpers import Crew
+from grebe.workflow.maps import helpers_for
+
+KEYS = ("temperature_degc", "dissolved_oxygen_mgl", "ph")
+
+
+def rested_in(here, item):
+    """Who did it: this process, `here`, takes so long that helpers do some."""
+    if os.getpid() == here:
+        time.sleep(0.5)
+    return item, os.getpid()
+
+
+def deadly_but_in(here, item):
+    if os.getpid() != here:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.3)
+    return item
+
+
+def odd_refused(item):
+    if item % 2:
+        raise ValueError(f"{item} is odd")
+    return item
+
+
+def running(crew):
+    return [one.process.poll() is None for one in crew._helpers]
+
+
+def test_several_processes_share_the_items_and_keep_their_order():
+    with Crew(2) as crew:
+        done = list(crew.map(partial(rested_in, os.getpid()), range(12)))
+        helpers = crew._helpers
+    assert [item for item, _ in done] == list(range(12))
+    assert len({who for _, who in done}) > 1
+    assert all(one.process.poll() is not None for one in helpers)  # none outlives its crew
+
+
+def test_a_killed_helper_loses_nothing():
+    with Crew(2) as crew:
+        assert list(crew.map(partial(deadly_but_in, os.getpid()), range(12))) == list(range(12))
+        assert list(crew.map(odd_refused, [0, 2, 4])) == [0, 2, 4]  # and later work is done too
+
+
+def test_what_cannot_be_sent_is_done_here():
+    here = os.getpid()
+    with Crew(1) as crew:
+        assert list(crew.map(lambda item: (item, os.getpid()), [1, 2])) == [(1, here), (2, here)]
+
+
+def test_an_error_is_the_items_own_and_ends_the_helpers():
+    with Crew(1) as crew:
+        results = crew.map(odd_refused, [0, 1, 2])
+        assert next(results) == 0
+        with pytest.raises(ValueError, match="1 is odd"):
+            next(results)
+        assert not running(crew)
+
+
+def lake_samples(count, keys=KEYS):
+    rng = np.random.default_rng(3)
+    places = rng.uniform(5, 95, (count, 2))
+    waves = np.sin(places[:, 0] / 15) + np.cos(places[:, 1] / 20)
+    return Samples.of(
+        times=1.6e9 + np.arange(float(count)),
+        positions=places,
+        values={key: 8 + waves + rng.normal(0, 0.1, count) for key in keys},
+        quantities=BUILTIN,
+    )
+
+
+@pytest.mark.parametrize("method", [None, Spde()])
+def test_maps_are_the_same_to_the_digit_whoever_makes_them(method):
+    samples, water = lake_samples(90), shapely.box(0, 0, 100, 100)
+    mapper = Mapper(water, make_grid(water, 5.0), MapSettings(method=method))
+    alone, left_out = map_all(mapper, samples, BUILTIN)
+    with Crew(2) as crew:
+        shared, same = map_all(mapper, samples, BUILTIN, each=crew.map)
+        assert all(running(crew))
+    assert [one.quantity.key for one in shared] == list(KEYS)
+    assert left_out == same
+    for one, other in zip(shared, alone, strict=True):
+        assert np.array_equal(one.mean, other.mean, equal_nan=True)
+        assert np.array_equal(one.sd, other.sd, equal_nan=True)
+        assert np.array_equal(one.draws(2), other.draws(2), equal_nan=True)
+        assert one.scale == LINEAR
+        assert one.model.semivariance(np.array([9.0])) == other.model.semivariance(np.array([9.0]))
+
+
+@pytest.mark.parametrize(
+    ("count", "resolution_m", "workers", "helpers"),
+    [
+        (500, None, None, 3),
+        (20, None, None, 0),  # a second process takes longer to begin
+        (500, 0.05, None, 0),  # each process would hold the whole fine grid
+        (500, None, 1, 0),
+        (20, None, 2, 1),
+    ],
+)
+def test_helpers_are_called_where_they_pay(
+    tmp_path, monkeypatch, count, resolution_m, workers, helpers
+):
+    monkeypatch.setattr("grebe.workflow.maps.idle_cores", lambda: 3)
+    path = tmp_path / "survey.gpkg"
+    write_survey(path, square_survey(100.0))
+    with SurveyFile.open(path) as file:
+        file.extend_samples(lake_samples(count))
+        assert helpers_for(file, resolution_m, workers) == helpers
