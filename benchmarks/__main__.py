@@ -51,6 +51,7 @@ BENCHMARKS = {
     "commands": "commands",
     "missions_a_second": "commands",
     "first_run": "commands",
+    "maps": "whole_maps",
 }
 
 

@@ -79,7 +79,7 @@ def planned(name: str) -> Planned:
     errand = ERRANDS[name]
     option, value = errand.option
     with tempfile.TemporaryDirectory() as folder:
-        outline = _outline(Path(folder), errand.water())
+        outline = outlined(Path(folder), errand.water())
         runs = [
             told(GREBE, "plan", outline, option, value, "-o", Path(folder) / f"{k}.gpkg")
             for k in range(errand.runs)
@@ -93,7 +93,8 @@ def planned(name: str) -> Planned:
     )
 
 
-def _outline(folder: Path, water: shapely.Polygon) -> Path:
+def outlined(folder: Path, water: shapely.Polygon) -> Path:
+    """Write a water's outline as GeoJSON to a folder."""
     path = folder / "water.geojson"
     outline = shapely.transform(water, FRAME.to_wgs84)
     feature = {
@@ -214,7 +215,7 @@ def of_a_new_copy() -> FirstRun:
         environment = os.environ | {"PYTHONPATH": name, "PYTHONDONTWRITEBYTECODE": ""}
         environment.pop("NUMBA_CACHE_DIR", None)
         survey = folder / "survey.gpkg"
-        told(GREBE, "plan", _outline(folder, lake(20)), "--cell", 5, "-o", survey)
+        told(GREBE, "plan", outlined(folder, lake(20)), "--cell", 5, "-o", survey)
         used, clock = [], []
         for k in range(2):
             copied = shutil.copy(survey, folder / f"{k}.gpkg")

@@ -6,8 +6,11 @@ records of their own, so that what the arrays hold tells, not which arrays they 
 
 from __future__ import annotations
 
+import hashlib
+import threading
+from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from functools import lru_cache, wraps
+from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -17,38 +20,36 @@ R = TypeVar("R")
 
 
 def remembered(most: int) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorate a function to keep its `most` latest answers. Nobody may change an answer."""
+    """Decorate a function to keep its `most` latest answers, and nothing of what it was asked but a
+    digest. Nobody may change an answer.
+    """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        @lru_cache(maxsize=most)
-        def answer(call: _Call) -> R:
-            return function(*call.args, **call.kwargs)
+        kept: OrderedDict[Hashable, R] = OrderedDict()
+        lock = threading.Lock()
 
         @wraps(function)
         def asked(*args: P.args, **kwargs: P.kwargs) -> R:
-            return answer(_Call(args, kwargs))
+            named = sorted(kwargs.items())
+            key = (*map(_content, args), *((name, _content(one)) for name, one in named))
+            with lock:
+                if key in kept:
+                    kept.move_to_end(key)
+                    return kept[key]
+            answer = function(*args, **kwargs)
+            with lock:
+                kept[key] = answer
+                if len(kept) > most:
+                    kept.popitem(last=False)
+            return answer
 
         return asked
 
     return decorate
 
 
-class _Call:
-    """The arguments of a call; equal to another call's where their content is."""
-
-    def __init__(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
-        self.args, self.kwargs = args, kwargs
-        named = sorted(kwargs.items())
-        self._content = (*map(_content, args), *((name, _content(one)) for name, one in named))
-
-    def __hash__(self) -> int:
-        return hash(self._content)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Call) and self._content == other._content
-
-
-def _content(value: Hashable | np.ndarray) -> Hashable:
+def _content(value: Any) -> Hashable:
     if isinstance(value, np.ndarray):
-        return value.shape, value.dtype.str, value.tobytes()
+        digest = hashlib.blake2b(np.ascontiguousarray(value).data, digest_size=32).digest()
+        return value.shape, value.dtype.str, digest
     return value
