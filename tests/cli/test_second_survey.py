@@ -34,7 +34,9 @@ MORE = ("--quantity", "temperature_degc")
 @pytest.mark.slow
 def test_what_a_fleet_sailed_goes_on_with_a_fleet(pond, tmp_path):
     path = tmp_path / "lake.gpkg"
-    grebe("plan", pond, "--cell", 14, "--boats", 3, "--apart", 6, "-o", path)
+    # Wide enough for three boats to keep out of each other's way.
+    pond.write_text(shapely.to_geojson(FRAME.geometry_to_wgs84(shapely.box(0, 0, 180, 200))))
+    grebe("plan", pond, "--cell", 28, "--boats", 3, "--apart", 6, "-o", path)
     first = grebe("run", path)
     assert first["reached"] == first["targets"]
     before = grebe("adapt", path, *MORE, "--minutes", 1.5, "--preview")
