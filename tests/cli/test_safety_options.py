@@ -9,7 +9,8 @@ from click.testing import CliRunner
 from conftest import NOON, simulate, square_survey
 
 from grebe.cli.run_command import command
-from grebe.cli.safety_options import next_instant, safety_of
+from grebe.cli.safety_options import boats_changed, next_instant, safety_of
+from grebe.core.errors import UsageError
 from grebe.io.store import SurveyFile
 from grebe.mission.settings import MissionSettings
 
@@ -32,6 +33,27 @@ def test_options_become_settings():
     assert (settings.max_s, settings.home, settings.fence) == (1800.0, (3.0, 50.0), False)
     assert settings.battery_reserve == 0.3
     assert settings.comes_home == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "boats"),
+    [
+        (["--battery-changed"], {1, 2, 3}),
+        (["--battery-changed", "2"], {2}),
+        (["--battery-changed", "1", "--battery-changed", "3", "--yes"], {1, 3}),
+        (["--battery-changed", "--yes"], {1, 2, 3}),
+        (["--yes"], set()),
+    ],
+)
+def test_a_battery_that_was_changed_is_that_of_every_boat_or_of_those_that_are_named(words, boats):
+    with command.make_context("run", [__file__, *words]) as context:
+        assert boats_changed(context.params["battery_changed"], 3) == boats
+
+
+@pytest.mark.parametrize("number", ["0", "4", "otter"])
+def test_the_battery_of_no_boat_is_refused(number):
+    with pytest.raises(UsageError, match="no boat; there are 3"):
+        boats_changed([number], 3)
 
 
 def test_a_boat_is_brought_home_and_that_is_a_success(tmp_path):

@@ -38,7 +38,9 @@ def fleet_file(path, sorties=None, side=50.0):
     return path
 
 
-def sailed(path, faults=None, settings=None, close=None, stop_at=None, resume=False, real=False):
+def sailed(
+    path, faults=None, settings=None, close=None, stop_at=None, resume=False, real=False, changed=()
+):
     """Sail a fleet; its report, and the settings with which each mission set out, in turn. `real`
     boats are simulated ones of which the fleet does not know that they are.
     """
@@ -69,6 +71,7 @@ def sailed(path, faults=None, settings=None, close=None, stop_at=None, resume=Fa
             shares_time=not real,
             watches=lambda boat: [lambda event: hear(boat, event)],
             on_ready=ready,
+            changed=changed,
         ).run(NOON, resume=resume)
         return report, began, [one.reason for one in file.revisions()]
 
@@ -183,6 +186,13 @@ def test_who_comes_home_because_the_time_of_the_run_is_over_stays_there(in_round
     assert [one.ended for *_, one in report.missions] == [EndReason.CAME_HOME] * 2
     assert sorted(boat for boat, _ in began) == [1, 2]
     assert 0 < report.reached < report.targets
+    # What they have used counts when they go on with real boats, until somebody says otherwise.
+    used_wh = {boat: one.energy_wh for boat, _, one in report.missions}
+    _, began, _ = sailed(in_rounds, resume=True, real=True, stop_at=1, changed=(2,))
+    first = dict(reversed(began))
+    assert first[1].used_wh == pytest.approx(used_wh[1], rel=0.05)
+    assert first[2].used_wh == 0.0
+    assert first[1].max_s < first[2].max_s == 60 * 3.3 * 0.8
 
 
 @pytest.mark.slow

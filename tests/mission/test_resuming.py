@@ -11,6 +11,7 @@ from grebe.core.events import EndReason
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.revision import first_revision, survey_of
+from grebe.core.survey import SIMULATED_WATER
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.mission.departure import part_of, prepare
@@ -155,6 +156,12 @@ def test_what_the_battery_has_given_since_the_harbour_counts_after_a_break(tmp_p
         )
         assert again.ended is EndReason.CAME_HOME
         assert again.reached <= 14
+        # A simulated boat has another one at its harbour; of a real one nobody knows that it has.
+        kept = prepare(file, NOW + timedelta(minutes=20), resume=True, renews=False)
+        assert kept.spent.energy_wh == pytest.approx(report.energy_wh + again.energy_wh, rel=0.03)
+        file.set_meta("water", "mavlink:udp:127.0.0.1:14550")
+        assert prepare(file, NOW + timedelta(minutes=20), resume=True).spent == kept.spent
+        file.set_meta("water", SIMULATED_WATER)
         home = prepare(file, NOW + timedelta(minutes=20), resume=True)
         assert home.spent.energy_wh == 0.0
         assert np.hypot(*(np.array(home.state[:2]) - survey_start(file, 2))) < 15.0

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from grebe.cli import options, output
-from grebe.core.errors import PlanError, UsageError
+from grebe.cli.second_options import second_options, settings_as_asked, where_they_lie
+from grebe.cli.sortie_numbers import sortie_numbers
+from grebe.core.errors import PlanError
+from grebe.core.plan_settings import PlanSettings
 from grebe.io.store import SurveyFile
 from grebe.planning.revisions.revise import Halfway
-from grebe.workflow.adaptive import adapted
+from grebe.workflow.adaptive import Adapted, adapted
+from grebe.workflow.second_survey import Place, SecondSurvey, second_survey
 from grebe.workflow.wish import GOALS, Wish
 
 
 @click.command(name="adapt")
 @click.argument("file", type=options.EXISTING)
 @click.option("--quantity", required=True, help="Whose map is to become surer, by its key.")
-@click.option("--minutes", type=float, required=True, help="How much longer the boat may sail.")
+@click.option("--minutes", type=float, required=True, help="How much longer each boat may sail.")
 @click.option(
     "--goal",
     type=click.Choice(GOALS),
@@ -27,13 +35,26 @@ from grebe.workflow.wish import GOALS, Wish
     "highest.",
 )
 @click.option("--threshold", type=float, help="With --goal threshold: which, in its unit.")
+@second_options
+@click.option("--preview", is_flag=True, help="Say what would be planned, and keep nothing.")
 @options.json_option
+@click.pass_context
 def command(
-    file: Path, quantity: str, minutes: float, goal: str, threshold: float | None, as_json: bool
+    ctx: click.Context,
+    file: Path,
+    quantity: str,
+    minutes: float,
+    goal: str,
+    threshold: float | None,
+    preview: bool,
+    as_json: bool,
+    **asked: Any,
 ) -> None:
     """Plan where a survey goes on, by what it has measured, and keep that as a new revision.
 
-    Nothing that was planned or measured is changed. Run it with --resume.
+    Nothing that was planned or measured is changed. What several boats sailed goes on with several,
+    each for so many minutes; a plan in sorties with sorties. Say by --boats, --battery and so on
+    where it is to be otherwise from then on. Run it with --resume.
     """
     wish = Wish(
         quantity=quantity,
@@ -41,43 +62,93 @@ def command(
         goal=next(one for one in GOALS if one == goal),
         threshold=threshold,
     )
+    boats = asked["boats"] if _typed(ctx, "boats") else None
     with SurveyFile.open(file) as survey_file:
-        if survey_file.revision.sorties:
-            raise UsageError(
-                f"{file} is planned in sorties, or for several boats; only a survey of one mission "
-                "goes on where it pays."
-            )
-        ends, reached = survey_file.track_ends(), survey_file.progress().reached
-        if ends is None:
-            raise PlanError(f"{file} holds no mission; run it first.")
-        if reached < len(survey_file.survey.targets):
-            raise PlanError(
-                f"{file} is not sailed to its end ({reached} of {len(survey_file.survey.targets)} "
-                f"targets); go on with: grebe run {file} --resume"
-            )
-        survey_file.claim()
-        north, east = ends[1].state[:2]
-        found = adapted(
-            survey_file.survey,
-            survey_file.revision,
-            survey_file.samples(),
-            survey_file.quantities,
-            Halfway(reached=reached, place=(north, east)),
-            wish,
-        )
-        survey_file.append_revision(found.revision)
+        place = _where_it_ended(survey_file)
+        before = survey_file.survey.settings
+        if before is None:
+            raise PlanError("Only a planned survey can go on; plan it first.")
+        if not preview:
+            survey_file.claim()
+        settings = settings_as_asked(asked, before, boats)
+        if settings.fleet is None and settings.sorties is None and not survey_file.revision.sorties:
+            found = _alone(survey_file, place, wish)
+        else:
+            lies = where_they_lie(survey_file, settings, asked["starts"])
+            found = _shared(survey_file, wish, settings, lies, quiet=as_json)
+        if not preview:
+            survey_file.append_revision(found.revision)
         unit = survey_file.quantities.known(quantity).unit
-        unit = f" [{unit}]" if unit else ""
-        # Of a threshold and a hot spot the places count that may be it.
-        where = "" if goal == "accuracy" else "_where_it_matters"
+    again = f"grebe run {file} --resume"
     output.result(
-        {
-            "revision": found.revision.number,
-            "places": found.places,
-            f"sd_now{where}{unit}": float(f"{found.before_sd:.4g}"),
-            f"sd_expected{where}{unit}": float(f"{found.expected_sd:.4g}"),
-            "note": found.revision.note,
-        },
-        as_json=as_json,
-        next_command=f"grebe run {file} --resume",
+        _numbers(found, wish, unit), as_json=as_json, next_command="" if preview else again
     )
+
+
+def _where_it_ended(survey_file: SurveyFile) -> Place:
+    """Where the boat was last of a survey that is sailed to its end."""
+    file = survey_file.path
+    ends, reached = survey_file.track_ends(), survey_file.progress().reached
+    if ends is None:
+        raise PlanError(f"{file} holds no mission; run it first.")
+    if reached < len(survey_file.survey.targets):
+        raise PlanError(
+            f"{file} is not sailed to its end ({reached} of {len(survey_file.survey.targets)} "
+            f"targets); go on with: grebe run {file} --resume"
+        )
+    north, east = ends[1].state[:2]
+    return north, east
+
+
+def _alone(survey_file: SurveyFile, place: Place, wish: Wish) -> Adapted:
+    """One boat goes on with its one mission from where it is."""
+    return adapted(
+        survey_file.survey,
+        survey_file.revision,
+        survey_file.samples(),
+        survey_file.quantities,
+        Halfway(reached=survey_file.progress().reached, place=place),
+        wish,
+    )
+
+
+def _shared(
+    survey_file: SurveyFile,
+    wish: Wish,
+    settings: PlanSettings,
+    lies: Sequence[Place],
+    *,
+    quiet: bool,
+) -> SecondSurvey:
+    """Several boats, or one in sorties, sail a survey more."""
+    searches = settings.sorties is not None
+    with output.Countdown("rounds", 1, quiet=quiet) if searches else nullcontext() as bar:
+        return second_survey(
+            survey_file.survey, survey_file.revision, survey_file.samples(), survey_file.quantities,
+            wish, settings, lies, None if bar is None else bar.update,
+        )  # fmt: skip
+
+
+def _numbers(found: Adapted | SecondSurvey, wish: Wish, unit: str) -> dict[str, Any]:
+    """What is planned, for the terminal."""
+    unit = f" [{unit}]" if unit else ""
+    # Of a threshold and a hot spot the places count that may be it.
+    where = "" if wish.goal == "accuracy" else "_where_it_matters"
+    return {
+        "revision": found.revision.number,
+        "places": found.places,
+        f"sd_now{where}{unit}": float(f"{found.before_sd:.4g}"),
+        f"sd_expected{where}{unit}": float(f"{found.expected_sd:.4g}"),
+        "note": found.revision.note,
+        **(_numbers_of_sorties(found) if isinstance(found, SecondSurvey) else {}),
+    }
+
+
+def _numbers_of_sorties(found: SecondSurvey) -> dict[str, Any]:
+    """What the sorties report of themselves that follow those of the first survey."""
+    before = len(found.revision.sorties) - len(found.planned.revision.sorties)
+    return sortie_numbers(found.planned, found.revision.sorties[before:])
+
+
+def _typed(ctx: click.Context, name: str) -> bool:
+    return ctx.get_parameter_source(name) is not ParameterSource.DEFAULT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import partial
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from grebe.cli import output
 from grebe.cli.interruption import heed_mission
+from grebe.cli.run_preview import say_spent
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.errors import IncompleteError, StoppedError, UsageError
@@ -110,10 +111,11 @@ def run_fleet(
     closures: Callable[[], Closures | None],
     extends: ExtensionOf | None,
     ears: Ears | None,
+    changed: Collection[int],
 ) -> FleetReport:
     """Sail a fleet's survey; `urls` are one link for all boats, or one for each, `benches` the
     instruments of some; `closures` makes what closes areas to one of its missions, `extends` what
-    says where it goes on; `ears` are the app's.
+    says where it goes on; `ears` are the app's; `changed` are the boats whose batteries are new.
     """
     rule, solver, world = how
     fleet = survey_file.survey.fleet
@@ -127,6 +129,7 @@ def run_fleet(
     )
 
     def boat_at(boat: int, departure: Departure) -> BoatLink:
+        say_spent(departure)
         harbour = Harbour(world=replace(world, boat=boat), confirm=output.confirmation(yes=yes))
         return attendants.beside(boat_named(links[boat - 1], harbour))(departure)
 
@@ -144,6 +147,7 @@ def run_fleet(
         instruments=of_fleet(benches, fleet.boats),
         replans=replans,
         extends=extends,
+        changed=changed,
     ).run(now, resume=resume, force=force)
     check_samples(survey_file)
     return report

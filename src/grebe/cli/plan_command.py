@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -19,16 +19,14 @@ from grebe.cli.accuracy_options import (
     refuse_with_goal,
     refuse_without_goal,
 )
+from grebe.cli.sortie_numbers import sortie_numbers
 from grebe.cli.sortie_options import fleet_settings, sortie_options, sortie_settings
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
-from grebe.core.revision import Sortie
 from grebe.core.vessel import PRESETS, Vessel
-from grebe.planning.fleets.fleet_times import BoatTime, boat_times, fleet_s
 from grebe.planning.planned import Planned, PlannedSorties
 from grebe.workflow.collector import uncollected
 from grebe.workflow.plans import (
-    checked_sorties,
     plan_region,
     plan_warnings,
     read_region,
@@ -36,9 +34,6 @@ from grebe.workflow.plans import (
     write_plan,
 )
 from grebe.workflow.vessels import vessel_of
-
-if TYPE_CHECKING:
-    from grebe.planning.sortie_check import SortieCheck
 
 DEFAULT_CELL_M = 5.0
 DEFAULT_MARGIN_M = 1.0
@@ -303,40 +298,7 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
         "order_from": outcome.method,
     }
     if isinstance(planned, PlannedSorties):
-        numbers["sorties"] = [
-            f"{one.number}: {one.time_s / 60:.0f} min, {one.energy_wh:.0f} Wh{_whose(planned, one)}"
-            for one in planned.revision.sorties
-        ]
-        if survey.fleet is not None:
-            numbers["duration_s"] = round(fleet_s(planned.revision), 1)
-            numbers["boats"] = [_boat(planned, one) for one in boat_times(planned.revision)]
-        over = round(planned.legs_s / planned.bound_s - 1, 4)
-        settings = planned.survey.settings
-        in_one_go = settings is not None and settings.sorties is None
-        numbers["over_equal_share" if in_one_go else "over_bound"] = over
-        numbers |= _sorties_proved(checked_sorties(planned))
+        numbers |= sortie_numbers(planned)
         # These are of one way through all cells, and several ways need not be as long.
         del numbers["lower_bound_m"], numbers["gap"]
     return numbers
-
-
-def _sorties_proved(checks: Sequence[SortieCheck]) -> dict[str, Any]:
-    """What the independent check of the sorties has found."""
-    if not checks:
-        return {}
-    left_min = min(one.least_left_s for one in checks) / 60
-    failed = [str(one.number) for one in checks if not one.holds]
-    text = f"not proved for {', '.join(failed)}" if failed else "proved for every sortie"
-    return {"home_in_time": f"{text}; at least {left_min:.1f} min to spare beside the reserve"}
-
-
-def _boat(planned: PlannedSorties, one: BoatTime) -> str:
-    """What a boat of a fleet is predicted to do, in words."""
-    sailed = f"{one.under_way_s / 60:.0f} min under way, sorties: {one.sorties}"
-    moved = f", changes of harbour: {one.moves}" if one.moves else ""
-    return f"{planned.survey.whose(one.boat)}: {sailed}{moved}"
-
-
-def _whose(planned: PlannedSorties, sortie: Sortie) -> str:
-    whose = planned.survey.whose(sortie.boat)
-    return f", {whose}" if whose else ""

@@ -19,8 +19,8 @@ from grebe.cli.fleet_run import explain, fleet_numbers, next_command, run_fleet
 from grebe.cli.interruption import heed_mission, ignore_hangup
 from grebe.cli.live_view import live_view
 from grebe.cli.rule_options import refuse_foreign, rule_of, rule_options
-from grebe.cli.run_preview import say_which, show_preview
-from grebe.cli.safety_options import ONCE, safety_of, safety_options
+from grebe.cli.run_preview import say_spent, say_which, show_preview
+from grebe.cli.safety_options import ONCE, boats_changed, safety_of, safety_options
 from grebe.cli.world_options import world_of, world_options
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
@@ -151,9 +151,11 @@ def command(
         _declare(survey_file, own, benches)
         run = _as_before(ctx, run, survey_file.meta().get("run", "{}") if goes_on else "{}")
         run["fresh"] = _typed(ctx, "battery_wh")
+        fleet = survey_file.survey.fleet if sortie is None else None
+        run["changed"] = boats_changed(run.pop("battery_changed"), fleet.boats if fleet else 1)
         before = survey_file.progress().reached if goes_on else 0
         _keep(run, survey_file)
-        if survey_file.survey.fleet is not None and sortie is None:
+        if fleet is not None:
             _sail_fleet(
                 survey_file, urls, run, now, bar, benches, live,
                 resume=resume, force=force, as_json=as_json,
@@ -177,7 +179,7 @@ def command(
 
 def _keep(run: dict[str, Any], survey_file: SurveyFile) -> None:
     """Keep the options of a run for the one that resumes it."""
-    kept = {name: value for name, value in run.items() if name not in (*ONCE, "fresh")}
+    kept = {name: value for name, value in run.items() if name not in (*ONCE, "fresh", "changed")}
     survey_file.set_meta("run", json.dumps(kept, default=str))
     if run["closed"] is not None and not Path(run["closed"]).exists():
         output.note(f"{run['closed']} is not there yet; it is looked for while the boat sails")
@@ -240,6 +242,8 @@ def _run(
         survey_file, now, resume=how["resume"], force=how["force"], sortie=how["sortie"]
     )
     say_which(departure, survey_file)
+    if not (run["fresh"] or run["changed"]):
+        say_spent(departure)
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
     closures = _closures_of(run, survey_file)
     onward = onward_of(run, survey_file, force=how["force"])
@@ -301,6 +305,7 @@ def _sail_fleet(
             survey_file, urls, _settings(run), settings, now, bar,
             yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
             closures=lambda: _closures_of(run, survey_file), extends=onward, ears=ears,
+            changed=run["changed"],
         )  # fmt: skip
     ahead = next_command(report, survey_file.path)
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
@@ -324,7 +329,9 @@ def _settings_for(
     that is named now has its time before it as well.
     """
     settings = _mission_settings(run, now)
-    spent = NOTHING if run["fresh"] else spent
+    if run["changed"]:
+        settings = replace(settings, safety=replace(settings.safety, used_wh=0.0))
+    spent = spent if settings.safety.used_wh is None else NOTHING
     return replace(settings, safety=kept_by_plan(settings.safety, survey, spent))
 
 

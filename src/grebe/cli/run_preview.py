@@ -16,19 +16,25 @@ from grebe.workflow.preview import fleet_preview, preview_of, way_home_of
 
 
 def say_which(departure: Departure, survey_file: SurveyFile) -> None:
-    """Which sortie sets out, and what its boat's battery has given already."""
-    one, battery = departure.sortie, survey_file.survey.settings
+    """Which sortie sets out."""
+    one = departure.sortie
     if one is not None:
         lon, lat = survey_file.survey.frame.to_wgs84(departure.state[:2]).tolist()
         count = len(survey_file.revision.sorties)
         whose = survey_file.survey.whose(one.boat)
         which = f"sortie {one.number} of {count}{', ' * bool(whose)}{whose}"
         output.note(f"{which}, from latitude {lat:.5f}, longitude {lon:.5f}")
-    if departure.spent.energy_wh >= 1 and battery is not None and battery.sorties is not None:
+
+
+def say_spent(departure: Departure) -> None:
+    """What the battery of a sortie's boat has given already."""
+    survey, spent, one = departure.survey, departure.spent, departure.sortie
+    if spent.energy_wh >= 1 and survey.settings is not None and survey.settings.sorties is not None:
+        whose = survey.whose(one.boat) if one is not None else ""
         output.note(
-            f"its boat has spent {departure.spent.energy_wh:.0f} Wh and "
-            f"{departure.spent.seconds / 60:.0f} min since its harbour, which count; where the "
-            "battery was changed, say what it holds by --battery-wh"
+            f"{whose or 'the boat'} has spent {spent.energy_wh:.0f} Wh and "
+            f"{spent.seconds / 60:.0f} min since its harbour, which count; where the battery was "
+            "changed, say so by --battery-changed"
         )
 
 
@@ -64,4 +70,5 @@ def show_preview(
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
     go = f"grebe run {file}{which}{again}{_again(run)}"
     say_which(departure, survey_file)
+    say_spent(departure)
     output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)

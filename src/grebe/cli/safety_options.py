@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import click
 
 from grebe.cli import options
+from grebe.core.errors import UsageError
 from grebe.mission.safety.settings import CAREFUL, SafetySettings
 
 # Options of a single run, which a resumed mission does not inherit: nobody arms a boat for later.
-ONCE = ("returns", "yes")
+ONCE = ("returns", "yes", "battery_changed")
+# What --battery-changed says without a number.
+ALL = "all"
 ASKED = "the operator has asked for the way home"
 
 
@@ -39,6 +43,15 @@ safety_options = options.together(
         "--battery-wh",
         type=click.FloatRange(min=0, min_open=True),
         help="What the battery holds, for a boat that does not say what is left [Wh].",
+    ),
+    click.option(
+        "--battery-changed",
+        is_flag=False,
+        flag_value=ALL,
+        multiple=True,
+        metavar="[BOAT]",
+        help="With --resume: the battery was changed since, and is full; of a fleet every boat's, "
+        "or that of the boat of this number.",
     ),
     click.option(
         "--no-fence",
@@ -77,6 +90,22 @@ def safety_of(run: dict[str, Any], now: datetime) -> SafetySettings:
         mute_s=run.get("mute_s", CAREFUL.mute_s),
         comes_home=ASKED if run.get("returns") else "",
     )
+
+
+def boats_changed(given: Collection[str], boats: int) -> frozenset[int]:
+    """The boats, of so many, whose batteries were changed."""
+    changed: set[int] = set()
+    for one in given:
+        if one == ALL:
+            changed |= set(range(1, boats + 1))
+        elif one.isdecimal() and 1 <= int(one) <= boats:
+            changed.add(int(one))
+        else:
+            raise UsageError(
+                f"--battery-changed {one} is the number of no boat; there "
+                f"{'is one' if boats == 1 else f'are {boats}'}."
+            )
+    return frozenset(changed)
 
 
 def next_instant(clock: str, now: datetime) -> datetime:

@@ -17,6 +17,7 @@ from typing import Literal, get_args
 import shapely
 
 from grebe.core.errors import InputError, UsageError
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Pose, Survey, Target
 
 # Why an order was made: planned; cells shared out among boats; other weather; slower or faster
@@ -65,6 +66,8 @@ class PlanRevision:
     `corridors` are empty or as many as the targets. `sorties` are empty, where all is one
     mission, or follow each other without gap. `highest_seq` is the highest number that any
     target of the survey has had so far, in whichever revision. `note` is a sentence for people.
+    `settings` are what holds from this order on, for a later one may be for other boats or another
+    battery than the first; None of a survey that was not planned.
     """
 
     number: int
@@ -75,6 +78,7 @@ class PlanRevision:
     highest_seq: int = 0
     note: str = ""
     made_at: datetime | None = None
+    settings: PlanSettings | None = None
 
     def __post_init__(self) -> None:
         if self.reason not in REASONS:
@@ -119,6 +123,7 @@ def first_revision(
         sorties=tuple(sorties),
         highest_seq=max((target.seq for target in survey.targets), default=0),
         made_at=made_at,
+        settings=survey.settings,
     )
 
 
@@ -131,8 +136,9 @@ def revised(
     corridors: Sequence[shapely.Polygon] = (),
     sorties: Sequence[Sortie] = (),
     made_at: datetime | None = None,
+    settings: PlanSettings | None = None,
 ) -> PlanRevision:
-    """Return the revision that follows another.
+    """Return the revision that follows another, with the old one's settings where none are given.
 
     A target with a number that was given before must be the target of that number; new ones are
     numbered from `old.highest_seq + 1` on (`numbered_on`). Raises `InputError` otherwise.
@@ -151,6 +157,7 @@ def revised(
         sorties=tuple(sorties),
         highest_seq=max(old.highest_seq, *(target.seq for target in targets)),
         made_at=made_at,
+        settings=settings or old.settings,
     )
 
 
@@ -171,6 +178,7 @@ def begun_anew(revisions: Sequence[PlanRevision]) -> PlanRevision | None:
         targets=planned.targets,
         corridors=planned.corridors,
         sorties=planned.sorties,
+        settings=planned.settings,
     )
 
 
@@ -189,6 +197,7 @@ def survey_of(survey: Survey, revision: PlanRevision, sortie: Sortie | None = No
     """Return a survey in the order of a revision: all of it, or one of its sorties, with the
     vessel, the battery and the minutes of the boat that sails it.
     """
+    survey = replace(survey, settings=revision.settings or survey.settings)
     if sortie is None:
         return replace(survey, targets=revision.targets, corridors=revision.corridors)
     places = slice(sortie.first - 1, sortie.last)

@@ -15,7 +15,7 @@ from grebe.core.errors import PlanError, SurveyFileError, UsageError
 from grebe.core.events import State
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.revision import Sortie, as_planned, survey_of
-from grebe.core.survey import Survey
+from grebe.core.survey import Survey, is_simulated
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.io.store.tables import TrackEnd
@@ -70,6 +70,7 @@ def prepare(
     resume: bool = False,
     force: bool = False,
     sortie: int | None = None,
+    renews: bool | None = None,
 ) -> Departure:
     """Return from where the mission of a survey file sets out; nothing is changed yet.
 
@@ -78,8 +79,10 @@ def prepare(
     which another was sailed, sets out from its harbour.
 
     With `resume` it goes on where and when the recorded track ends, and what was reached stays
-    reached; with `force` it begins anew. Raises `PlanError` for a survey without targets and
-    `SurveyFileError` for one that has been run and is neither resumed nor forced.
+    reached; with `force` it begins anew. `renews`: a boat that came home before its sortie was done
+    has another battery since (None: where it was a simulated one). Raises `PlanError` for a survey
+    without targets and `SurveyFileError` for one that has been run and is neither resumed nor
+    forced.
     """
     survey = survey_file.survey
     if force:
@@ -103,11 +106,7 @@ def prepare(
     assert vessel is not None
     assert start is not None
     if ends and not (resume or force):
-        raise SurveyFileError(
-            f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
-            "targets reached); resume it, or begin anew by force.",
-            settings=("resume", "force"),
-        )
+        raise _holds_a_mission(survey_file, reached, survey)
     state, started = start.at_rest(), now
     if ends and resume:
         state, started = ends[1].state, _after_all(survey_file, now, ends)
@@ -121,7 +120,15 @@ def prepare(
         quantities=survey_file.quantities,
         doubts=_doubts(survey_file, now, ends if resume else None),
         sortie=own,
-        spent=_spent_before(survey_file, survey, own) if ends and resume else NOTHING,
+        spent=_spent_before(survey_file, survey, own, renews) if ends and resume else NOTHING,
+    )
+
+
+def _holds_a_mission(survey_file: SurveyFile, reached: int, survey: Survey) -> SurveyFileError:
+    return SurveyFileError(
+        f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
+        "targets reached); resume it, or begin anew by force.",
+        settings=("resume", "force"),
     )
 
 
@@ -133,10 +140,17 @@ def _after_all(survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, Tra
     return max(now, over + timedelta(seconds=AFTER_S))
 
 
-def _spent_before(survey_file: SurveyFile, survey: Survey, sortie: Sortie | None) -> Spent:
-    """What a boat has spent of the battery that it goes on with."""
+def _spent_before(
+    survey_file: SurveyFile, survey: Survey, sortie: Sortie | None, renews: bool | None
+) -> Spent:
+    """What a boat has spent of the battery that it goes on with: of a real one nobody knows that it
+    was changed at the harbour, where what it had set out for is not done.
+    """
     boat = 1 if sortie is None else sortie.boat
-    return _spent(survey_file, survey, boat, came_home=_came_home(survey_file, boat))
+    if renews is None:
+        renews = is_simulated(survey_file.meta().get("water", ""))
+    home = renews and _came_home(survey_file, boat)
+    return _spent(survey_file, survey, boat, came_home=home)
 
 
 def _spent(survey_file: SurveyFile, survey: Survey, boat: int, *, came_home: bool) -> Spent:

@@ -17,7 +17,7 @@ from grebe.core.vessel import Vessel
 from grebe.planning.fleets.fleet_times import MOVE_S
 from grebe.planning.fleets.unlike_sorties import share_sorties
 from grebe.planning.planned import PlannedSorties
-from grebe.planning.planner import planner_of
+from grebe.planning.planner import Draft, Planner, planner_of
 from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region
 from grebe.planning.trips.endurance import endurance_of
@@ -53,16 +53,39 @@ def plan_sorties(
     places = [region.frame.place_near(region.water, one, "harbour") for one in sorties.harbours]
     start = start_lonlat or (sorties.harbours[0] if sorties.harbours else None)
     planner, notes = planner_of(region, vessel, settings, start, no_go)
-    shared = fleet is not None and (fleet.vessels or fleet.starts or sorties.are_unlike)
     # Where trips are dealt out the order says only how much longer ways are than their legs.
-    draft = planner.first_draft(quick=not shared)
-    if shared:
-        return share_sorties(planner, draft, places, notes, on_done)
-    lake = lake_of(planner, draft, places or [draft.start])
-    endurance = endurance_of(vessel, settings, planner.mean_power_w(draft))
-    trips = trips_within(lake, endurance, on_done=on_done)
+    draft = planner.first_draft(quick=not _is_shared(settings))
+    return sorties_through(planner, draft, places, notes, on_done)
+
+
+def sorties_through(
+    planner: Planner,
+    draft: Draft,
+    places: Sequence[tuple[float, float]],
+    notes: tuple[str, ...] = (),
+    on_done: Callable[[int, int], None] | None = None,
+    rounds: int | None = None,
+) -> PlannedSorties:
+    """Plan sorties through the cells of a draft's order, which need not be all, from harbours at
+    `places` (north, east), or the draft's start; see `plan_sorties`. `rounds` of the search for
+    trips (None: by the number of cells).
+    """
+    settings, fleet = planner.settings, planner.settings.fleet
+    if _is_shared(settings):
+        return share_sorties(planner, draft, places, notes, on_done, rounds)
+    lake = lake_of(planner, draft, places or [draft.start]).part(draft.route.order)
+    endurance = endurance_of(planner.vessel, settings, planner.mean_power_w(draft))
+    trips = trips_within(lake, endurance, rounds, on_done)
     planned = _laid_out(lake, trips, notes)
     return planned if fleet is None else dealt(planned, fleet.boats)
+
+
+def _is_shared(settings: PlanSettings) -> bool:
+    """Whether a fleet's boats share the cells out before trips are looked for."""
+    fleet, sorties = settings.fleet, settings.sorties
+    if fleet is None or sorties is None:
+        return False
+    return bool(fleet.vessels or fleet.starts or sorties.are_unlike)
 
 
 def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSorties:

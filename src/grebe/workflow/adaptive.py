@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from grebe.core.quantities import Quantities
 
     Array = NDArray[np.floating]
+    Ring = tuple[tuple[float, float], ...]
 
 # Places that can be gone to, about so many; a target is drawn in to this share of its cell.
 PLACES, CORE = 900, 0.6
@@ -102,11 +103,11 @@ def adapted(
     window = (settings.speed_min_mps, settings.speed_max_mps)
     travel = travel_of(vessel, window, settings.weather)
     pace = 1 / float(np.mean(travel.slowness))
-    worth = _worth(survey, samples, quantities, places, wish, open_.cell_m / pace)
+    worth = worth_of(survey, samples, quantities, places, wish, open_.cell_m / pace)
     ways = place_ways(places, open_.cell_m, open_.water)
     ahead = once_read(worth, ways, announced)
     route, left, sails_s = _best_route(ahead, ways, open_, travel, place, wish)
-    before, after = (_weighted_sd(one, worth.weights) for one in (np.diag(worth.covariance), left))
+    before, after = (weighted_sd(one, worth.weights) for one in (np.diag(worth.covariance), left))
     # New ways around land are numbered after all the places that could be gone to.
     known = max(target.seq for target in open_.targets)
     new = put_in_order(
@@ -185,9 +186,7 @@ def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
     cell_m = math.sqrt(water.area / PLACES)
     cells = mesh_water(water, cell_m)
     rings = [target_footprint(ring) for ring in rings_of([cell.footprint for cell in cells])]
-    drawn = [drawn_in(ring, CORE) for ring in rings]
-    narrowest_m = min(NARROWEST_M, NARROWEST_SHARE * CORE * cell_m)
-    wide = ~shapely.is_empty(shapely.buffer(polygons_of(drawn), -0.5 * narrowest_m))
+    drawn, wide = cores_of(rings, cell_m)
     kept = list(zip(itertools.compress(drawn, wide), polygons_of(rings)[wide], strict=True))
     targets = tuple(
         Target(
@@ -205,7 +204,16 @@ def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
     return OpenWater(water=water, targets=targets, cell_m=cell_m)
 
 
-def _worth(
+def cores_of(rings: Sequence[Ring], cell_m: float) -> tuple[list[Ring], NDArray[np.bool_]]:
+    """Return the middle of each cell, by its ring, that is to be hit, and whether it is wide
+    enough for that.
+    """
+    drawn = [drawn_in(ring, CORE) for ring in rings]
+    narrowest_m = min(NARROWEST_M, NARROWEST_SHARE * CORE * cell_m)
+    return drawn, ~shapely.is_empty(shapely.buffer(polygons_of(drawn), -0.5 * narrowest_m))
+
+
+def worth_of(
     survey: Survey,
     samples: Samples,
     quantities: Quantities,
@@ -213,7 +221,10 @@ def _worth(
     wish: Wish,
     pass_s: float,
 ) -> Worth:
-    """What places are worth by the map of what was measured so far; to pass one takes `pass_s`."""
+    """Return what places (m, 2) are worth by the map of what was measured so far; to pass one takes
+    `pass_s` [s]. Raises `InputError` where that makes no map, and `PlanError` where the quantity
+    crosses the threshold nowhere.
+    """
     key = wish.quantity
     grid = make_grid(survey.water, math.sqrt(survey.water.area / PLACES))
     mapped = Mapper(survey.water, grid, MapSettings(scale=LINEAR)).map_quantity(
@@ -263,5 +274,6 @@ def _variation(mapped: QuantityMap, places: Array, area_m2: float, cell_m: float
     return local_variation(places, positions, mapped.values, 2 * cell_m, max(between_m, cell_m))
 
 
-def _weighted_sd(variance: Array, weights: Array) -> float:
+def weighted_sd(variance: Array, weights: Array) -> float:
+    """Return the root of the weighted mean of variances (m,)."""
     return math.sqrt(float(weights @ variance / weights.sum()))

@@ -101,7 +101,8 @@ class FleetRun:
     number. With `replans` a boat's rest is planned anew where a target is out of reach, the current
     another or its sortie late; without it as well where an area is closed. With `extends` each boat
     goes on once it has done its part, and does that once: what it takes over from one that dropped
-    out it sails, and ends.
+    out it sails, and ends. `changed` are the boats, by their numbers, whose batteries are new,
+    whatever their tracks say.
     """
 
     survey_file: SurveyFile
@@ -114,6 +115,7 @@ class FleetRun:
     instruments: Mapping[int, Instruments] = field(default_factory=dict[int, Instruments])
     replans: bool = False
     extends: ExtensionOf | None = None
+    changed: Collection[int] = ()
     _sailed: set[int] = field(default_factory=set[int])
     _shut: set[int] = field(default_factory=set[int])
     _lookouts: dict[int, Lookout] = field(default_factory=dict[int, Lookout])
@@ -294,7 +296,7 @@ class FleetRun:
         """What a boat sails with: the plan's battery and time less what it has spent; a battery
         that was named for this run is the one with which it sets out first.
         """
-        settings = self.settings
+        settings = self._as_said_of(boat)
         if boat in self._sailed:
             settings = replace(settings, safety=replace(settings.safety, used_wh=None))
         kept = kept_by_plan(settings.safety, departure.survey, departure.spent)
@@ -302,8 +304,18 @@ class FleetRun:
 
     def _departure(self, sortie: Sortie, now: datetime) -> Departure:
         resume = self.survey_file.track_ends(sortie.boat) is not None
-        departure = prepare(self.survey_file, now, resume=resume, sortie=sortie.number)
-        return departure if sortie.boat in self._sailed else spent_as_said(departure, self.settings)
+        departure = prepare(
+            self.survey_file, now, resume=resume, sortie=sortie.number, renews=self.shares_time
+        )
+        if sortie.boat in self._sailed:
+            return departure
+        return spent_as_said(departure, self._as_said_of(sortie.boat))
+
+    def _as_said_of(self, boat: int) -> MissionSettings:
+        """The settings with what is said of a boat's own battery."""
+        if boat not in self.changed:
+            return self.settings
+        return replace(self.settings, safety=replace(self.settings.safety, used_wh=0.0))
 
     def _hand_over(self, fallen: set[int], lost: set[int]) -> bool:
         """Give what the fallen boats have left to the nearest that sails; False where there is

@@ -82,9 +82,12 @@ def fleet_preview(survey_file: SurveyFile, now: datetime) -> dict[str, Any]:
         if progress.reached_in(one) < len(one):
             ahead.setdefault(one.boat, one)
     each: dict[int, Preview] = {}
+    spent: dict[int, str] = {}
     for boat, sortie in sorted(ahead.items()):
         resume = survey_file.track_ends(boat) is not None
-        each[boat] = preview_of(prepare(survey_file, now, resume=resume, sortie=sortie.number))
+        departure = prepare(survey_file, now, resume=resume, sortie=sortie.number)
+        each[boat], used_wh = preview_of(departure), departure.spent.energy_wh
+        spent[boat] = f", {used_wh:.0f} Wh spent since its harbour" if used_wh >= 1 else ""
     return {
         "reached": progress.reached,
         "targets": len(progress.reached_at),
@@ -92,6 +95,7 @@ def fleet_preview(survey_file: SurveyFile, now: datetime) -> dict[str, Any]:
         "boats": [
             f"{boat}: sortie {one.sortie}, {one.reached} of {one.targets} targets, from latitude "
             f"{one.lat_deg:.5f}, longitude {one.lon_deg:.5f}, {one.remaining_s / 60:.1f} min"
+            + spent[boat]
             for boat, one in each.items()
         ],
         "doubts": tuple(dict.fromkeys(doubt for one in each.values() for doubt in one.doubts)),

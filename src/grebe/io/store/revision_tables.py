@@ -14,9 +14,11 @@ import numpy as np
 import shapely
 
 from grebe.core.frames import LocalFrame
+from grebe.core.plan_settings import PlanSettings
 from grebe.core.revision import PlanRevision, Sortie
 from grebe.core.survey import Pose, Target
 from grebe.io.store import geopackage
+from grebe.io.store.plan_tables import parse_settings, settings_text
 from grebe.io.store.timestamps import parse_time, time_text
 
 LAYERS: dict[str, tuple[str | None, str]] = {
@@ -36,6 +38,11 @@ LAYERS: dict[str, tuple[str | None, str]] = {
         "revision INTEGER NOT NULL, place INTEGER NOT NULL, seq INTEGER NOT NULL",
     ),
 }
+
+
+# Where the metadata hold what the first order was made with; for a later one that was made with
+# something else its number stands behind.
+SETTINGS = "settings"
 
 
 def create_tables(
@@ -61,6 +68,10 @@ def write_first(connection: sqlite3.Connection, frame: LocalFrame, revision: Pla
 
 def append(connection: sqlite3.Connection, frame: LocalFrame, revision: PlanRevision) -> None:
     """Write a later revision; its new targets are in the layer `targets` by then."""
+    before = _settings(connection)
+    if revision.settings != before[max(before)]:
+        entry = (f"{SETTINGS}_{revision.number}", settings_text(revision.settings))
+        connection.execute("INSERT INTO meta (key, value) VALUES (?, ?)", entry)
     _write_revision(connection, frame, revision)
     corridors: list[bytes | None] = [None] * len(revision.targets)
     if revision.corridors:
@@ -122,6 +133,7 @@ def read_all(
         "SELECT number, reason, note, made_at, target_count FROM revisions ORDER BY number"
     ).fetchall()
     highest = max(pool, default=0) if last_only else 0
+    made_with = _settings(connection)
     found: list[PlanRevision] = []
     for i, (number, reason, note, made_at, count) in enumerate(heads):
         if last_only and i + 1 < len(heads):
@@ -141,9 +153,18 @@ def read_all(
                 corridors=ways,
                 sorties=_sorties(connection, frame, number),
                 highest_seq=highest,
+                settings=made_with[max(since for since in made_with if since <= number)],
             )
         )
     return tuple(found)
+
+
+def _settings(connection: sqlite3.Connection) -> dict[int, PlanSettings | None]:
+    """What orders are made with, by the number of the first revision that is."""
+    rows = connection.execute(
+        "SELECT key, value FROM meta WHERE key = ? OR key GLOB ?", (SETTINGS, f"{SETTINGS}_[0-9]*")
+    ).fetchall()
+    return {int(key.partition("_")[2] or 1): parse_settings(text) for key, text in rows}
 
 
 def _legs(

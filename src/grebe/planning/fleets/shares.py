@@ -48,17 +48,33 @@ def plan_fleet(
         raise UsageError("How many boats share the survey is not given.", settings=("boats",))
     first = fleet.starts[0] if fleet.starts else None
     planner, notes = planner_of(region, vessel, settings, first, no_go)
-    draft = planner.first_draft(quick=False)
+    places = [region.frame.place_near(region.water, one, "start") for one in fleet.starts]
+    return shared_out(planner, planner.first_draft(quick=False), places, notes)
+
+
+def shared_out(
+    planner: Planner,
+    draft: Draft,
+    places: Sequence[tuple[float, float]],
+    notes: tuple[str, ...] = (),
+) -> PlannedSorties:
+    """Plan the cells of a draft's order for the boats of the planner's fleet, one trip each.
+
+    `places` (north, east) are where they set out, one for each boat; without any each is launched
+    where its part begins. Raises `PlanError` where there are fewer cells than boats.
+    """
+    settings, fleet = planner.settings, planner.settings.fleet
+    assert fleet is not None
     if len(draft.route.order) < fleet.boats:
         raise PlanError(
             f"The water has {len(draft.route.order)} cells, too few for {fleet.boats} boats to "
             "share; give smaller cells or fewer boats.",
             settings=("cell_m", "boats"),
         )
-    places = [region.frame.place_near(region.water, one, "start") for one in fleet.starts]
     for one in fleet.vessels:
         check_speed(settings, one)
-    planners = [replace(planner, vessel=fleet.vessel(i + 1) or vessel) for i in range(fleet.boats)]
+    vessels = [fleet.vessel(i + 1) or planner.vessel for i in range(fleet.boats)]
+    planners = [replace(planner, vessel=one) for one in vessels]
     sharing = _Sharing.of(planners if fleet.vessels else [planner], draft, places, fleet.boats)
     parts, boats = sharing.balanced()
     bound_m = planner.bound_m(draft)

@@ -49,11 +49,13 @@ def share_sorties(
     places: Sequence[tuple[float, float]],
     notes: tuple[str, ...] = (),
     on_done: Heard = None,
+    rounds: int | None = None,
 ) -> PlannedSorties:
     """Plan sorties for a fleet of unlike boats; `PlanError` says why there are none.
 
     `places` are the harbours, which all boats may use; without any each boat sets out from its own
-    start, or all from the draft's. `on_done` hears how far the search is.
+    start, or all from the draft's. `on_done` hears how far the search is, `rounds` says how long it
+    is (None: by the number of cells).
     """
     fleet = planner.settings.fleet
     assert fleet is not None
@@ -64,7 +66,7 @@ def share_sorties(
             settings=("cell_m", "boats"),
         )
     bound_m = planner.bound_m(draft)
-    shares = _evened(_boats_of(planner, draft, places, fleet), draft, bound_m, on_done)
+    shares = _evened(_boats_of(planner, draft, places, fleet, rounds), draft, bound_m, on_done)
     parts = [part for one in shares for part in one.parts]
     whose = [one.boat.number for one in shares for _ in one.parts]
     survey, revision = put_together(parts, bound_m, whose)
@@ -78,11 +80,14 @@ def share_sorties(
 
 @dataclass(frozen=True, kw_only=True)
 class _Boat:
-    """One boat of a fleet: the lake with what its legs cost this boat, and how far it may go."""
+    """One boat of a fleet: the lake with what its legs cost this boat, how far it may go, and how
+    many rounds a search for its trips has.
+    """
 
     number: int
     lake: Lake
     endurance: Endurance
+    rounds: int | None = None
 
     def takes_s(self, stretch: Order) -> float:
         """What a stretch takes in trips, or so [s]: each has the less time for its cells the
@@ -112,7 +117,7 @@ class _Boat:
     def share(self, stretch: Order, bound_m: float, on_done: Heard) -> _Share:
         """The fewest trips within the stretch, and their surveys."""
         with self.named():
-            trips = trips_within(self.lake.part(stretch), self.endurance, on_done=on_done)
+            trips = trips_within(self.lake.part(stretch), self.endurance, self.rounds, on_done)
         parts = trip_surveys(self.lake, trips, bound_m)
         return _Share(boat=self, stretch=stretch, trips=trips, parts=parts)
 
@@ -130,7 +135,11 @@ class _Boat:
 
 
 def _boats_of(
-    planner: Planner, draft: Draft, places: Sequence[tuple[float, float]], fleet: FleetSettings
+    planner: Planner,
+    draft: Draft,
+    places: Sequence[tuple[float, float]],
+    fleet: FleetSettings,
+    rounds: int | None,
 ) -> list[_Boat]:
     """The boats of a fleet, each with its vessel, its battery and its harbours."""
     region, settings = planner.region, planner.settings
@@ -148,6 +157,7 @@ def _boats_of(
                 number=number,
                 lake=lake_seen_by(own, lake, homes),
                 endurance=endurance_of(vessel, settings.of_boat(number), power_w),
+                rounds=rounds,
             )
         )
     return boats

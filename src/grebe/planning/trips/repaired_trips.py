@@ -11,10 +11,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
+from grebe.core.sets import drawn_in, rings_of
 from grebe.core.taut import taut_way
 from grebe.planning.trips.lake import Lake
 from grebe.planning.trips.trip_times import Ports, shortest_stretch, trip_s
+from grebe.planning.ways.corridors import Stop
 from grebe.planning.ways.travel import WANDER
 
 if TYPE_CHECKING:
@@ -32,10 +35,18 @@ def predicted_trip_s(lake: Lake, harbour: int, order: Order) -> float:
     """What a trip is predicted to take, by its taut way and back [s]."""
     if not len(order):
         return 0.0
-    footprints = [stop.footprint for stop in lake.ways.stops(order)]
+    footprints = [_hit(lake, stop) for stop in lake.ways.stops(order)]
     way = taut_way(lake.homes[harbour].place, footprints)
     home_m = float(lake.homes[harbour].ways_m[order[-1]])
     return lake.travel.path_s(way) + WANDER * home_m * float(np.mean(lake.travel.slowness))
+
+
+def _hit(lake: Lake, stop: Stop) -> shapely.Polygon:
+    """What of a stop the boat must come to: of a cell its core."""
+    core = lake.planner.settings.core
+    if stop.cell is None or core == 1.0:
+        return stop.footprint
+    return shapely.Polygon(drawn_in(rings_of([stop.footprint])[0], core))
 
 
 def repaired(

@@ -1,0 +1,334 @@
+"""A second survey, of one boat or of several, by what a first one has measured.
+
+The places where readings pay most are chosen as for one boat that goes on, on one way that is as
+long as all boats together may sail, and are then shared out and cut into sorties as any plan is.
+How long the way may be is fitted until the longest boat keeps its time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grebe.core.errors import InputError, PlanError
+from grebe.core.plan_settings import PlanSettings
+from grebe.core.revision import PlanRevision, survey_of
+from grebe.core.samples import Samples
+from grebe.core.sets import rings_of
+from grebe.core.survey import Survey
+from grebe.core.taut import way_through
+from grebe.planning.cells.mesh import mesh_water, target_footprint
+from grebe.planning.fleets.fleet_times import boat_times
+from grebe.planning.fleets.shares import shared_out
+from grebe.planning.planned import PlannedSorties
+from grebe.planning.planner import Draft, Planner
+from grebe.planning.put_together import checked, put_together
+from grebe.planning.region import Region, water_of
+from grebe.planning.revisions.adapt import Worth, chosen_places, once_read
+from grebe.planning.revisions.second import followed_by
+from grebe.planning.route.costs import costs_of
+from grebe.planning.route.polish import polished
+from grebe.planning.route.portfolio import Route
+from grebe.planning.sortie_check import check_sorties
+from grebe.planning.sorties import sorties_through
+from grebe.planning.trips.endurance import endurance_of
+from grebe.planning.trips.lake import lake_of
+from grebe.planning.ways.corridors import Waterways
+from grebe.planning.ways.network import Network, connect, reachable
+from grebe.planning.ways.place_ways import PlaceWays, place_ways
+from grebe.workflow.adaptive import (
+    CORE,
+    FULL,
+    PLACES,
+    cores_of,
+    weighted_sd,
+    worth_of,
+)
+from grebe.workflow.wish import Wish
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from grebe.core.quantities import Quantities
+    from grebe.planning.cells.mesh import Cell
+
+    Array = NDArray[np.floating]
+    Order = NDArray[np.int64]
+
+Place = tuple[float, float]
+# Kicks of the polish of the way that is shared out; rounds of the search for trips, which is done
+# anew for each length of the way that is tried, for each place and at least.
+KICKS, ROUNDS_EACH, LEAST_ROUNDS = 2_000, 250, 20_000
+# A place is gone to where the way there and home takes up to this share of a sortie: one at its
+# very end takes a sortie for itself.
+REACH_SHARE = 0.8
+# How many lengths of the way are tried, where the next one aims, as a share of the time, and to
+# what share a way at least is shortened that was too long.
+TRIALS, AIM, SHRINKS = 7, 0.5 * (1 + FULL), 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondSurvey:
+    """The revision that a second survey is, its plan by itself, and the root mean square of the
+    map's standard deviation before and as it is expected after, weighted by what matters.
+    """
+
+    revision: PlanRevision
+    planned: PlannedSorties
+    before_sd: float
+    expected_sd: float
+    places: int
+
+
+def second_survey(
+    survey: Survey,
+    revision: PlanRevision,
+    samples: Samples,
+    quantities: Quantities,
+    wish: Wish,
+    settings: PlanSettings,
+    lies: Sequence[Place] = (),
+    on_done: Callable[[int, int], None] | None = None,
+) -> SecondSurvey:
+    """Return the survey that follows one which was sailed, by what that has measured.
+
+    `settings` say for which boats, batteries and harbours; each boat sails for the wish's minutes
+    at the most. `lies` (north, east) are where boats without a harbour set out, one for each boat;
+    without any each is launched where its part begins. `on_done` hears how far the search is.
+
+    Raises `InputError` where what was measured makes no map, and `PlanError` where the time is too
+    short for any place, or an independent check does not prove the plan.
+    """
+    if wish.quantity not in samples.values:
+        raise InputError(f"The survey has no quantity {wish.quantity!r}.")
+    water = _Water.of(survey, settings, lies)
+    worth = worth_of(survey, samples, quantities, water.places, wish, water.pass_s)
+    route, planned = _fitted(water, worth, wish, on_done)
+    _prove(planned, water.planner)
+    boats = 1 if settings.fleet is None else settings.fleet.boats
+    longest_s = max(one.under_way_s for one in boat_times(planned.revision))
+    whose = f", shared out among {boats} boats" if boats > 1 else ""
+    new = followed_by(
+        revision, survey, planned.revision, settings=settings,
+        note=f"{len(route)} places more for {wish.text}{whose}, in {longest_s / 60:.1f} minutes",
+    )  # fmt: skip
+    then = once_read(worth, water.ways, _ways_of(planned))
+    before, after = (weighted_sd(np.diag(w.covariance), worth.weights) for w in (worth, then))
+    return SecondSurvey(
+        revision=new, planned=planned, before_sd=before, expected_sd=after, places=len(route)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Water:
+    """Places all over the water, what plans ways through some of them, and where boats set out."""
+
+    planner: Planner
+    cells: list[Cell]
+    network: Network
+    members: Order
+    lies: Sequence[Place]
+    harbours: Sequence[Place]
+    start: Place
+
+    @classmethod
+    def of(cls, survey: Survey, settings: PlanSettings, lies: Sequence[Place]) -> _Water:
+        """Mesh the water of a survey; cells that are too narrow to be hit are only ways."""
+        if survey.vessel is None or survey.start is None:
+            raise PlanError("Only a planned survey can be followed by another; plan it first.")
+        region = Region(name=survey.name, frame=survey.frame, water=survey.water)
+        water = water_of(survey)
+        cell_m = math.sqrt(water.area / PLACES)
+        meshed = replace(
+            settings, cell_m=cell_m, minutes=None, energy_wh=None, core=CORE, shape="square",
+            pattern="free", angle_deg=0.0,
+        )  # fmt: skip
+        planner = Planner(region, survey.vessel, meshed, survey.no_go, water, None)
+        given = () if settings.sorties is None else settings.sorties.harbours
+        harbours = [region.frame.place_near(region.water, one, "harbour") for one in given]
+        start = (survey.start.north_m, survey.start.east_m)
+        cells = mesh_water(water, cell_m)
+        cells = reachable(connect(cells, water, cell_m), cells, [*harbours, *lies, start][0])
+        rings = [target_footprint(ring) for ring in rings_of([one.footprint for one in cells])]
+        wide = cores_of(rings, cell_m)[1] & np.array([not one.is_speck for one in cells])
+        if not wide.any():
+            raise PlanError("Nowhere is the water wide enough to go on to.")
+        found = cls(
+            planner=planner, cells=cells, network=connect(cells, water, cell_m),
+            members=np.flatnonzero(wide), lies=lies, harbours=harbours, start=start,
+        )  # fmt: skip
+        return found if settings.sorties is None else found.within_reach()
+
+    def within_reach(self) -> _Water:
+        """The water of which those places alone are gone to from which some boat comes home."""
+        planner, settings = self.planner, self.planner.settings
+        draft = self._draft(self.members)
+        fleet = settings.fleet
+        starts = [] if fleet is None or self.harbours else list(fleet.starts)
+        region = planner.region
+        own = [region.frame.place_near(region.water, one, "start") for one in starts]
+        lake = lake_of(planner, draft, [*self.harbours, *own] or [self.start])
+        out, back = lake.seconds(outwards=True), lake.seconds(outwards=False)
+        ways_m = np.array([home.ways_m for home in lake.homes])
+        near = np.zeros(len(self.cells), dtype=np.bool_)
+        for boat in range(1, 1 + (1 if fleet is None else fleet.boats)):
+            vessel = (fleet and fleet.vessel(boat)) or planner.vessel
+            power_w = replace(planner, vessel=vessel).mean_power_w(draft)
+            endurance = endurance_of(vessel, settings.of_boat(boat), power_w)
+            takes_s = np.min(out + np.maximum(back, endurance.home_s(ways_m)), axis=0)
+            near |= takes_s <= REACH_SHARE * endurance.limit_s
+        members = self.members[near[self.members]]
+        if not len(members):
+            raise PlanError(
+                "From no place does a boat come home within its battery or its minutes; give more.",
+                settings=("sortie_battery_wh", "sortie_minutes", "harbours"),
+            )
+        return replace(self, members=members)
+
+    @property
+    def cell_m(self) -> float:
+        """How far it is from a place to the next."""
+        assert self.planner.settings.cell_m is not None
+        return self.planner.settings.cell_m
+
+    @property
+    def places(self) -> Array:
+        """The places that can be gone to (m, 2)."""
+        return self.network.centres[self.members]
+
+    @property
+    def pass_s(self) -> float:
+        """What it takes to pass a place [s]."""
+        return self.cell_m * float(np.mean(self.planner.travel.slowness))
+
+    @cached_property
+    def ways(self) -> PlaceWays:
+        """The ways between the places."""
+        return place_ways(self.places, self.cell_m, self.planner.water)
+
+    @property
+    def begins(self) -> Place:
+        """Where the one way that is shared out begins."""
+        return [*self.harbours, *self.lies, self.start][0]
+
+    def _draft(self, order: Order) -> Draft:
+        """The mesh with an order of some cells."""
+        return Draft(
+            cells=self.cells, network=self.network, start=self.begins, cell_m=self.cell_m,
+            angle_deg=0.0, route=Route(order=order, legs_s=0.0, method="adaptive"),
+        )  # fmt: skip
+
+    def planned(
+        self, route: Sequence[int], on_done: Callable[[int, int], None] | None
+    ) -> PlannedSorties:
+        """Plan the survey of some places, by their numbers."""
+        planner, settings = self.planner, self.planner.settings
+        order = self.members[np.array(route)]
+        if len(order) > 1:
+            costs = costs_of(self.network, planner.travel, self.begins, returns=False)
+            order = polished(costs, order, KICKS)[0]
+        draft = self._draft(order)
+        if settings.sorties is None and settings.fleet is None:
+            return _alone(planner, draft)
+        if settings.sorties is None:
+            return shared_out(planner, draft, self.lies)
+        rounds = max(LEAST_ROUNDS, ROUNDS_EACH * len(order))
+        return sorties_through(planner, draft, self.harbours, on_done=on_done, rounds=rounds)
+
+
+def _fitted(
+    water: _Water, worth: Worth, wish: Wish, on_done: Callable[[int, int], None] | None
+) -> tuple[list[int], PlannedSorties]:
+    """The places that take most off what matters in the time, and the plan through them that keeps
+    it; `PlanError` where there is none.
+    """
+    travel, fleet = water.planner.travel, water.planner.settings.fleet
+    pace = 1 / float(np.mean(travel.slowness))
+    turn_m = travel.turn_s_per_rad * pace
+    nearest = int(np.argmin(np.hypot(*(water.places - np.array(water.begins)).T)))
+    most_s = 60 * wish.minutes
+    allowed_s = most_s * (1 if fleet is None else fleet.boats)
+    best: tuple[list[int], PlannedSorties] | None = None
+    tried: list[tuple[float, float]] = []
+    for trial in range(TRIALS):
+        route, _ = chosen_places(worth, water.ways, nearest, allowed_s, pace, turn_m)
+        if not route:
+            break
+        planned = water.planned(route, _heard(on_done, trial))
+        takes_s = max(one.under_way_s for one in boat_times(planned.revision))
+        if takes_s <= most_s and (best is None or len(route) >= len(best[0])):
+            best = route, planned
+        if FULL * most_s <= takes_s <= most_s:
+            break
+        tried.append((takes_s, allowed_s))
+        allowed_s = _next_s(tried, AIM * most_s)
+    if best is None:
+        raise PlanError(
+            f"No place that is worth a reading lies within {wish.minutes:g} minutes; give more.",
+            settings=("minutes",),
+        )
+    return best
+
+
+def _next_s(tried: Sequence[tuple[float, float]], aim_s: float) -> float:
+    """How long the one way may be next [s], by the pairs of what was tried, of what the longest
+    boat took and what was allowed. What boats take goes up in steps, a sortie at a time: so a way
+    that was too long becomes shorter by a fifth at least, and between two nearly halves are taken.
+    """
+    shorter = max((one for one in tried if one[0] <= aim_s), default=None, key=lambda one: one[1])
+    longer = min((one for one in tried if one[0] > aim_s), default=None, key=lambda one: one[1])
+    takes_s, allowed_s = tried[-1]
+    if longer is None:
+        return allowed_s * aim_s / takes_s
+    if shorter is None:
+        return allowed_s * min(aim_s / takes_s, SHRINKS)
+    share = (aim_s - shorter[0]) / (longer[0] - shorter[0])
+    return shorter[1] + (longer[1] - shorter[1]) * min(max(share, 0.3), 0.7)
+
+
+def _alone(planner: Planner, draft: Draft) -> PlannedSorties:
+    """The plan of one boat that does not come back, as one sortie."""
+    ways = Waterways(draft.cells, draft.network, planner.water, draft.cell_m)
+    part = planner.survey(draft, ways, 0.0)
+    survey, revision = put_together([part], 0.0)
+    outcome = survey.outcome
+    assert outcome is not None
+    return PlannedSorties(
+        survey=survey, outcome=outcome, check=checked(survey, revision, planner.water),
+        revision=revision, bound_s=outcome.time_s, legs_s=outcome.time_s,
+    )  # fmt: skip
+
+
+def _heard(
+    on_done: Callable[[int, int], None] | None, trial: int
+) -> Callable[[int, int], None] | None:
+    """Who hears of one search of several that take alike."""
+    if on_done is None:
+        return None
+    return lambda done, most: on_done(trial * most + done, TRIALS * most)
+
+
+def _prove(planned: PlannedSorties, planner: Planner) -> None:
+    """Refuse what checks that share nothing with the planner do not prove."""
+    if not planned.check.outside_m2 == 0.0:
+        raise PlanError("The ways between the places are not all within the water.")
+    if planner.settings.sorties is None:
+        return
+    checks = check_sorties(planned.survey, planned.revision, planner.water)
+    failed = [str(one.number) for one in checks if not one.holds]
+    if failed:
+        raise PlanError(
+            f"It is not proved that boats are home in time from sortie {' and '.join(failed)}; "
+            "allow a little more time or battery."
+        )
+
+
+def _ways_of(planned: PlannedSorties) -> list[Array]:
+    """The taut way (k, 2) of each sortie."""
+    parts = [survey_of(planned.survey, planned.revision, one) for one in planned.revision.sorties]
+    return [way_through(part) for part in parts]
