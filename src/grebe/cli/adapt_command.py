@@ -79,5 +79,5 @@ def command(
             "note": found.revision.note,
         },
         as_json=as_json,
-        next_command=f"grebe run {file} --resume",
+        next_command=f"grebe run {output.quoted(file)} --resume",
     )

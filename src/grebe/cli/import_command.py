@@ -89,7 +89,7 @@ def command(
             "file": str(path),
         },
         as_json=as_json,
-        next_command=f"grebe map {path} --out maps",
+        next_command=f"grebe map {output.quoted(path)} --out maps",
     )
 
 
