@@ -72,7 +72,6 @@ _define(
     "%satur",
     "%l",
     "%-l",
-    "%local",
 )
 _define("turbidity", 1, "ntu", "ntus", "fnu", "ftu", "nephelometricturbidityunits", "formazinunits")
 _define("fluorescence", 1, "rfu")
