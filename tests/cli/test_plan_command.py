@@ -1,6 +1,7 @@
 """The options of `grebe plan` that others rely on."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -45,6 +46,13 @@ def test_the_numbers_that_a_plan_reports(lake, tmp_path):
     assert numbers["outside_m2"] == 0
     assert numbers["length_m"] >= numbers["lower_bound_m"]
     assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_next_command_can_be_copied_whatever_the_file_is_called(lake, tmp_path):
+    path = tmp_path / "Großer See & mehr.gpkg"
+    done = CliRunner().invoke(grebe, ["plan", str(lake), "--cell", "20", "-o", str(path)])
+    tip = done.stdout.strip().splitlines()[-1].removeprefix("Next: ")
+    assert shlex.split(tip) == ["grebe", "run", str(path)]
 
 
 @pytest.mark.parametrize("shape", ["hexagon", "triangle"])

@@ -151,7 +151,7 @@ def test_what_is_not_declared_is_refused(tmp_path, own, track):
     with pytest.raises(InputError, match="no column of a quantity that is known"):
         run("import", track, "-o", tmp_path / "s.gpkg")
     assert not (tmp_path / "s.gpkg").exists()
-    with pytest.raises(TrackError, match="'salt', which is neither time, lat, lon nor a"):
+    with pytest.raises(TrackError, match="'salt', which is neither time, date, lat, lon nor a"):
         run("import", track, "-o", tmp_path / "s.gpkg", "--column", "salt=Trp RFU")
     run("import", track, "-o", tmp_path / "s.gpkg", "--column", "chlorophyll_rfu=Trp RFU")
     with SurveyFile.open(tmp_path / "s.gpkg") as file:

@@ -79,7 +79,7 @@ def command(
         if not preview:
             survey_file.append_revision(found.revision)
         unit = survey_file.quantities.known(quantity).unit
-    again = f"grebe run {file} --resume"
+    again = f"grebe run {output.quoted(file)} --resume"
     output.result(
         _numbers(found, wish, unit), as_json=as_json, next_command="" if preview else again
     )

@@ -60,7 +60,7 @@ def command(
             "found": _found(quality.counts) if not as_json else quality.counts,
         },
         as_json=as_json,
-        next_command=f"grebe map {file} --out maps",
+        next_command=f"grebe map {output.quoted(file)} --out maps",
     )
 
 

@@ -56,7 +56,7 @@ def command(file: Path, path: Path, sortie: int | None, force: bool, as_json: bo
     output.result(
         {"waypoints": len(survey.targets), "file": str(path)},
         as_json=as_json,
-        next_command=f"grebe run {file}",
+        next_command=f"grebe run {output.quoted(file)}",
     )
 
 
@@ -96,4 +96,5 @@ def _export_samples(
     if left_out:
         output.note(f"without a name in the exchange, and left out: {', '.join(left_out)}")
     found = {"samples": len(samples), "rows": rows, "left_out": left_out, "file": str(path)}
-    output.result(found, as_json=as_json, next_command=f"grebe map {file} --out maps")
+    ahead = f"grebe map {output.quoted(file)} --out maps"
+    output.result(found, as_json=as_json, next_command=ahead)

@@ -183,7 +183,8 @@ def fleet_numbers(report: FleetReport) -> dict[str, Any]:
 
 def next_command(report: FleetReport, file: object) -> str:
     """What is to be done after a fleet's run."""
-    return f"grebe run {file} --resume" if report.goes_on else f"grebe map {file} --out maps"
+    path = output.quoted(file)
+    return f"grebe run {path} --resume" if report.goes_on else f"grebe map {path} --out maps"
 
 
 def explain(report: FleetReport, file: object) -> None:

@@ -126,7 +126,7 @@ def command(
     output.result(
         _numbers(found, as_json=as_json) | {"file": str(to), "picture": str(picture)},
         as_json=as_json,
-        next_command=f"grebe plan LAKE.geojson --vessel {to} -o survey.gpkg",
+        next_command=f"grebe plan LAKE.geojson --vessel {output.quoted(to)} -o survey.gpkg",
     )
 
 
@@ -169,7 +169,8 @@ def _drive(
             "complete": driven.end.complete,
         },
         as_json=as_json,
-        next_command=f"grebe identify {to}" + (f" --vessel {vessel}" if vessel else ""),
+        next_command=f"grebe identify {output.quoted(to)}"
+        + (f" --vessel {output.quoted(vessel)}" if vessel else ""),
     )
     if not driven.end.complete:
         raise IncompleteError(f"The manoeuvre ended early: {driven.end.message}.")

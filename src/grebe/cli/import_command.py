@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import click
+import numpy as np
 
 from grebe.cli import options, output
 from grebe.core.quantities import LIMNOLOGICAL
@@ -79,6 +81,7 @@ def command(
             "name": done.survey.name,
             "samples": done.samples,
             "origin": options.place_text(done.survey.frame),
+            "times": _span_text(done),
             "area_m2": round(done.survey.water.area, 1),
             "columns": [f"{key}: {name}" for key, name in done.raw.columns.items()],
             "good": {key: int((flags[key] == Flag.GOOD).sum()) for key in done.raw.values},
@@ -86,8 +89,18 @@ def command(
             "file": str(path),
         },
         as_json=as_json,
-        next_command=f"grebe map {path} --out maps",
+        next_command=f"grebe map {output.quoted(path)} --out maps",
     )
+
+
+def _span_text(done: ImportedTrack) -> str:
+    """From when to when the samples are, as a reader would notice a wrong day, month or zone by."""
+    times = done.raw.times
+    known = [] if times is None else times[np.isfinite(times)].tolist()
+    if not known or min(known) < EARLIEST_S or max(known) > LATEST_S:
+        return "unknown"
+    first, last = (datetime.fromtimestamp(one, UTC) for one in (min(known), max(known)))
+    return f"{first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _flagged(done: ImportedTrack) -> list[str]:

@@ -35,7 +35,7 @@ def command(first: Path, second: Path, as_json: bool) -> None:
         if as_json
         else dict(_row(quantities.known(key), one) for key, one in found.items()),
         as_json=as_json,
-        next_command=f"grebe check {first} {advised}"
+        next_command=f"grebe check {output.quoted(first)} {advised}"
         if advised
         else "grebe map: no correction is worth making",
     )

@@ -126,7 +126,7 @@ def _map_one(file: Path, out: Path, asked: dict[str, Any], again: str, *, as_jso
             "files": [str(path) for path in written],
         },
         as_json=as_json,
-        next_command=f"grebe report {file} -o report.html{again}",
+        next_command=f"grebe report {output.quoted(file)} -o report.html{again}",
     )
 
 

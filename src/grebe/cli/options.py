@@ -155,7 +155,7 @@ def column_options(command: Any) -> Any:
         "columns",
         multiple=True,
         metavar="KEY=NAME",
-        help="Column of a CSV track: time, lat, lon or the key of any quantity.",
+        help="Column of a CSV track: time, date beside it, lat, lon or the key of a quantity.",
     )(command)
     return click.option(
         "--header-from",

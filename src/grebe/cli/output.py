@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -81,6 +82,11 @@ def compile_once() -> None:
 
         note("compiling the controller, once: about a minute")
         compile_controller()
+
+
+def quoted(path: object) -> str:
+    """A path as a shell reads it, of a command that is to be copied."""
+    return shlex.quote(str(path))
 
 
 def result(values: Mapping[str, Any], *, as_json: bool, next_command: str) -> None:

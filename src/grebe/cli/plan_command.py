@@ -204,11 +204,11 @@ def command(
     numbers = plan_numbers(planned)
     if surest is not None:
         numbers |= accuracy_numbers(surest, write_expected(surest.best, path))
-    known = f" --water {region}" if region.suffix.lower() == ".csv" else ""
+    known = f" --water {output.quoted(region)}" if region.suffix.lower() == ".csv" else ""
     output.result(
         {**numbers, "file": str(path), "picture": str(picture)},
         as_json=as_json,
-        next_command=f"grebe run {path}{known}",
+        next_command=f"grebe run {output.quoted(path)}{known}",
     )
 
 

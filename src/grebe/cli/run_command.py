@@ -168,7 +168,8 @@ def command(
         file = survey_file.path
         moved = survey_file.count("track") > 0 and report.reached > before
         left = [one for one in sortie_states(survey_file) if not one.is_flown]
-    ahead = f"grebe run {file}" if left else f"grebe map {file} --out maps"
+    path = output.quoted(file)
+    ahead = f"grebe run {path}" if left else f"grebe map {path} --out maps"
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
     # What to do about a mission that has targets left is said below.
     over = report.complete or came_home

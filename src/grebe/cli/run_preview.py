@@ -57,18 +57,19 @@ def show_preview(
     with SurveyFile.open(file) as survey_file:
         fleet = survey_file.survey.fleet if sortie is None and not force else None
         if fleet is not None and not run["returns"]:
-            go = f"grebe run {file}{' --resume' if resume else ''}{_again(run)}"
+            go = f"grebe run {output.quoted(file)}{' --resume' if resume else ''}{_again(run)}"
             numbers = fleet_preview(survey_file, now)
             output.result(numbers, as_json=as_json, next_command=go)
             return
         departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     if run["returns"]:
         numbers = way_home_of(departure, safety_of(run, now))
-        output.result(numbers, as_json=as_json, next_command=f"grebe run {file} --return")
+        ahead = f"grebe run {output.quoted(file)} --return"
+        output.result(numbers, as_json=as_json, next_command=ahead)
         return
     which = "" if sortie is None else f" --sortie {sortie}"
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
-    go = f"grebe run {file}{which}{again}{_again(run)}"
+    go = f"grebe run {output.quoted(file)}{which}{again}{_again(run)}"
     say_which(departure, survey_file)
     say_spent(departure)
     output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)

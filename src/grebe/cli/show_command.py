@@ -60,5 +60,5 @@ def _sortie(state: SortieState, survey: Survey) -> str:
 def _next(file: Path, values: Mapping[str, object]) -> str:
     if values["targets"] != values["reached"]:
         resume = " --resume" if values["track_points"] and not values["sorties"] else ""
-        return f"grebe run {file}{resume}"
-    return f"grebe map {file} --out maps" if values["samples"] else ""
+        return f"grebe run {output.quoted(file)}{resume}"
+    return f"grebe map {output.quoted(file)} --out maps" if values["samples"] else ""

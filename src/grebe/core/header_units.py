@@ -42,15 +42,38 @@ def _define(kind: str, factor: float, *spellings: str, offset: float = 0.0) -> N
 _define("temperature", 1, "c", "degc", "degreec", "degreesc", "celsius", "degreecelsius", "oc")
 _define("temperature", 5 / 9, "f", "degf", "fahrenheit", "degreesf", offset=-160 / 9)
 _define("temperature", 1, "k", "kelvin", offset=-273.15)
-_define("conductivity", 1, "us/cm", "uscm", "uscm-1", "us", "microsiemenspercentimeter", "umho/cm")
+_define(
+    "conductivity",
+    1,
+    "us/cm",
+    "uscm",
+    "uscm-1",
+    "us",
+    "microsiemenspercentimeter",
+    "umho/cm",
+    "umhos/cm",
+)
 _define("conductivity", 1e3, "ms/cm", "mscm", "mscm-1", "ms", "millisiemenspercentimeter")
+_define("conductivity", 1e3, "ds/m", "dsm-1", "mmho/cm", "mmhos/cm")
 _define("conductivity", 10, "ms/m")
 _define("conductivity", 1e4, "s/m", "sm-1")
 _define("mass in water", 1, "mg/l", "mgl", "mgl-1", "ppm", "g/m3", "milligramsperliter")
 _define("mass in water", 1e-3, "ug/l", "ugl", "ugl-1", "ppb", "mg/m3")
 _define("amount in water", 1, "umol/l", "umoll-1", "um", "mmol/m3")
-_define("percent", 1, "%", "%sat", "percent", "pct", "percentsat", "%saturation", "%satur")
-_define("turbidity", 1, "ntu", "fnu", "ftu", "nephelometricturbidityunits", "formazinunits")
+_define(
+    "percent",
+    1,
+    "%",
+    "%sat",
+    "percent",
+    "pct",
+    "percentsat",
+    "%saturation",
+    "%satur",
+    "%l",
+    "%-l",
+)
+_define("turbidity", 1, "ntu", "ntus", "fnu", "ftu", "nephelometricturbidityunits", "formazinunits")
 _define("fluorescence", 1, "rfu")
 _define("quinine", 1, "qsu")
 _define("voltage", 1, "mv", "millivolts")

@@ -120,8 +120,15 @@ class Statistics:
             samples=self._samples,
             samples_in_sets=self._in_sets,
             ended=None if self._end is None else self._end.reason,
-            message="" if self._end is None else self._end.message,
+            message=self._message(),
         )
+
+    def _message(self) -> str:
+        """Why the mission ended, in words, or that there was none."""
+        if self._end is not None:
+            return self._end.message
+        idle = self._reached == self._targets and not self._step_ms
+        return "nothing was left to do: every target was reached before" if idle else ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -77,7 +77,7 @@ def _parts(geometry: BaseGeometry) -> list[BaseGeometry]:
 def _check_degrees(coordinates: np.ndarray, name: str) -> None:
     if not np.all(np.isfinite(coordinates)):
         raise RegionError(f"The region {name!r} has a vertex that is not a number (NaN).")
-    if np.ptp(coordinates[:, 0]) > 180:
+    if np.ptp(coordinates[:, 0]) > 180 and np.abs(coordinates[:, 0]).max() <= 360:
         raise RegionError(
             f"The region {name!r} reaches from longitude {coordinates[:, 0].min():g} to "
             f"{coordinates[:, 0].max():g}: water on both sides of the 180th meridian cannot be "

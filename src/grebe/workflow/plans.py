@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from grebe.planning.sortie_check import SortieCheck
     from grebe.workflow.accuracy import Expected
 
+# Where cells cover less than this share of the water it is said.
+MOSTLY_COVERED = 0.95
 # A start further than this from the water is reported to whoever asked for it [m].
 ASHORE_M = 1.0
 
@@ -63,7 +65,18 @@ def plan_region(
     """
     zones, notes = read_zones(no_go, region)
     planned = _planned(region, vessel, settings, start_lonlat, zones, on_done)
-    return replace(planned, notes=(*notes, *planned.notes)) if notes else planned
+    return replace(planned, notes=(*notes, *planned.notes, *_uncovered(planned)))
+
+
+def _uncovered(planned: Planned) -> list[str]:
+    """What is to be said where cells leave out much of the water that the boat may use."""
+    coverage = planned.check.coverage
+    if coverage >= MOSTLY_COVERED:
+        return []
+    return [
+        f"the cells cover {coverage:.0%} of the water that the boat may use, and no more is "
+        "measured; smaller cells reach into more of it"
+    ]
 
 
 def _planned(

@@ -14,6 +14,7 @@ from grebe.core.samples import Flag, Samples
 from grebe.core.sets import hull_of
 from grebe.core.survey import OF_TRACK, Survey
 from grebe.io.readers.clock import zone_of
+from grebe.io.readers.columns import DATE, PLACE_AND_TIME
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import RawTrack, TrackColumns, read_readings, read_track
@@ -97,7 +98,7 @@ def import_track(
 
 def _shared(columns: TrackColumns) -> tuple[TrackColumns, TrackColumns]:
     """Columns that were given: of place and time, the track's; of quantities, the sonde's."""
-    placed = {key: name for key, name in columns.items() if key in {"time", "lat", "lon"}}
+    placed = {key: name for key, name in columns.items() if key in {DATE, *PLACE_AND_TIME}}
     return placed, {key: name for key, name in columns.items() if key not in placed}
 
 

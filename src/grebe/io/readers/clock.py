@@ -17,6 +17,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from grebe.core.errors import InputError
+from grebe.io.readers.table import numbers_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,6 +31,7 @@ EARLIEST_S, LATEST_S = 631_152_000.0, 4_102_444_800.0
 MOST_OFFSET_H = 14
 # Between Hawaii and Newfoundland [h].
 AMERICAN_H = (-10.0, -2.5)
+FIRST_YEAR = 1900
 # Spreadsheets count days from 1899-12-30; these are the numbers of the same years.
 EXCEL_EPOCH_DAYS, DAY_S = 25_569.0, 86_400.0
 # A time so far from the middle of a record is the logger's, from before its clock was set [s].
@@ -47,8 +49,23 @@ JITTER_S = 600.0
 _DAYS_FIRST = ("%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%d/%m/%y", "%d.%m.%y")
 _MONTHS_FIRST = ("%m/%d/%Y", "%m-%d-%Y", "%m/%d/%y", "%m%d%y")
 _YEAR_FIRST = ("%Y-%m-%d", "%Y/%m/%d", "%Y%m%d", "%y%m%d")
+# Of two digits and with strokes only where the header says that the year is first.
+_SHORT_YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d", "%y.%m.%d")
+_MONTH_NAMED = ("%d-%b-%Y", "%d %b %Y", "%b %d %Y", "%b %d, %Y", "%d/%b/%Y", "%d-%b-%y")
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H%M%S")
 _OFFSET = re.compile(r"(?:GMT|UTC)\s*([+-])(\d\d?)(?::?(\d\d))?(?!\d)", re.IGNORECASE)
+_OFFSET_LINE = re.compile(
+    r"(?:time|utc|gmt)\s*(?:zone)?\s*offset\s*[=:,]\s*([+-])?(\d\d?):(\d\d)(?::\d\d)?[,;\s]*",
+    re.IGNORECASE,
+)
+# Zones by the letters that loggers write [h]; those that stand for several, as CST, are not known.
+_LETTERS = {
+    "HST": -10, "AKST": -9, "AKDT": -8, "PST": -8, "PDT": -7, "MST": -7, "MDT": -6, "CDT": -5,
+    "EST": -5, "EDT": -4, "AST": -4, "ADT": -3, "WET": 0, "WEST": 1, "CET": 1, "CEST": 2, "MEZ": 1,
+    "MESZ": 2, "EET": 2, "EEST": 3, "JST": 9, "AEST": 10, "AEDT": 11, "NZST": 12, "NZDT": 13,
+}  # fmt: skip
+_ZONE_IN_HEADER = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
+_ZONE_IN_CELL = re.compile(rf"\s*({'|'.join(_LETTERS)})$")
 _BARE_OFFSET = re.compile(r"([+-])(\d\d?)(?::?(\d\d))?")
 
 
@@ -68,7 +85,14 @@ def zone_in_header(header: str) -> tzinfo | None:
     found = _OFFSET.search(header)
     if found is not None:
         return _offset(*found.groups())
+    letters = _ZONE_IN_HEADER.search(header)
+    if letters is not None:
+        return _of_letters(letters[1])
     return UTC if re.search(r"(?<![a-z])utc(?![a-z])", header, re.IGNORECASE) else None
+
+
+def _of_letters(name: str) -> tzinfo:
+    return timezone(timedelta(hours=_LETTERS[name]))
 
 
 def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
@@ -86,6 +110,18 @@ def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
         return zone_in_header(text) or zone_of(text)
     except InputError:
         return None
+
+
+def zone_in_preamble(lines: Sequence[str]) -> tuple[tzinfo, str] | None:
+    """The zone that one of the lines before a header names as the times' offset, as `Time Offset =
+    -07:00:00` of an In-Situ's export does, and the line.
+    """
+    for line in lines:
+        found = _OFFSET_LINE.fullmatch(line.strip())
+        zone = None if found is None else _offset(found[1] or "+", found[2], found[3])
+        if zone is not None:
+            return zone, line.strip()
+    return None
 
 
 def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo | None:
@@ -131,10 +167,11 @@ def read_times(
     where days and months cannot be told apart.
     """
     zone = zone_in_header(header) or zone
-    values = _numbers(cells)
+    values = numbers_of(cells)
     if np.isfinite(values).mean() >= 0.5:
         return _of_numbers(values, zone)
-    cells = [_without_zone_name(cell) for cell in cells]
+    cells, own = _without_letters([_without_zone_name(cell) for cell in cells])
+    zone = own or zone
     moments, told = [_iso(cell) for cell in cells], list[str]()
     if sum(moment is not None for moment in moments) < len(cells) / 2:
         moments, told = _written(cells, header, zone)
@@ -175,18 +212,17 @@ def _are_days(days: Array) -> bool:
 
 def _without_zone_name(text: str) -> str:
     """`2024-07-03 09:15:00 UTC` as ISO 8601 has it."""
-    return re.sub(r"\s*(UTC|GMT|Z)$", "+00:00", text.strip()) if text[-1:] in "CTZ" else text
+    return (
+        re.sub(r"\s*(?<![A-Z])(UTC|GMT|Z)$", "+00:00", text.strip()) if text[-1:] in "CTZ" else text
+    )
 
 
-def _numbers(cells: Sequence[str]) -> Array:
-    values = np.full(len(cells), np.nan)
-    for place, cell in enumerate(cells):
-        try:
-            values[place] = float(cell)
-        except ValueError:
-            continue
-    values[~np.isfinite(values)] = np.nan
-    return values
+def _without_letters(cells: Sequence[str]) -> tuple[Sequence[str], tzinfo | None]:
+    """Times without the letters of the one zone that ends all of them, and the zone."""
+    said = {found[1] if (found := _ZONE_IN_CELL.search(cell)) else "" for cell in cells if cell}
+    if len(said) != 1 or said == {""}:
+        return cells, None
+    return [_ZONE_IN_CELL.sub("", cell) for cell in cells], _of_letters(said.pop())
 
 
 def _iso(text: str) -> datetime | None:
@@ -211,7 +247,7 @@ def _written(
     rivals = [form for form in read if read[form] == read[best] and _other_order(best, form)]
     doubtful = rivals and any(_parsed(text, best) != _parsed(text, rivals[0]) for text in probe)
     if not doubtful:
-        return [_parsed(text, best) for text in texts], []
+        return [_parsed(text, best) for text in texts], _short_years(texts, best)
     going_on = _going_on(texts, [best, *rivals])
     if going_on is not None:
         return [_parsed(text, going_on) for text in texts], [
@@ -228,6 +264,21 @@ def _written(
     return [_parsed(text, one) for text in texts], [
         f"{texts[0]!r} and the like: taken as month and day, as American clocks with AM and PM "
         "have it"
+    ]
+
+
+def _short_years(texts: Sequence[str], form: str) -> list[str]:
+    """What is to be said of years of two digits behind the day that may as well stand first."""
+    date, _, clock = form.partition(" ")
+    read = _parsed(texts[0], form)
+    if read is None or date not in _DAYS_FIRST or not date.endswith("%y"):
+        return []
+    mark = date[2]
+    if any(_parsed(text, f"%y{mark}%m{mark}%d {clock}") is None for text in texts):
+        return []
+    return [
+        f"{texts[0]!r} and the like: taken as day, month and year, {read:%d %B %Y}; if the year is "
+        "first, write so into the header, such as 'Date (YY/MM/DD)'"
     ]
 
 
@@ -268,11 +319,12 @@ def _months_first(forms: Sequence[str]) -> str | None:
 def _formats(header: str) -> list[str]:
     order = re.sub(r"[^dmy]", "", header.lower().replace("hh:mm", ""))
     dates = (*_YEAR_FIRST, *_MONTHS_FIRST, *_DAYS_FIRST)
-    for mark, some in (("ddmmyy", _DAYS_FIRST), ("mmddyy", _MONTHS_FIRST), ("yymmdd", _YEAR_FIRST)):
+    year_first = (*_YEAR_FIRST, *_SHORT_YEAR_FIRST)
+    for mark, some in (("ddmmyy", _DAYS_FIRST), ("mmddyy", _MONTHS_FIRST), ("yymmdd", year_first)):
         if mark in order or (mark[:4] == "yymm" and "yyyymmdd" in order):
             dates = some
             break
-    return [f"{date} {clock}" for date in dates for clock in _CLOCKS]
+    return [f"{date} {clock}" for date in (*dates, *_MONTH_NAMED) for clock in _CLOCKS]
 
 
 def _other_order(one: str, other: str) -> bool:
@@ -285,9 +337,11 @@ def _other_order(one: str, other: str) -> bool:
 
 def _parsed(text: str, form: str) -> datetime | None:
     try:
-        return datetime.strptime(text, form)
+        read = datetime.strptime(text, form)
     except ValueError:
         return None
+    # Six digits may be taken for a year of four, a month and a day: of the eighth century.
+    return read if read.year >= FIRST_YEAR else None
 
 
 def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tuple[Array, list[str]]:

@@ -7,6 +7,7 @@ of the quantity's own kind: it is converted, or the column is another quantity's
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,16 +21,18 @@ if TYPE_CHECKING:
     from grebe.core.quantities import Quantities
 
 # Columns that speak about another one.
-_NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|units)$")
+_NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|(?<!^ph_)units)$")
 # And, of quantities, what was reckoned from a value.
 _OF_A_VALUE = re.compile(r"(_|\b)(std|stdev|std[ _]?dev|sd|min|max|count|error)$")
 # What the columns of time and place may be called, first match wins; those of the quantities are
 # named in the registry. Matched on lower-case letters, digits and the signs of units alone.
 PLACE_AND_TIME: dict[str, tuple[str, ...]] = {
     "time": (r"gpstimestamp", r"(unix)?timestamp", r"time.*", r"datetime.*", r"unix.*"),
-    "lat": (r"lat(itude)?(deg|dd)?", r".*latitude.*"),
-    "lon": (r"lon(gitude)?(deg|dd)?", r"lng", r".*longitude.*"),
+    "lat": (r"lat(itude)?(deg|dd)?", r".*latitud(e|ine)?.*", r"breite(ngrad)?"),
+    "lon": (r"long?(itude)?(deg|dd)?", r"lng", r".*longitud(e|ine)?.*", r"lange(ngrad)?"),
 }
+# A column of dates beside one of the time of day, which the caller may name.
+DATE = "date"
 OXYGEN, SATURATION = "dissolved_oxygen_mgl", "oxygen_saturation_percent"
 
 
@@ -66,12 +69,12 @@ def find_columns(
 
     `placed`: the table must tell latitude and longitude.
     """
-    known = {*PLACE_AND_TIME, *quantities}
+    known = {*PLACE_AND_TIME, DATE, *quantities}
     for key, name in given.items():
         if key not in known:
             raise TrackError(
-                f"{path}: a column is given for {key!r}, which is neither time, lat, lon nor a "
-                f"quantity ({quantities.keys_text})."
+                f"{path}: a column is given for {key!r}, which is neither time, date, lat, lon nor "
+                f"a quantity ({quantities.keys_text})."
             )
         if name not in header:
             raise TrackError(f"{path}: there is no column {name!r}; it has {', '.join(header)}.")
@@ -159,7 +162,8 @@ def _speaks_of_another(column: str) -> bool:
 
 
 def _plain(text: str) -> str:
-    return re.sub(r"[^a-z0-9°µμ]", "", text.lower())
+    # Without accents, and with the digits of O₂ as digits.
+    return re.sub(r"[^a-z0-9°µμ]", "", unicodedata.normalize("NFKD", text.lower()))
 
 
 def _plain_names(header: Sequence[str]) -> dict[str, str]:

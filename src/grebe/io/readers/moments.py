@@ -20,6 +20,7 @@ from grebe.io.readers.clock import (
     plausible,
     read_times,
     zone_in_cells,
+    zone_in_preamble,
 )
 from grebe.io.readers.columns import Column
 from grebe.io.readers.table import Table, cells_of, number
@@ -28,8 +29,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 # Columns that hold a date, the time standing in a column of its own.
-_DATE = re.compile(r"(local|utc)?date(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|yymmdd)?")
-_TIME = re.compile(r"(local|utc|gmt)?time(hhmmss|utc|gmt|hhmmsstt)?")
+_DATE = re.compile(
+    r"(local|utc)?(date|datum|fecha)(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|yymmdd)?"
+)
+_TIME = re.compile(r"(local|utc|gmt)?(time|uhrzeit|zeit|heure|hora)(hhmmss|utc|gmt|hhmmsstt)?")
 # A date within a cell.
 _DATED = re.compile(r"\d+[-/.]\d+[-/.]\d+")
 # Minutes and seconds.
@@ -60,14 +63,20 @@ def read_moments(
     zone: tzinfo | None,
     *,
     placed: bool,
+    day: str | None = None,
 ) -> Moments:
     """The times of a table's rows; `named` is the column that the caller says they are in, `zone`
-    that of times that name none. Of a track, which is `placed`, those of a clock that was not set
-    are left out.
+    that of times that name none, and `day` the column of their date, if the caller names one. Of a
+    track, which is `placed`, those of a clock that was not set are left out.
     """
     told, clues = zone_told(table)
+    before = zone_in_preamble(table.preamble)
+    own = told or zone
+    from_before = own is None and before is not None
+    if from_before and before is not None:
+        own = before[0]
     try:
-        read, columns = _read(table, found, named, zone or told)
+        read, columns = _read(table, found, named, day, own)
         if read is None:
             if named is not None:
                 cell = cells_of(table, named)[0]
@@ -79,7 +88,8 @@ def read_moments(
         times, lost = plausible(read[0]) if placed else (read[0], [])
     except InputError as error:
         raise TrackError(f"{path}: {error}", settings=error.settings) from None
-    notes = (*read[1], *lost, *(_runs_back(times) if placed else ()))
+    said = [f"{before[1]}: the zone of the times"] if from_before and before is not None else []
+    notes = (*said, *read[1], *lost, *(_runs_back(times) if placed else ()))
     return Moments(times=times, columns=tuple(columns), clues=tuple(clues), notes=notes)
 
 
@@ -112,14 +122,19 @@ def _runs_back(times: NDArray[np.float64]) -> list[str]:
 
 
 def _read(
-    table: Table, found: Mapping[str, Column], named: str | None, zone: tzinfo | None
+    table: Table,
+    found: Mapping[str, Column],
+    named: str | None,
+    day: str | None,
+    zone: tzinfo | None,
 ) -> tuple[tuple[NDArray[np.float64], list[str]] | None, list[str]]:
     """Times and notes by a date and a time in two columns, and these; or by the column of the time.
     Seconds since 1970 count before a date and a time, which may be local.
     """
     alone = cells_of(table, found["time"].name) if "time" in found else None
-    pair = _date_and_time(table.header)
-    if named is None and pair is not None and not _counts_seconds(alone):
+    pair = _date_and_time(table.header) if day is None else _beside(day, found)
+    by_two = day is not None or (named is None and not _counts_seconds(alone))
+    if pair is not None and by_two:
         both = [cells_of(table, name) for name in pair]
         texts = [
             # A clock that says the day too needs no other column for it.
@@ -130,6 +145,17 @@ def _read(
         if read is not None:
             return read, list(pair)
     return (None if alone is None else read_times(alone, found["time"].name, zone)), []
+
+
+def _beside(day: str, found: Mapping[str, Column]) -> tuple[str, str]:
+    """The column of the date that the caller named, and that of the time of day."""
+    if "time" not in found:
+        raise InputError(
+            f"a column of dates is given, {day!r}, and none of the time of day; name it, as "
+            "time=NAME.",
+            settings=("columns",),
+        )
+    return day, found["time"].name
 
 
 def _counts_seconds(cells: Sequence[str] | None) -> bool:

@@ -16,8 +16,9 @@ SENTENCE = re.compile(r"\$[A-Z]{2}[A-Z]{3},[^$]*\*[0-9A-Fa-f]{2}")
 
 
 def read_nmea(path: Path) -> Table:
-    """Read the positions of a log of sentences, with what the sounder (DPT) and the probe (MTW)
-    said since the one before; `TrackError` where none tells the date, which RMC alone does.
+    """Read the positions of a log of sentences, with what the sounder (DPT, else DBT) and the
+    probe (MTW) said since the one before; `TrackError` where none tells the date, which RMC alone
+    does.
     """
     import pynmea2
 
@@ -35,6 +36,8 @@ def read_nmea(path: Path) -> Table:
             said["MTW"] = str(sentence.temperature or "")
         elif kind == "DPT":
             said["DPT"] = _below_surface(sentence)
+        elif kind == "DBT":
+            said["DPT"] = said["DPT"] or str(sentence.depth_meters or "")
         elif kind == "RMC" and sentence.status == "A" and sentence.datestamp:
             rows.append([*_fix(sentence), said["MTW"], said["DPT"]])
             said = dict.fromkeys(said, "")

@@ -113,7 +113,9 @@ def _outline(path: Path, found: list[tuple[Any, str]], name: str, wanted: str | 
         return Outline(geometry=area, name=own or f"{name or path.stem} {wanted}")
     geometries, polygons = found, [area for area, _ in areas]
     if not polygons:
-        raise RegionError(f"{path}: holds no polygon; a region is a Polygon or MultiPolygon.")
+        raise RegionError(
+            f"{path}: holds no polygon; a region is a Polygon or MultiPolygon{_open_line(found)}."
+        )
     left_out = len(geometries) - len(polygons)
     notes = (f"{left_out} features that are not polygons were left out",) if left_out else ()
     notes += tuple(_within_others(areas))
@@ -124,16 +126,25 @@ def _outline(path: Path, found: list[tuple[Any, str]], name: str, wanted: str | 
     return Outline(geometry=geometry, name=name or path.stem, notes=notes, features=listed)
 
 
+def _open_line(found: list[tuple[Any, str]]) -> str:
+    """What is to be said where a line might have been meant for an outline."""
+    lines = any(isinstance(one, shapely.LineString | shapely.MultiLineString) for one, _ in found)
+    return ", or a line that ends where it begins, and those that are here do not" if lines else ""
+
+
 def _within_others(areas: list[tuple[BaseGeometry, str]]) -> Iterator[str]:
     """Notes of polygons that lie wholly within another: an island that is drawn as a polygon of its
     own makes no hole in the lake.
     """
-    if len(areas) > MOST_COMPARED or not all(area.is_valid for area, _ in areas):
+    parts = [(part, own) for area, own in areas for part in shapely.get_parts(area).tolist()]
+    if len(parts) > MOST_COMPARED or not all(part.is_valid for part, _ in parts):
         return
-    for i, (one, own) in enumerate(areas):
-        for j, (other, name) in enumerate(areas):
+    for i, (one, own) in enumerate(parts):
+        for j, (other, name) in enumerate(parts):
             if i != j and shapely.within(one, other) and not shapely.equals(one, other):
-                inner, outer = own or f"polygon {i + 1}", name or f"polygon {j + 1}"
+                # Parts of one feature have one name.
+                inner = f"polygon {i + 1}" if own in {"", name} else own
+                outer = f"polygon {j + 1}" if name in {"", own} else name
                 yield (
                     f"{inner} lies within {outer} and is taken as water: if it is an island, cut "
                     "it out of the outline, or give it as a no-go zone in a file of its own"
@@ -144,6 +155,11 @@ def _within_others(areas: list[tuple[BaseGeometry, str]]) -> Iterator[str]:
 def _polygonal(geometry: Any) -> BaseGeometry | None:
     if isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
         return geometry
+    if isinstance(geometry, shapely.GeometryCollection):
+        # As of KML's MultiGeometry, in which a label's point stands beside a lake.
+        areas = [area for one in geometry.geoms if (area := _polygonal(one)) is not None]
+        parts = [part for area in areas for part in shapely.get_parts(area)]
+        return None if not parts else parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
     lines = getattr(geometry, "geoms", [geometry])
     rings = [
         shapely.Polygon(line.coords)

@@ -30,6 +30,8 @@ LONGEST_PREAMBLE = 120
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 _DECIMAL_POINT = re.compile(r"[+-]?\d+\.\d+")
+# In a line of units: how a date or a time of day is written, such as MMDDYY.
+_ORDER_OF_DATE = re.compile(r"(?=.*[DH])[DMYHS/:.-]{6,}", re.IGNORECASE)
 # What stands for no value, but for signs.
 _NOTHING = {"", "nan", "na", "null", "none", "nodata", "inf"}
 MOST_LOOKED_AT = 5_000
@@ -43,7 +45,8 @@ _NAMES = re.compile(
 class Table:
     """The names of the columns, and the rows as texts; a row may be shorter than the header.
     `groups`: a comma within a number stands between thousands; `clues`: columns that are used for
-    what they say of others; `mixed`: what is to be said of columns whose unit changes.
+    what they say of others; `mixed`: what is to be said of columns whose unit changes; `preamble`:
+    the lines before the header.
     """
 
     header: list[str]
@@ -52,6 +55,7 @@ class Table:
     groups: bool = False
     clues: tuple[str, ...] = ()
     mixed: Mapping[str, str] = field(default_factory=dict[str, str])
+    preamble: tuple[str, ...] = ()
 
 
 def read_table(
@@ -88,15 +92,32 @@ def read_table(
     if not body:
         raise TrackError(f"{path}: a header and no rows.")
     header, clues, mixed = with_units(path, header, body)
+    header, twice = _told_apart(header)
     before = [f"{place} lines before the header: not used"] if place else []
     return Table(
         header=header,
         rows=body,
-        notes=(*told, *before, *again),
+        notes=(*told, *before, *again, *twice),
         groups=_groups_thousands(body, delimiter),
         clues=tuple(clues),
         mixed=mixed,
+        preamble=tuple(delimiter.join(row) for row in rows[:place]),
     )
+
+
+def _told_apart(header: Sequence[str]) -> tuple[list[str], list[str]]:
+    """A header in which no name stands twice, `Temp #2` being the second of its name, and notes."""
+    seen: dict[str, int] = {}
+    names: list[str] = []
+    for name in header:
+        seen[name] = seen.get(name, 0) + 1
+        names.append(f"{name} #{seen[name]}" if name and seen[name] > 1 else name)
+    return names, [
+        f"{count} columns are called {name!r}: the others than the first are {name + ' #2'!r} "
+        "and so on"
+        for name, count in seen.items()
+        if name and count > 1
+    ]
 
 
 def _groups_thousands(rows: list[list[str]], delimiter: str) -> bool:
@@ -180,7 +201,8 @@ def _without_units(path: Path, rows: list[list[str]], units: list[str]) -> list[
 
 def _with_unit(name: str, unit: str) -> str:
     bare = unit.strip("()[]")
-    return f"{name} ({bare})" if parse_unit(bare) and not split_header(name)[1] else name
+    told = parse_unit(bare) or _ORDER_OF_DATE.fullmatch(bare)
+    return f"{name} ({bare})" if told and not split_header(name)[1] else name
 
 
 def _rows(path: Path, text: str) -> tuple[list[list[str]], str]:

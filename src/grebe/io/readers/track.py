@@ -19,7 +19,7 @@ import numpy as np
 from grebe.core.errors import TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
-from grebe.io.readers.columns import OXYGEN, Column, find_columns
+from grebe.io.readers.columns import DATE, OXYGEN, Column, find_columns
 from grebe.io.readers.formats import read_logged
 from grebe.io.readers.moments import read_moments
 from grebe.io.readers.places import read_places
@@ -42,6 +42,9 @@ NO_LONGER = 1.05
 
 # A depth in one column, of the water or of the sonde.
 WATER_DEPTH, SONDE_DEPTH = "water_depth_m", "sonde_depth_m"
+# Nitrate is kept as its nitrogen, which a header says by an N of its own.
+NITRATE = "nitrate_mgl"
+_OF_NITROGEN = re.compile(r"nitrogen|(?<![a-z])n(?![a-z])|no3n|nitrate_?mgl")
 # No sonde hangs below a small boat deeper than this in its usual place [m].
 SONDE_HANGS_M = 2.0
 
@@ -177,7 +180,8 @@ def read_readings(
     found = find_columns(path, table.header, given, quantities, placed=placed)
     found, by_sounder = _of_a_sounder(found, given, quantities)
     named = given.get("time")
-    moments = read_moments(path, table, found, named, zone or profile.zone, placed=placed)
+    clock = zone or profile.zone
+    moments = read_moments(path, table, found, named, clock, placed=placed, day=given.get(DATE))
     values, converted = _values(path, table, found, quantities)
     lonlat, said, sides = None, list[str](), list[str]()
     if "lat" in found and "lon" in found:
@@ -236,6 +240,11 @@ def _values(
             notes.append(
                 f"{column.name}: kept as it is, under NTU: the scales of infrared and of white "
                 "light agree for formazin alone"
+            )
+        if key == NITRATE and not _OF_NITROGEN.search(column.name.lower()):
+            notes.append(
+                f"{column.name}: taken as nitrate's nitrogen; if it counts the whole ion, it is "
+                "4.43 times as much"
             )
         if column.converted:
             values[key] = _converted(path, values, key, column)

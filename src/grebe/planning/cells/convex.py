@@ -8,8 +8,18 @@ four times as many pieces as need be, mostly far fewer.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
 import shapely
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Corners = NDArray[np.float64]
+
+# So far beyond an edge [m] what touches it may reach by rounding.
+ROUNDING_M = 1e-6
 # A union counts as convex when its hull has no more area than this share beyond it.
 CONVEXITY_SHARE = 1e-9
 
@@ -27,6 +37,40 @@ def convex_union(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | No
     if isinstance(hull, shapely.Polygon) and union.area >= hull.area * (1 - CONVEXITY_SHARE):
         return hull
     return None
+
+
+def convex_growth(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | None:
+    """Piece `a` with what of its neighbour `b` keeps it convex: what lies between the sides of `a`
+    beside their common edge, drawn on. None where they share no whole edge of `a`.
+    """
+    corners = shapely.get_coordinates(shapely.normalize(a).exterior)[::-1]
+    ways = np.diff(corners, axis=0)
+    long_enough = np.hypot(*ways.T) > ROUNDING_M
+    corners, ways = corners[:-1][long_enough], ways[long_enough]
+    inwards = np.column_stack([-ways[:, 1], ways[:, 0]]) / np.hypot(*ways.T)[:, None]
+    part = shapely.get_coordinates(b.exterior)
+    beyond = (((part[:, None] - corners) * inwards).sum(axis=2) <= ROUNDING_M).all(axis=0)
+    if beyond.sum() != 1:
+        return None
+    for corner, inward in zip(corners[~beyond], inwards[~beyond], strict=True):
+        part = _clipped(part, corner, inward)
+    grown = shapely.convex_hull(shapely.MultiPoint(np.vstack([corners, part])))
+    room_m2 = a.area * (1 + CONVEXITY_SHARE) + shapely.Polygon(part).area if len(part) > 3 else 0.0
+    return grown if isinstance(grown, shapely.Polygon) and grown.area <= room_m2 else None
+
+
+def _clipped(ring: Corners, corner: Corners, inward: Corners) -> Corners:
+    """What of a convex ring (n, 2), its first point again at its end, is on the inner side of a
+    line: a ring again, empty where nothing is.
+    """
+    away = (ring - corner) @ inward
+    kept: list[Corners] = []
+    for k in range(len(ring) - 1):
+        if away[k] >= 0:
+            kept.append(ring[k])
+        if away[k] * away[k + 1] < 0:
+            kept.append(ring[k] + away[k] / (away[k] - away[k + 1]) * (ring[k + 1] - ring[k]))
+    return np.array([*kept, kept[0]]) if kept else np.empty((0, 2))
 
 
 def convex_pieces(polygon: shapely.Polygon) -> list[shapely.Polygon]:

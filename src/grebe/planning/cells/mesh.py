@@ -10,6 +10,7 @@ a sliver.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from shapely import affinity
 from grebe.core.errors import PlanError
 from grebe.core.plan_settings import Shape
 from grebe.planning.cells import lattice
-from grebe.planning.cells.convex import convex_pieces, convex_union, shared_edge_m
+from grebe.planning.cells.convex import convex_growth, convex_pieces, convex_union, shared_edge_m
 
 Ring = tuple[tuple[float, float], ...]
 
@@ -54,12 +55,18 @@ class Cell:
 
 
 def mesh_water(
-    water: shapely.Polygon, cell_m: float, *, shape: Shape = "square", angle_deg: float = 0.0
+    water: shapely.Polygon,
+    cell_m: float,
+    *,
+    shape: Shape = "square",
+    angle_deg: float = 0.0,
+    keeps_slivers: bool = False,
 ) -> list[Cell]:
     """Cut water, concave and with islands as it may be, into convex cells of area cell_m^2.
 
-    Rows run along `angle_deg`, clockwise from north. Raises `PlanError` when the region is
-    smaller than a cell or holds too many.
+    Rows run along `angle_deg`, clockwise from north. `keeps_slivers`: what is too thin to be a way
+    becomes a neighbour's. Raises `PlanError` when the region is smaller than a cell or holds too
+    many.
     """
     _check_size(water, cell_m, angle_deg)
     upright = affinity.rotate(water, -angle_deg, origin=(0, 0))
@@ -80,7 +87,7 @@ def mesh_water(
         shapely.intersection(boxes[cut], upright), strict=True,
     ):  # fmt: skip
         cells += [Cell(row=r, column=c, footprint=part) for part in _polygons(piece)]
-    return _turned(_tidy(cells, cell_m**2), angle_deg)
+    return _turned(_tidy(cells, cell_m**2, keeps_slivers=keeps_slivers), angle_deg)
 
 
 def _check_size(water: shapely.Polygon, cell_m: float, angle_deg: float) -> None:
@@ -131,7 +138,7 @@ def _turned(cells: list[Cell], angle_deg: float) -> list[Cell]:
     ]
 
 
-def _tidy(cells: list[Cell], full_m2: float) -> list[Cell]:
+def _tidy(cells: list[Cell], full_m2: float, *, keeps_slivers: bool) -> list[Cell]:
     """Join each small piece to a neighbour, smallest first; what stays tiny is a speck."""
     footprints: list[shapely.Polygon | None] = [cell.footprint for cell in cells]
     whole = [cell.whole for cell in cells]
@@ -151,6 +158,9 @@ def _tidy(cells: list[Cell], full_m2: float) -> list[Cell]:
             footprints[i] = None
         elif 2 * piece.area / piece.length < THINNEST_M:
             footprints[i] = None
+            grown = _grown(footprints, near, piece) if keeps_slivers else None
+            if grown is not None:
+                footprints[grown[0]], whole[grown[0]] = grown[1], False
     return [
         Cell(
             row=cell.row,
@@ -162,6 +172,18 @@ def _tidy(cells: list[Cell], full_m2: float) -> list[Cell]:
         for cell, footprint, own in zip(cells, footprints, whole, strict=True)
         if footprint is not None
     ]
+
+
+def _grown(
+    footprints: Sequence[shapely.Polygon | None], near: Sequence[int], piece: shapely.Polygon
+) -> tuple[int, shapely.Polygon] | None:
+    """Which of the cells `near` a piece can take most of it, and its footprint then."""
+    grown = [
+        (shape.area - one.area, j, shape)
+        for j in near
+        if (one := footprints[j]) is not None and (shape := convex_growth(one, piece)) is not None
+    ]
+    return max(grown)[1:] if grown else None
 
 
 def _is_thin(footprint: shapely.Polygon) -> bool:
