@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.control.apart import MOST_OTHERS, REACH_M, Announced, keep_apart
+from grebe.control.apart import MOST_OTHERS, REACH_M, Announced, is_taken, keep_apart
 from grebe.control.controller import Controller
 from grebe.control.horizon import NO_ROW, Horizon, HorizonShape, Plan
 from grebe.control.rules.dual import Dual
@@ -152,6 +152,32 @@ def test_the_paper_s_rule_keeps_apart_as_well():
     least, _, _, done = sail_together(CROSSING, heed=True, rule=Dual, limit_s=150.0)
     assert done
     assert least > APART_M - 0.5
+
+
+def test_sets_beyond_one_that_another_lies_at_are_not_planned_for():
+    """Else the plan cannot come to an end, and puts off the sets that it could reach."""
+    near = [square(8.0, 0.0, 1.0), square(12.0, 0.0, 1.0)]
+    taken, beyond = square(24.0, 0.0, 1.0), square(45.0, 0.0, 1.0)
+    helm, state = Controller(BOAT, [*near, taken, beyond]), np.zeros(6)
+    other = Announced.lying((24.0, 3.0))
+    assert is_taken(taken, other, APART_M)
+    assert not is_taken(square(24.0, 0.0, 8.0), other, APART_M)
+    moving = Announced(moments=np.array([0.0, 20.0]), places=np.array([(24.0, 3.0), (24.0, 40.0)]))
+    assert not is_taken(taken, moving, APART_M)
+    for _ in range(60):
+        helm.see(state)
+        helm.heed([other], APART_M)
+        command = helm.step(state)
+        for tenth in range(5):
+            thrusts = command.thrusts_at(tenth / 10)
+            state = np.array(rk4(lambda z, f=thrusts: rates(BOAT, z, f, CALM.as_tuple()),
+                                 state.tolist(), 0.1, 2))  # fmt: skip
+        assert math.dist(state[:2], (24.0, 3.0)) > APART_M - 0.3
+    assert helm.reached == 2
+    # Once the other has gone it goes on.
+    helm.heed([], APART_M)
+    assert len(helm.step(state).plan.durations) == helm.rule.stages
+    assert helm.targets[helm.reached] is taken
 
 
 def test_a_step_with_nobody_near_is_the_same_to_the_digit():

@@ -105,6 +105,20 @@ def test_who_does_not_come_nearer_for_others_waits_for_them_as_one_that_was_stop
     assert traffic.wished(2).is_empty
 
 
+def test_a_wish_goes_through_the_next_sets_up_to_its_length():
+    traffic = Traffic(apart_m=5.0)
+    boat = Lookout(traffic=traffic, boat=1)
+    boat.wish((0.0, 0.0), (2.0, 0.0), (4.0, 0.0), (4.0, 50.0))
+    (wish,) = traffic._wishes.values()
+    assert wish.length == pytest.approx(12.0)
+    assert wish.distance(shapely.Point(4.0, 8.0)) < 1e-9
+    boat.wish((0.0, 0.0), (2.0, 0.0))
+    (wish,) = traffic._wishes.values()
+    assert wish.length == pytest.approx(2.0)
+    boat.wish((0.0, 0.0))
+    assert not traffic._wishes
+
+
 def test_in_a_rota_one_acts_at_a_time_and_in_order():
     rota, said, busy = Rota([1, 2, 3]), [], []
 

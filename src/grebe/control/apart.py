@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.control.horizon import NO_ROW, Horizon, Plan
+from grebe.core.sets import TargetSet
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -78,6 +79,14 @@ def keep_apart(horizon: Horizon, start: Plan, others: Sequence[Announced], apart
         near[0] = False
         horizon.apart[near, row, :2] = -normals[near]
         horizon.apart[near, row, 3] = -beyond[near]
+
+
+def is_taken(target: TargetSet, other: Announced, apart_m: float) -> bool:
+    """Whether nobody can come into a set that keeps `apart_m` from where another is going to be,
+    whenever that is.
+    """
+    reach = np.asarray(target.vertices)[:, None] - other.places
+    return bool(np.hypot(reach[..., 0], reach[..., 1]).max() < apart_m)
 
 
 def _normals(away: Array, apart_m: float) -> Array:

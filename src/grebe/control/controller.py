@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.control.apart import MOST_OTHERS, Announced, keep_apart
+from grebe.control.apart import MOST_OTHERS, Announced, is_taken, keep_apart
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
 from grebe.control.rules.base import (
     Decision,
@@ -287,7 +287,7 @@ class Controller:
         return Plan(states=np.array(states), thrusts=np.array(thrusts), durations=np.full(n, step))
 
     def _situation(self, state: NDArray[np.float64], elapsed_s: float) -> Situation:
-        ahead = slice(self.reached, self.reached + LOOK_AHEAD_SETS)
+        ahead = slice(self.reached, self.reached + self._seen_ahead())
         return Situation(
             state=state.tolist(),
             target=self.reached,
@@ -299,6 +299,17 @@ class Controller:
             cruise_thrust_n=0.5 * self.vessel.surge_drag_n(self._pace()),
             corridors=self._corridors[ahead],
         )
+
+    def _seen_ahead(self) -> int:
+        """How many sets are planned for, one at least: none beyond one that others lie at, for a
+        plan that cannot come to an end puts off what it could do at once.
+        """
+        others, apart_m = self._others
+        ahead = self.targets[self.reached : self.reached + LOOK_AHEAD_SETS]
+        for count, target in enumerate(ahead) if others else ():
+            if any(is_taken(target, other, apart_m) for other in others):
+                return max(count, 1)
+        return len(ahead)
 
     def _pace(self) -> float:
         """The middle of the current target's speed window [m/s]."""

@@ -23,7 +23,7 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
-from grebe.mission.lookout import LEAST_WAIT_S, Lookout
+from grebe.mission.lookout import LEAST_WAIT_S, WISHED_SETS, Lookout
 from grebe.mission.safety.enclosure import Enclosure
 from grebe.mission.safety.fence import Schedule, fence_of, reckoned
 from grebe.mission.safety.machine import (
@@ -233,8 +233,9 @@ class Guard:
         lookout, fence = self._lookout, self._enclosure.fence
         if lookout is None or fence is None:
             return
-        ahead = self._next_place(facts.reached)
-        lookout.wish(facts.place, ahead)
+        places = self._next_places(facts.reached)
+        ahead = places[0] if places else None
+        lookout.wish(facts.place, *places)
         if self.state is not SafetyState.HOLDING:
             lookout.goes(facts.place, facts.time_s)
             return
@@ -265,15 +266,13 @@ class Guard:
             memory, facts, lookout.waits(facts.place, ahead, facts.time_s, waited_s, home_m)
         )
 
-    def _next_place(self, reached: int) -> Place | None:
-        """Where the boat goes, or would go on to; None where it has nowhere to go."""
+    def _next_places(self, reached: int) -> list[Place]:
+        """Where the boat goes next, or would go on to; none where it has nowhere to go."""
         going = self._memory.resumes if self.state is SafetyState.HOLDING else self.state
         way = self._home.under_way if going is SafetyState.RETURNING else None
         sets, done = (way.survey.sets, way.helm.reached) if way else (self._survey.sets, reached)
-        if done >= len(sets):
-            return None
-        north, east = sets[done].centre
-        return float(north), float(east)
+        centres = (one.centre for one in sets[done : done + WISHED_SETS])
+        return [(float(north), float(east)) for north, east in centres]
 
     def own_thrusts(self, observation: Observation, weather: Weather) -> Thrusts | None:
         """Return what the guard itself steers with; None where a helm does."""

@@ -21,8 +21,9 @@ from grebe.mission.spent import AT_HARBOUR_M
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# So far ahead a boat says where it wishes to go [m]; it goes on when as much of its way is clear.
-WISH_M = 12.0
+# So far ahead a boat says where it wishes to go [m], through no more sets than this; it goes on
+# when its way to the first of them is clear, or as much of it.
+WISH_M, WISHED_SETS = 12.0, 8
 # Boats farther apart than this need no lookout: two of them stop within less.
 NEAR_M = 60.0
 # A boat that waits, waits so long at least, and at most: then others stand in its way for good [s].
@@ -155,14 +156,15 @@ class Lookout:
         """The boat has to wait: it asks for more room from now on."""
         self.room_m = min(self.room_m + MORE_ROOM_M, MOST_ROOM_M)
 
-    def wish(self, place: Place, towards: Place | None) -> None:
-        """Say where the boat would go next; for another place than before it needs no more room
-        than others.
+    def wish(self, place: Place, *places: Place) -> None:
+        """Say where the boat would go next, from a place through others; towards another first one
+        than before it needs no more room than others.
         """
+        towards = places[0] if places else None
         if towards != self.towards:
             self.towards, self.room_m, self.waited_s = towards, 0.0, 0.0
             self.traffic.takes_turn(self.boat)
-        way = None if towards is None else _way_to(place, towards)
+        way = _way_to(place, *places) if places else None
         self.traffic.wish(self.boat, way, self.room_m)
 
     def is_clear(self, place: Place, towards: Place) -> bool:
@@ -192,10 +194,14 @@ class Lookout:
         return self.traffic.taken(self.boat).union(self._wished())
 
 
-def _way_to(place: Place, towards: Place) -> NDArray[np.float64]:
-    north, east = towards[0] - place[0], towards[1] - place[1]
-    share = min(1.0, WISH_M / max(math.hypot(north, east), 1e-9))
-    return np.array([place, (place[0] + share * north, place[1] + share * east)])
+def _way_to(*places: Place) -> NDArray[np.float64]:
+    """The beginning (n, 2) of the way through some places, `WISH_M` of it at most."""
+    corners = np.array(places)
+    gone_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    within = gone_m < WISH_M
+    end_m = min(WISH_M, gone_m[-1])
+    end = [np.interp(end_m, gone_m, axis) for axis in corners.T]
+    return np.vstack([corners[within], end])
 
 
 @dataclass(frozen=True, kw_only=True)
