@@ -17,14 +17,15 @@ from grebe.core.survey import Pose, Survey, Target
 from grebe.core.taut import taut_way
 from grebe.core.vessel import Vessel
 from grebe.planning.budget import SMALLEST_CELL_M, affordable_cell_m
-from grebe.planning.cells.mesh import Cell, mesh_water, target_footprint
+from grebe.planning.cells.mesh import Cell, target_footprint
 from grebe.planning.check import check_plan
 from grebe.planning.planned import Planned
 from grebe.planning.region import Region, coarsened, navigable_water
 from grebe.planning.route.bounds import lower_bound_m
 from grebe.planning.route.portfolio import Route, best_route
 from grebe.planning.ways.corridors import Stop, Waterways, widened
-from grebe.planning.ways.network import Network, connect, reachable
+from grebe.planning.ways.meshed import meshed
+from grebe.planning.ways.network import Network
 from grebe.planning.ways.travel import Travel, travel_of
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 MANY_CELLS = 2_500
 # A coast of more vertices than this is drawn with fewer, within this share of a cell.
 MANY_VERTICES, COAST_SHARE = 10_000, 0.1
-# No more than this share of the cells may hang apart from the rest before the mesh keeps slivers.
-LITTLE_WATER = 0.001
 # A turn on the way that is counted as one [rad].
 TURN_RAD = math.radians(30)
 # Footprint of the start, for the hull with the first target [m].
@@ -163,7 +162,9 @@ class Planner:
     def draft(self, cell_m: float, angle_deg: float, *, quick: bool) -> Draft:
         """Return a mesh of the water and an order of its cells."""
         corner = self.given_start or _south_west(self.water)
-        cells, network = self._hanging_together(cell_m, angle_deg, corner)
+        cells, network = meshed(
+            self.water, cell_m, shape=self.settings.shape, angle_deg=angle_deg, near=corner
+        )
         if all(cell.is_speck for cell in cells):
             raise PlanError(
                 f"The water is too narrow for cells of {cell_m:g} m: what it has of each is too "
@@ -182,25 +183,6 @@ class Planner:
             cells=cells, network=network, route=route, start=start, cell_m=cell_m,
             angle_deg=angle_deg,
         )  # fmt: skip
-
-    def _hanging_together(
-        self, cell_m: float, angle_deg: float, near: tuple[float, float]
-    ) -> tuple[list[Cell], Network]:
-        """Cells that a boat can go between, and their links.
-
-        At a bend of narrow water a sliver may reach from bank to bank, and the water is parted
-        where it is left out. Then the mesh keeps its slivers; elsewhere it needs none.
-        """
-        for keeps_slivers in (False, True):
-            cells = mesh_water(
-                self.water, cell_m, shape=self.settings.shape, angle_deg=angle_deg,
-                keeps_slivers=keeps_slivers,
-            )  # fmt: skip
-            network = connect(cells, self.water, cell_m)
-            kept = reachable(network, cells, near)
-            if _area_m2(kept) >= (1 - LITTLE_WATER) * _area_m2(cells):
-                break
-        return kept, network if len(kept) == len(cells) else connect(kept, self.water, cell_m)
 
     @staticmethod
     def _nearest_centre(network: Network, place: tuple[float, float]) -> tuple[float, float]:
@@ -378,10 +360,6 @@ class Planner:
             gap=length / bound - 1 if bound > 0 else 0.0,
             method=draft.route.method,
         )
-
-
-def _area_m2(cells: Sequence[Cell]) -> float:
-    return sum(cell.footprint.area for cell in cells)
 
 
 def _through_centres(start: tuple[float, float], stops: list[Stop]) -> NDArray[np.float64]:
