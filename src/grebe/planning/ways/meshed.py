@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import shapely
 
-from grebe.planning.cells.lattice import Shape
+from grebe.core.plan_settings import Shape
 from grebe.planning.cells.mesh import Cell, mesh_water
 from grebe.planning.ways.network import Network, connect, reachable
 
