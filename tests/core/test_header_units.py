@@ -15,7 +15,7 @@ from grebe.core.oxygen import oxygen_solubility_mgl
         ("Temp, °C (LGR S/N: 1, SEN S/N: 1)", "Temp", "°C"),
         ("RDO Concentration (mg/L) (543925)", "RDO Concentration", "mg/L"),
         ("ODO % sat", "ODO", "% sat"),
-        ("ODO % local", "ODO % local", ""),
+        ("ODO % local", "ODO", "% local"),
         ("Date Time, GMT-04:00", "Date Time, GMT-04:00", ""),
         ("pH", "pH", ""),
         ("temp_f", "temp", "f"),

@@ -10,6 +10,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from grebe.core.units import OXYGEN_G_PER_MOL, OXYGEN_MG_PER_ML
+
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
@@ -28,9 +30,27 @@ class Unit:
             raise ValueError(f"{self.kind} is not {other.kind}")
         return self.factor / other.factor, (self.offset - other.offset) / other.factor
 
+    def of_oxygen(self) -> Unit:
+        """The unit as one of oxygen's mass in water, where it is of moles or of the gas's volume;
+        a kilogram of fresh water is a litre. Any other unit is itself.
+        """
+        mgl = _OXYGEN_MGL.get(self.kind)
+        return self if mgl is None else Unit(kind="mass in water", factor=mgl * self.factor)
+
+
+# What one of a kind's base scale is of oxygen [mg/L].
+_OXYGEN_MGL = {
+    "amount in water": OXYGEN_G_PER_MOL / 1000,
+    "amount in mass": OXYGEN_G_PER_MOL / 1000,
+    "gas in water": OXYGEN_MG_PER_ML,
+}
+
+# A temperature of the scale of 1968 is so many times that of the scale of 1990 [°C].
+IPTS_68 = 1.00024
 
 # By spelling: in lower case, without blanks, with u for micro and no sign for a degree. Bases:
-# Celsius, µS/cm, mg/L, percent, NTU, RFU, QSU, mV, m, dbar, PSU, degrees.
+# Celsius, µS/cm, mg/L, µmol/L, µmol/kg, mL/L, percent, NTU, RFU, QSU, mV, m, dbar, PSU, degrees.
+# What stands before a comma is the scale or the water that Sea-Bird's names tell.
 _UNITS: dict[str, Unit] = {}
 
 
@@ -40,6 +60,9 @@ def _define(kind: str, factor: float, *spellings: str, offset: float = 0.0) -> N
 
 
 _define("temperature", 1, "c", "degc", "degreec", "degreesc", "celsius", "degreecelsius", "oc")
+_define("temperature", 1, "its-90,degc", "its90,degc")
+_define("temperature", 1 / IPTS_68, "ipts-68,degc", "ipts68,degc")
+_define("temperature", 5 / 9, "its-90,degf", offset=-160 / 9)
 _define("temperature", 5 / 9, "f", "degf", "fahrenheit", "degreesf", offset=-160 / 9)
 _define("temperature", 1, "k", "kelvin", offset=-273.15)
 _define(
@@ -59,7 +82,9 @@ _define("conductivity", 10, "ms/m")
 _define("conductivity", 1e4, "s/m", "sm-1")
 _define("mass in water", 1, "mg/l", "mgl", "mgl-1", "ppm", "g/m3", "milligramsperliter")
 _define("mass in water", 1e-3, "ug/l", "ugl", "ugl-1", "ppb", "mg/m3")
-_define("amount in water", 1, "umol/l", "umoll-1", "um", "mmol/m3")
+_define("amount in water", 1, "umol/l", "umoll", "umoll-1", "umol/dm3", "um", "mmol/m3")
+_define("amount in mass", 1, "umol/kg", "umolkg", "umolkg-1")
+_define("gas in water", 1, "ml/l", "mll-1", "mlperl")
 _define(
     "percent",
     1,
@@ -72,6 +97,8 @@ _define(
     "%satur",
     "%l",
     "%-l",
+    "%local",
+    "%cb",
 )
 _define("turbidity", 1, "ntu", "ntus", "fnu", "ftu", "nephelometricturbidityunits", "formazinunits")
 _define("fluorescence", 1, "rfu")
@@ -79,9 +106,10 @@ _define("quinine", 1, "qsu")
 _define("voltage", 1, "mv", "millivolts")
 _define("voltage", 1e3, "v", "volt", "volts")
 _define("length", 1, "m", "meter", "meters", "metre", "metres")
-_define("length", 0.3048, "ft", "feet", "foot")
+_define("length", 1, "saltwater,m", "freshwater,m")
+_define("length", 0.3048, "ft", "feet", "foot", "saltwater,ft", "freshwater,ft")
 _define("length", 0.01, "cm")
-_define("pressure", 1, "dbar", "decibar")
+_define("pressure", 1, "dbar", "decibar", "db")
 _define("pressure", 0.6894757, "psi", "psia", "psig")
 _define("pressure", 10, "bar")
 _define("pressure", 0.01, "mbar", "hpa")
@@ -101,10 +129,23 @@ _BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 _AT = re.compile(r"(@|at)\d+(deg)?c?$")
 
 
+# The temperature to which a specific conductance is referred.
+_AT_25 = re.compile(r"(@|at)25(deg|c|$)")
+
+
 def parse_unit(text: str) -> Unit | None:
     """The unit of a spelling; None for anything else."""
+    return _UNITS.get(_AT.sub("", _plain(text)))
+
+
+def is_at_25(text: str) -> bool:
+    """Whether the spelling of a unit says that it holds at 25 °C."""
+    return _AT_25.search(_plain(text)) is not None
+
+
+def _plain(text: str) -> str:
     plain = text.lower().translate(str.maketrans("µμ", "uu", "° \t_"))
-    return _UNITS.get(_AT.sub("", plain.replace("·", "").replace("^", "")))
+    return plain.replace("·", "").replace("^", "")
 
 
 def bracketed(header: str) -> str:
@@ -119,13 +160,13 @@ def split_header(header: str) -> tuple[str, str]:
     for found in _BRACKETS.finditer(text):
         if parse_unit(found[1]):
             return (text[: found.start()] + text[found.end() :]).strip(" ,_"), found[1]
-    for mark in (",", " ", "_"):
+    for mark in (",", " ", "_", "-"):
         # The longest end of the header that is a unit, after a name.
         places = [place.start() for place in re.finditer(re.escape(mark), text)]
         for place in places:
             name, unit = text[:place].strip(" ,_"), text[place + 1 :].strip()
             # One letter behind a stroke is a unit for a temperature alone: `x_m` may be anything.
-            lone = mark == "_" and len(unit) == 1 and "temp" not in name.lower()
+            lone = mark in "_-" and len(unit) == 1 and "temp" not in name.lower()
             if name and not lone and parse_unit(unit):
                 return name, unit
     if text.endswith("%") and len(text) > 1:

@@ -28,6 +28,8 @@ SPELLINGS: dict[str, tuple[str, ...]] = {
     "µg/L": ("ug/l", "ugl", "ugl-1", "ugperl", "mg/m3"),
     "ppb": ("ppb",),
     "µmol/L": ("umol/l", "umoll", "umol", "um", "micromol/l", "mmol/m3"),
+    "µmol/kg": ("umol/kg", "umolkg", "umolkg-1"),
+    "ml/L": ("ml/l", "mll", "mll-1", "mlperl"),
     "%": ("%", "%sat", "sat", "percent", "pct", "%saturation", "percentsat", "%local", "%airsat"),
     "µS/cm": ("us/cm", "uscm", "uscm-1", "us/cm@25", "us/cm@25°c", "umho/cm", "umhos/cm"),
     "mS/cm": ("ms/cm", "mscm", "mscm-1", "ms/cm@25", "ms/cm@25°c", "mmho/cm"),
@@ -51,6 +53,8 @@ _NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling i
 
 # An oxygen molecule [g/mol]: the only substance that loggers give in moles here.
 OXYGEN_G_PER_MOL = 31.9988
+# A millilitre of oxygen as a gas at 0 °C and 1013.25 hPa [mg], as Sea-Bird and ICES take it.
+OXYGEN_MG_PER_ML = 1.42903
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +81,9 @@ _CONVERSIONS: dict[tuple[str, str], Conversion] = {
     ("mg/L", "µg/L"): Conversion(factor=1000.0),
     ("ppb", "QSU"): SAME,
     ("µmol/L", "mg/L"): Conversion(factor=OXYGEN_G_PER_MOL / 1000.0),
+    # A kilogram of fresh water is a litre.
+    ("µmol/kg", "mg/L"): Conversion(factor=OXYGEN_G_PER_MOL / 1000.0),
+    ("ml/L", "mg/L"): Conversion(factor=OXYGEN_MG_PER_ML),
     ("mS/cm", "µS/cm"): Conversion(factor=1000.0),
     ("S/m", "µS/cm"): Conversion(factor=10_000.0),
     ("mS/m", "µS/cm"): Conversion(factor=10.0),
@@ -88,8 +95,8 @@ _CONVERSIONS: dict[tuple[str, str], Conversion] = {
     ("mm", "m"): Conversion(factor=0.001),
     ("ft", "m"): Conversion(factor=0.3048),
 }
-# What is only a unit of moles of oxygen, and of nothing else.
-_OF_OXYGEN_ALONE = ("µmol/L",)
+# Moles and volumes are turned into masses for oxygen alone.
+_OF_OXYGEN_ALONE = ("µmol/L", "µmol/kg", "ml/L")
 
 # A unit in brackets, or behind the first comma: `Temp, °C (LGR S/N: 1)`.
 _BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]")

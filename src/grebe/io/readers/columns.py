@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grebe.core.errors import TrackError
-from grebe.core.header_units import Unit, bracketed, parse_unit, split_header
+from grebe.core.header_units import Unit, bracketed, is_at_25, parse_unit, split_header
 from grebe.core.quantity import Quantity
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ PLACE_AND_TIME: dict[str, tuple[str, ...]] = {
 # A column of dates beside one of the time of day, which the caller may name.
 DATE = "date"
 OXYGEN, SATURATION = "dissolved_oxygen_mgl", "oxygen_saturation_percent"
+CONDUCTIVITY, CONDUCTANCE_25 = "conductivity_uscm", "specific_conductance_uscm"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,10 +107,19 @@ def unit_of(quantity: Quantity) -> Unit | None:
     return parse_unit(quantity.unit or ("pH" if quantity.key == "ph" else ""))
 
 
+def _unit_behind(header: str, quantity: Quantity) -> tuple[str, Unit | None]:
+    """The unit that a header names, as it spells it and as it is for a quantity: of oxygen alone
+    moles and volumes have a mass.
+    """
+    spelled = split_header(header)[1]
+    unit = parse_unit(spelled)
+    return spelled, unit.of_oxygen() if unit and quantity.key in {OXYGEN, SATURATION} else unit
+
+
 def _given(path: Path, name: str, quantity: Quantity) -> Column:
     """A column that the caller named: converted to the quantity's unit, or refused."""
-    spelled = split_header(name)[1]
-    there, here = parse_unit(spelled), unit_of(quantity)
+    here = unit_of(quantity)
+    spelled, there = _unit_behind(name, quantity)
     if there is None or here is None:
         return Column(name=name)
     if there.kind == here.kind:
@@ -129,8 +139,7 @@ def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> 
     here = unit_of(quantity)
     name = _first_match(quantity.columns, plain)
     if name is not None:
-        spelled = split_header(name)[1]
-        there = parse_unit(spelled)
+        spelled, there = _unit_behind(name, quantity)
         if there is None or here is None:
             return Column(name=name, unknown="" if here is None else bracketed(name))
         if there.kind == here.kind:
@@ -139,22 +148,30 @@ def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> 
     if here is None:
         return None
     for column in header:
-        bare, spelled = split_header(column)
-        there = parse_unit(spelled)
+        spelled, there = _unit_behind(column, quantity)
         if there is None or there.kind != here.kind or _speaks_of_another(column):
             continue
-        base = _plain(bare)
-        # As the header would read in the quantity's own unit, which the patterns know.
-        own = "percent" if here.kind == "percent" else _plain(quantity.unit)
         if any(
             re.fullmatch(pattern, text)
             for pattern in quantity.columns
             if "/" not in pattern
-            for text in (base + own, base)
+            for text in _readings_of(column, spelled, here, quantity)
         ):
             factor, offset = there.to(here)
             return Column(name=column, unit=spelled, factor=factor, offset=offset)
     return None
+
+
+def _readings_of(column: str, spelled: str, here: Unit, quantity: Quantity) -> list[str]:
+    """A header with the unit that `spelled` is, as it would read in the quantity's own unit and
+    without one, which the patterns know. A conductivity whose unit holds at 25 °C is no other.
+    """
+    base = _plain(split_header(column)[0])
+    at_25 = [f"{base}25"] if here.kind == "conductivity" and is_at_25(spelled) else []
+    if at_25 and quantity.key == CONDUCTIVITY:
+        return []
+    own = "percent" if here.kind == "percent" else _plain(quantity.unit)
+    return [base + own, base, *at_25]
 
 
 def _speaks_of_another(column: str) -> bool:

@@ -7,7 +7,6 @@ column that is not used is told.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import tzinfo
@@ -20,6 +19,7 @@ from grebe.core.errors import TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
 from grebe.io.readers.columns import DATE, OXYGEN, Column, find_columns
+from grebe.io.readers.doubts import doubts
 from grebe.io.readers.formats import read_logged
 from grebe.io.readers.moments import read_moments
 from grebe.io.readers.places import read_places
@@ -42,9 +42,6 @@ NO_LONGER = 1.05
 
 # A depth in one column, of the water or of the sonde.
 WATER_DEPTH, SONDE_DEPTH = "water_depth_m", "sonde_depth_m"
-# Nitrate is kept as its nitrogen, which a header says by an N of its own.
-NITRATE = "nitrate_mgl"
-_OF_NITROGEN = re.compile(r"nitrogen|(?<![a-z])n(?![a-z])|no3n|nitrate_?mgl")
 # No sonde hangs below a small boat deeper than this in its usual place [m].
 SONDE_HANGS_M = 2.0
 
@@ -232,20 +229,8 @@ def _values(
         values[key] = _present(numbers, one.missing)
         notes += no_numbers(found[key].name, cells, numbers)
     for key, column in found.items():
-        if column.unknown:
-            unit = quantities[key].unit or "its unit"
-            text = f"{column.name}: {column.unknown!r} is no unit that is known; taken as {unit}"
-            notes.append(text)
-        if re.search("f[nt]u", column.unit.lower()):
-            notes.append(
-                f"{column.name}: kept as it is, under NTU: the scales of infrared and of white "
-                "light agree for formazin alone"
-            )
-        if key == NITRATE and not _OF_NITROGEN.search(column.name.lower()):
-            notes.append(
-                f"{column.name}: taken as nitrate's nitrogen; if it counts the whole ion, it is "
-                "4.43 times as much"
-            )
+        if key in quantities:
+            notes += doubts(column, quantities[key], found)
         if column.converted:
             values[key] = _converted(path, values, key, column)
             notes.append(_conversion_text(column, quantities[key].unit))
