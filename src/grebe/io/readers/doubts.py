@@ -62,9 +62,7 @@ def _of_meaning(column: Column, quantity: Quantity, found: Collection[str]) -> l
         return ["a percentage of saturation at the local pressure of the air, not at 1013.25 hPa"]
     unit = parse_unit(column.unit)
     if key in {OXYGEN, SATURATION} and unit is not None and unit.kind == "amount in mass":
-        return [
-            "a litre is taken as a kilogram, as of fresh water; of sea water it is 2 to 3 % more"
-        ]
+        return ["a litre is taken as a kilogram; of sea water it is 2 to 3 % more"]
     return []
 
 

@@ -1,4 +1,6 @@
-"""A track as whatever wrote it: a GPX, an autopilot's log, a receiver's sentences, or a table."""
+"""A track as whatever wrote it: a GPX, an autopilot's log, a receiver's sentences, Sea-Bird's .cnv,
+or a table.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +11,7 @@ from grebe.io.readers.autopilot_track import read_autopilot_track
 from grebe.io.readers.gpx import read_gpx
 from grebe.io.readers.log_messages import LOG_SUFFIXES
 from grebe.io.readers.nmea_log import SENTENCE, read_nmea
+from grebe.io.readers.seabird import is_seabird, read_seabird
 from grebe.io.readers.table import Table, read_table
 
 # So much of a file tells what it is [bytes].
@@ -28,6 +31,8 @@ def read_logged(
         return read_gpx(path)
     if header_from is None and columns is None and _is_sentences(beginning):
         return read_nmea(path)
+    if header_from is None and columns is None and is_seabird(path, beginning):
+        return read_seabird(path)
     return read_table(path, header_from, columns)
 
 
