@@ -51,7 +51,8 @@ def command(
 ) -> None:
     """Import the data of TRACK; its convex hull becomes the region.
 
-    TRACK is a logger's table, a GPX, an ArduPilot .tlog or .bin, or sentences of NMEA.
+    TRACK is a logger's table, a GPX, an ArduPilot .tlog or .bin, a Sea-Bird .cnv, or sentences of
+    NMEA.
     """
     options.refuse_same(track, options.checked_output(path))
     done = import_track(

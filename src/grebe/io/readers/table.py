@@ -7,7 +7,6 @@ below them: the header is the line that names most of what is looked for.
 from __future__ import annotations
 
 import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ import numpy as np
 from grebe.core.errors import TrackError
 from grebe.core.header_units import parse_unit, split_header
 from grebe.io.readers.header_again import under_one_header
+from grebe.io.readers.separators import BLANKS, rows_of, separator
 from grebe.io.readers.text import read_any_text
 from grebe.io.readers.unit_columns import with_units
 
@@ -85,6 +85,8 @@ def read_table(
             settings=("header_from",),
         )
     body, again = under_one_header(path, header, rows[place + 1 :])
+    if delimiter == BLANKS:
+        _refuse_unlike(path, header, body)
     if body and _is_units(body[0]):
         units = body[0]
         body = _without_units(path, body, units)
@@ -136,6 +138,20 @@ def _groups_thousands(rows: list[list[str]], delimiter: str) -> bool:
                 return False
             points += _DECIMAL_POINT.fullmatch(cell.strip()) is not None
     return commas > 0 and points > 0
+
+
+def _refuse_unlike(path: Path, header: list[str], rows: list[list[str]]) -> None:
+    """Refuse a header of other length than the rows: a blank within a name would put each value
+    behind it under another one.
+    """
+    unlike = sum(len(row) != len(header) for row in rows)
+    if rows and unlike > len(rows) / 2:
+        raise TrackError(
+            f"{path}: separated by blanks, its header has {len(header)} names and its rows "
+            f"{len(rows[0])} values: put names that hold a blank in quotes, or name the columns by "
+            "a profile.",
+            settings=("profile",),
+        )
 
 
 def _header_of(path: Path) -> list[str]:
@@ -215,25 +231,11 @@ def _rows(path: Path, text: str) -> tuple[list[list[str]], str]:
             f"{path}: an XML file, and a table of separated values is read here; export the track "
             "as CSV, with a time, a latitude and a longitude in each row."
         )
-    delimiter = _delimiter(lines)
+    separates = separator(lines)
     try:
-        reader = csv.reader(io.StringIO(text), delimiter=delimiter)
-        return [row for row in reader if any(row)], delimiter
+        return rows_of(text, separates, lines), separates
     except csv.Error as error:
         raise TrackError(f"{path}: not a table of separated values ({error}).") from None
-
-
-def _delimiter(lines: Sequence[str]) -> str:
-    """What separates the values: what most lines have equally many of. Decimal commas are missing
-    in the header, and from whole numbers.
-    """
-
-    def agreement(mark: str) -> tuple[int, int]:
-        counts = [re.sub(r'"[^"]*"', "", line).count(mark) for line in lines if line.strip()]
-        usual = max(set(counts) - {0}, key=lambda each: (counts.count(each), each), default=0)
-        return (counts.count(usual) if usual else 0, usual)
-
-    return max("\t;,", key=agreement)
 
 
 def cells_of(table: Table, column: str) -> list[str]:
