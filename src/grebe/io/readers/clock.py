@@ -17,6 +17,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from grebe.core.errors import InputError
+from grebe.io.readers.counters import in_seconds, is_counted
 from grebe.io.readers.table import numbers_of
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Beyond any survey's seconds since 1970 are milliseconds, and beyond these micro- and nanoseconds.
-SCALES = ((1e17, 1e9), (1e14, 1e6), (1e11, 1e3))
 # Surveys with a logger lie between these [unix s]: 1990 and 2100.
 EARLIEST_S, LATEST_S = 631_152_000.0, 4_102_444_800.0
 MOST_OFFSET_H = 14
@@ -132,13 +131,6 @@ def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo | None:
     return timezone(-away if sign == "-" else away)
 
 
-def in_seconds(values: Array) -> Array:
-    """Seconds since 1970 (n,) from those, or from thousandths, millionths and less of them."""
-    for least, unit in SCALES:
-        values = np.where(values > least, values / unit, values)
-    return values
-
-
 def plausible(times: Array) -> tuple[Array, list[str]]:
     """Times (n,) with NaN for those of a clock that was not set, and notes: what is before 1990 or
     after 2100 beside others, and what is a year and more from all others but is only a few.
@@ -169,7 +161,7 @@ def read_times(
     zone = zone_in_header(header) or zone
     values = numbers_of(cells)
     if np.isfinite(values).mean() >= 0.5:
-        return _of_numbers(values, zone)
+        return _of_numbers(values, header, zone)
     cells, own = _without_letters([_without_zone_name(cell) for cell in cells])
     zone = own or zone
     moments, told = [_iso(cell) for cell in cells], list[str]()
@@ -181,10 +173,12 @@ def read_times(
     return seconds, [*told, *notes]
 
 
-def _of_numbers(values: Array, zone: tzinfo | None) -> tuple[Array, list[str]]:
-    """Seconds since 1970 from those, from thousandths and less of them, or from a spreadsheet's
-    days, which are local.
+def _of_numbers(values: Array, header: str, zone: tzinfo | None) -> tuple[Array, list[str]]:
+    """Seconds since 1970, or of a counter, from those, from thousandths and less of them, or from a
+    spreadsheet's days, which are local.
     """
+    if is_counted(header):
+        return in_seconds(values, header), []
     days = values - EXCEL_EPOCH_DAYS
     if _are_days(days):
         naive = [
@@ -195,7 +189,7 @@ def _of_numbers(values: Array, zone: tzinfo | None) -> tuple[Array, list[str]]:
         ]
         seconds, notes = _in_seconds(naive, zone)
         return seconds, ["times in a spreadsheet's days since 1899: converted", *notes]
-    return in_seconds(values), []
+    return in_seconds(values, header), []
 
 
 def _are_days(days: Array) -> bool:

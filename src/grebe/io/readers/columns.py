@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from grebe.core.errors import TrackError
 from grebe.core.header_units import Unit, bracketed, is_at_25, parse_unit, split_header
 from grebe.core.quantity import Quantity
+from grebe.io.readers.counters import BARE
 
 if TYPE_CHECKING:
     from grebe.core.quantities import Quantities
@@ -84,6 +85,8 @@ def find_columns(
     values = {text: name for text, name in plain.items() if not _OF_A_VALUE.search(name.lower())}
     for key, expressions in PLACE_AND_TIME.items():
         name = given.get(key) or _first_match(expressions, plain)
+        if name is None and key == "time":
+            name = next((one for one in header if one.strip() in BARE), None)
         if name is not None:
             found[key] = Column(name=name)
     for key, quantity in quantities.items():

@@ -16,13 +16,13 @@ from grebe.io.readers.clock import (
     EARLIEST_S,
     JITTER_S,
     LATEST_S,
-    in_seconds,
     plausible,
     read_times,
     zone_in_cells,
     zone_in_preamble,
 )
 from grebe.io.readers.columns import Column
+from grebe.io.readers.counters import in_seconds, is_counted
 from grebe.io.readers.table import Table, cells_of, number
 
 if TYPE_CHECKING:
@@ -129,11 +129,12 @@ def _read(
     zone: tzinfo | None,
 ) -> tuple[tuple[NDArray[np.float64], list[str]] | None, list[str]]:
     """Times and notes by a date and a time in two columns, and these; or by the column of the time.
-    Seconds since 1970 count before a date and a time, which may be local.
+    Seconds since 1970 count before a date and a time, which may be local, and these before what
+    counts from an unknown beginning.
     """
     alone = cells_of(table, found["time"].name) if "time" in found else None
     pair = _date_and_time(table.header) if day is None else _beside(day, found)
-    by_two = day is not None or (named is None and not _counts_seconds(alone))
+    by_two = day is not None or (named is None and not _counts_seconds(alone, found))
     if pair is not None and by_two:
         both = [cells_of(table, name) for name in pair]
         texts = [
@@ -144,7 +145,14 @@ def _read(
         read = read_times(texts, " ".join(pair), zone)
         if read is not None:
             return read, list(pair)
-    return (None if alone is None else read_times(alone, found["time"].name, zone)), []
+    if alone is None:
+        return None, []
+    name = found["time"].name
+    counts = named is None and is_counted(name) and not _counts_seconds(alone, found)
+    better = _dated(table, found) if counts else None
+    if better is not None:
+        return read_times(cells_of(table, better), better, zone), [better]
+    return read_times(alone, name, zone), []
 
 
 def _beside(day: str, found: Mapping[str, Column]) -> tuple[str, str]:
@@ -158,10 +166,25 @@ def _beside(day: str, found: Mapping[str, Column]) -> tuple[str, str]:
     return day, found["time"].name
 
 
-def _counts_seconds(cells: Sequence[str] | None) -> bool:
-    """Whether a column holds seconds, or less of them, since 1970."""
+def _counts_seconds(cells: Sequence[str] | None, found: Mapping[str, Column]) -> bool:
+    """Whether the column of times, which holds some cells, counts since 1970."""
     probe = [one for one in map(number, (cells or [])[:50]) if one is not None]
-    return bool(probe) and EARLIEST_S < np.median(in_seconds(np.array(probe))) < LATEST_S
+    if not probe:
+        return False
+    middle = float(np.median(in_seconds(np.array(probe), found["time"].name)))
+    return EARLIEST_S < middle < LATEST_S
+
+
+def _dated(table: Table, found: Mapping[str, Column]) -> str | None:
+    """A column of dates with their times beside one that counts from an unknown beginning; None
+    where there is none.
+    """
+    for name in table.header:
+        stamps = re.search("time|date", name.lower()) and name != found["time"].name
+        first = next((cell for cell in cells_of(table, name) if cell.strip()), "") if stamps else ""
+        if _DATED.match(first.strip()) and ":" in first:
+            return name
+    return None
 
 
 def zone_told(table: Table) -> tuple[tzinfo | None, list[str]]:
