@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError, UsageError
-from grebe.core.quantities import BUILTIN
+from grebe.core.quantities import BUILTIN, quantities_of
 from grebe.core.samples import Flag, Samples
 from grebe.io.readers.limits import read_limits
 from grebe.io.store import SurveyFile
@@ -78,6 +78,36 @@ def test_a_stuck_sensor_is_found():
     assert (flags[850:1350] >= Flag.SUSPECT).all()
     assert (flags[1500:1690] == Flag.FAIL).all()
     assert (flags[:500] == Flag.GOOD).all()
+
+
+@pytest.mark.parametrize(("given", "stands_still"), [({}, True), ({"flat_fail_s": 900.0}, False)])
+def test_a_sonde_may_hang_in_one_depth_and_its_battery_may_last(given, stands_still):
+    """How the sonde was may stand still, if nobody says for how long; and so it is read again."""
+    battery = {
+        "battery_v": {
+            "label": "Battery",
+            "unit": "V",
+            "cf_unit": "V",
+            "span": [0, 20],
+            "resolution": 0.1,
+            "mapped": False,
+            "limits": {"flat_suspect_s": 300.0, **given} if given else {},
+        }
+    }
+    known = BUILTIN.extended(quantities_of(battery, {}, "ours"))
+    tables = json.loads(json.dumps({key: one.as_table() for key, one in known.items()}))
+    again = quantities_of(tables, {}, "the survey")
+    assert again["battery_v"].limits == known["battery_v"].limits
+    calm = record(sonde_depth_m=np.full(900, 0.5))
+    one = Samples.of(
+        times=calm.times,
+        positions=calm.positions,
+        values=dict(calm.values) | {"battery_v": np.full(900, 12.4)},
+        quantities=again,
+    )
+    quality = check_quality(one, WATER, again)
+    assert (quality.flags["sonde_depth_m"] == Flag.GOOD).all()
+    assert (quality.flags["battery_v"] == Flag.GOOD).all() == stands_still
 
 
 def test_a_settling_sonde_is_found_and_a_gradient_is_not():

@@ -57,6 +57,16 @@ class Limits:
                 raise InputError(f"{name} is {getattr(self, name)!r}; give 0 or more.")
 
 
+def usual_limits(span: Span, *, mapped: bool) -> Limits:
+    """The limits of a quantity of which no more is said than its span. How the sonde was, which is
+    not mapped, may stand still for as long as it likes: its depth, the voltage of its battery.
+    """
+    if mapped:
+        return Limits(fail_span=span, suspect_span=span)
+    still = float("inf")
+    return Limits(fail_span=span, suspect_span=span, flat_suspect_s=still, flat_fail_s=still)
+
+
 @dataclass(frozen=True, kw_only=True)
 class LakeStatistics:
     """How a quantity varies within a lake: mean, standard deviation, range of the variogram
@@ -94,7 +104,8 @@ class Quantity:
 
     `air_share`: in the air the sensor reads less than this share of the record's median, None
     where that tells nothing. `on_sonde`: it settles, and comes out of the water, with the sonde.
-    `mapped`: a property of the water, to be mapped. `colormap` is matplotlib's.
+    `mapped`: a property of the water, to be mapped; what is not may stand still. `colormap` is
+    matplotlib's.
     """
 
     key: str
@@ -161,12 +172,16 @@ class Quantity:
             value = getattr(self, one.name)
             if one.name in {"key", "labels"} or value == one.default:
                 continue
-            if isinstance(value, Limits | LakeStatistics):
-                # What is infinite is left out: JSON has no word for it.
+            if isinstance(value, LakeStatistics):
+                value = {part.name: getattr(value, part.name) for part in fields(value)}
+            elif isinstance(value, Limits):
+                # What is usual is left out, and so what is infinite: JSON has no word for it.
+                usual = usual_limits(self.span, mapped=self.mapped)
                 value = {
                     part.name: _plain(getattr(value, part.name))
                     for part in fields(value)
-                    if getattr(value, part.name) != part.default
+                    if part.name.endswith("_span")
+                    or getattr(value, part.name) != getattr(usual, part.name)
                 }
             table[one.name] = _plain(value)
         return table

@@ -8,7 +8,15 @@ from math import isfinite
 from typing import Any, cast
 
 from grebe.core.errors import InputError
-from grebe.core.quantity import LakeStatistics, Limits, Quantities, Quantity, Span, check_span
+from grebe.core.quantity import (
+    LakeStatistics,
+    Limits,
+    Quantities,
+    Quantity,
+    Span,
+    check_span,
+    usual_limits,
+)
 
 
 def quantities_of(
@@ -43,7 +51,8 @@ def _entry(key: str, table: Mapping[str, Any], before: Quantity | None) -> Quant
     if "label" in given:
         given["labels"] = given.pop("label")
     span = given.get("span", before.span if before else None)
-    usual = before.limits if before else Limits(fail_span=span, suspect_span=span)
+    mapped = given.get("mapped", True)
+    usual = before.limits if before else usual_limits(span, mapped=mapped)
     if before and "span" in given:
         usual = replace(usual, fail_span=span)
     given["limits"] = replace(usual, **given.get("limits", {}))
