@@ -47,6 +47,21 @@ def test_a_report_says_of_a_track_what_it_is_of(china: Path, tmp_path: Path) -> 
         assert english not in text
 
 
+def test_one_quantity_is_told_as_one(tmp_path: Path) -> None:
+    rows = [
+        f"{1_600_000_000 + k},{44.4 + 1e-5 * (k % 20):.5f},{-69.6 + 1e-5 * (k // 20):.5f},"
+        f"{20 + 0.01 * (k % 20):.3f}"
+        for k in range(200)
+    ]
+    track, file, page = tmp_path / "one.csv", tmp_path / "one.gpkg", tmp_path / "one.html"
+    track.write_text("\n".join(["time,latitude,longitude,Temp (C)", *rows]))
+    run("import", track, "-o", file)
+    run("report", file, "-o", page, "--resolution", "4")
+    assert "One quantity of the surface water was mapped over" in page.read_text()
+    run("report", file, "-o", page, "--resolution", "4", "--language", "fr", "--force")
+    assert "Un paramètre de l&#39;eau de surface a été cartographié" in page.read_text()
+
+
 @needs_tracks
 def test_no_shore_is_known_of_a_track(china: Path, tmp_path: Path) -> None:
     words = ["map", str(china), "--out", str(tmp_path / "m"), "--shore-depth-sd", "0.5"]

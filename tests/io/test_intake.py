@@ -130,7 +130,7 @@ def test_the_hour_that_comes_twice_is_told_apart():
     assert list(np.diff(seconds)) == [1799, 1]
     assert "3 times in the hour that Europe/Paris had twice" in notes[0]
     _, notes = read_times(["2025-03-30 02:30:00", "2025-03-30 03:30:00"], zone=paris)
-    assert "1 times in the hour that Europe/Paris skipped" in notes[0]
+    assert "1 time in the hour that Europe/Paris skipped" in notes[0]
     with pytest.raises(InputError, match="no time zone 'Mars'"):
         zone_of("Mars")
 

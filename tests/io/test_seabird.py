@@ -135,7 +135,7 @@ def test_bad_values_and_bad_scans_are_left_out(tmp_path: Path) -> None:
 
     names = ("timeS: Time, Elapsed [seconds]", SENSORS[0], "flag: flag")
     read = read_readings(cnv(tmp_path / "a.cnv", names, row, count=20), placed=False)
-    assert "1 scans that the file marks as bad: left out" in read.notes
+    assert "1 scan marked as bad in the file: left out" in read.notes
     assert read.times is not None
     assert len(read.times) == 19
     assert np.flatnonzero(np.isnan(read.values["temperature_degc"])).tolist() == [3]

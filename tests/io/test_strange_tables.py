@@ -35,7 +35,7 @@ def test_a_header_that_comes_again_is_no_row(path: Path) -> None:
     rows = [row(k, 20 + k, 7) for k in range(20)]
     track = read(path, HEADER, *rows[:10], HEADER, *rows[10:])
     assert track.values["temperature_degc"].tolist() == [20.0 + k for k in range(20)]
-    assert "1 times a header among the rows: not used" in track.notes
+    assert "1 header among the rows: not used" in track.notes
 
 
 def test_columns_that_changed_places_are_put_back(path: Path) -> None:
@@ -71,6 +71,16 @@ def test_cells_that_are_no_numbers_are_told(path: Path) -> None:
     track = read(path, HEADER, *rows)
     assert "Temp: 10 of 20 cells are no numbers ('19.5 C'): left out" in track.notes
     assert not any(note.startswith("pH") for note in track.notes)
+
+
+def test_one_is_told_as_one(path: Path) -> None:
+    rows = [row(k, "19.5 C" if k == 9 else 19.5, 7) for k in range(20)]
+    track = read(path, "a logger", HEADER, *rows[:10], HEADER, *rows[10:])
+    assert track.notes == (
+        "1 line before the header: not used",
+        "1 header among the rows: not used",
+        "Temp: 1 of 20 cells is no number ('19.5 C'): left out",
+    )
 
 
 def test_of_air_and_water_the_water_s_temperature_is_taken(path: Path) -> None:

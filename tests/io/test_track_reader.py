@@ -87,7 +87,7 @@ def test_planted_glitches_are_found_and_counted(tmp_path):
     track = read_track(write(tmp_path, lines))
     assert len(track.lonlat) == 25
     text = " ".join(track.notes)
-    for what in ("2 rows have no position", "1 rows are at 0, 0", "1 rows are off", "1 rows jump"):
+    for what in ("2 rows without a position", "1 row at 0, 0", "1 row off", "1 row a jump"):
         assert what in text
 
 

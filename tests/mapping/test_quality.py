@@ -171,7 +171,7 @@ def test_missing_values_are_missing_and_gaps_are_told():
     one.times[600:] += 120.0
     quality = check_quality(one, WATER)
     assert (quality.flags["ph"][10:20] == Flag.MISSING).all()
-    assert "1 gaps in time, the longest of 121 s" in quality.notes[0]
+    assert "1 gap in time, of 121 s" in quality.notes[0]
 
 
 def test_limits_are_read_and_bad_ones_named(tmp_path):

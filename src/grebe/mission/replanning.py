@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from grebe.core.counts import counted
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import GrebeError, PlanError
 from grebe.core.revision import PlanRevision, Reason, Sortie, left_out, survey_of
@@ -339,7 +340,8 @@ class Replanner:
             without=self._left_out,
         )
         if reason == "closed":
-            new = replace(new, note=f"{note}; {len(left_out(old, new))} targets are left out")
+            lost = counted(len(left_out(old, new)), "target is", "targets are")
+            new = replace(new, note=f"{note}; {lost} left out")
         return self._ordered(new, halfway, note)
 
     def _ordered(self, new: PlanRevision, halfway: Halfway, note: str = "") -> NewOrder:

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from grebe.core.counts import counted
 from grebe.core.errors import PlanError, RegionError
 from grebe.core.frames import LocalFrame, frame_at
 from grebe.core.sets import hull_of
@@ -172,8 +173,8 @@ def navigable_water(
     left = sum(part.area for part in parts[1:])
     notes = (
         (
-            f"{len(parts) - 1} parts of the water, {left:.0f} m2 together, cannot be reached "
-            "from the rest of it and were left out",
+            f"{counted(len(parts) - 1, 'part')} of the water, {left:.0f} m2 in all, left out: it "
+            "cannot be reached from the rest",
         )
         if left >= 1.0
         else ()

@@ -113,7 +113,7 @@ def _finding(data: ReportData, t: Texts) -> str:
     if not data.maps:
         return t("finding_none", samples=len(data.samples))
     return t(
-        "finding",
+        "finding_one" if len(data.maps) == 1 else "finding",
         quantities=len(data.maps),
         area=t.number(f"{data.survey.water.area / 1e4:.2f}"),
         where=t["within_hull"] if data.is_of_track else "",

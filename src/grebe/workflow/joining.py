@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 from grebe.io.readers.track import RawTrack, Readings
 
@@ -73,7 +74,8 @@ def joined(
         if key not in values
     }
     lost = int((~there).sum())
-    notes = (f"{lost} readings of {path.name} outside the track's time or its gaps: left out",)
+    left_out = counted(lost, "reading")
+    notes = (f"{left_out} of {path.name} outside the track's time or its gaps: left out",)
     return (
         replace(
             track,

@@ -16,6 +16,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
+from grebe.core.counts import counted
 from grebe.core.errors import InputError
 from grebe.io.readers.counters import in_seconds, is_counted
 from grebe.io.readers.table import numbers_of
@@ -145,7 +146,7 @@ def plausible(times: Array) -> tuple[Array, list[str]]:
         possible &= ~far
     lost = int((known & ~possible).sum())
     when = datetime.fromtimestamp(middle, UTC)
-    notes = [f"{lost} times a year and more from the others ({when:%Y-%m-%d}): not used"]
+    notes = [f"{counted(lost, 'time')} a year and more from the others ({when:%Y-%m-%d}): not used"]
     return np.where(possible, times, np.nan), notes if lost else []
 
 
@@ -357,13 +358,13 @@ def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tupl
         seconds, doubtful, missing = _folded(moments, seconds, local)
         if missing:
             notes.append(
-                f"{missing} times in the hour that {local.key} skipped when summer time began: "
-                "the logger's clock was not in that zone, or was not put forward"
+                f"{counted(missing, 'time')} in the hour that {local.key} skipped when summer time "
+                "began: the logger's clock was not in that zone, or was not put forward"
             )
     if doubtful:
         notes.append(
-            f"{doubtful} times in the hour that {local} had twice when summer time ended: taken in "
-            "the order of the record, the first run as summer time"
+            f"{counted(doubtful, 'time')} in the hour that {local} had twice when summer time "
+            "ended: taken in the order of the record, the first run as summer time"
         )
     return seconds, notes
 

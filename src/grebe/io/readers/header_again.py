@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 
 # A row that has so many of the header's names is a header.
@@ -43,9 +44,10 @@ def under_one_header(
             continue
         moved += places is not None
         kept.append(row if places is None else [row[k] if k < len(row) else "" for k in places])
-    notes = [f"{again} times a header among the rows: not used"] if again else []
+    notes = [f"{counted(again, 'header')} among the rows: not used"] if again else []
     if moved:
-        notes.append(f"{moved} rows below a header of another order: put in the first one's")
+        rows_moved = counted(moved, "row")
+        notes.append(f"{rows_moved} below a header of another order: put in the first one's")
     return kept, notes
 
 

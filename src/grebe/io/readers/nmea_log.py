@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 from grebe.io.readers.table import Table
 from grebe.io.readers.text import read_text
@@ -45,7 +46,7 @@ def read_nmea(path: Path) -> Table:
         raise TrackError(
             f"{path}: no sentence RMC tells a position with its date; let the receiver send RMC."
         )
-    notes = (f"{damaged} damaged sentences: left out",) if damaged else ()
+    notes = (f"{counted(damaged, 'damaged sentence')}: left out",) if damaged else ()
     return Table(header=HEADER, rows=rows, notes=notes)
 
 

@@ -18,6 +18,7 @@ from shapely.errors import ShapelyError
 from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
+from grebe.core.counts import counted
 from grebe.core.errors import InputError, RegionError
 from grebe.core.sets import hull_of
 from grebe.io.readers.features import chosen, feature_name, feature_text
@@ -117,7 +118,8 @@ def _outline(path: Path, found: list[tuple[Any, str]], name: str, wanted: str | 
             f"{path}: holds no polygon; a region is a Polygon or MultiPolygon{_open_line(found)}."
         )
     left_out = len(geometries) - len(polygons)
-    notes = (f"{left_out} features that are not polygons were left out",) if left_out else ()
+    said = f"{counted(left_out, 'feature without', 'features without')} a polygon: left out"
+    notes = (said,) if left_out else ()
     notes += tuple(_within_others(areas))
     geometry = polygons[0] if len(polygons) == 1 else shapely.GeometryCollection(polygons)
     if len(areas) > 1 and name in {own for _, own in areas}:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 from grebe.io.readers.table import Table, number
 from grebe.io.readers.text import read_any_text
@@ -97,7 +98,7 @@ def read_seabird(path: Path) -> Table:
     if times:
         names = [by, *_without(names, place)]
         rows = [[at, *_without(row, place)] for at, row in zip(times, rows, strict=True)]
-    bad = (f"{len(good) - sum(good)} scans that the file marks as bad: left out",)
+    bad = (f"{counted(good.count(False), 'scan')} marked as bad in the file: left out",)
     return Table(
         header=names,
         rows=[row for row, is_good in zip(rows, good, strict=True) if is_good],
@@ -144,7 +145,7 @@ def _rows(
             f"{path}: its header names {len(header.names)} columns, and most of its "
             f"{len(there)} rows have another number of values."
         )
-    said = [f"{len(there) - len(rows)} rows that are not whole: left out"]
+    said = [f"{counted(len(there) - len(rows), 'row')} cut short: left out"]
     told = number(header.settings.get("nvalues", ""))
     short = told is not None and len(there) < told
     cut = [f"the header tells {told:.0f} rows, and {len(there)} are there"] if short else []

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 from grebe.core.header_units import parse_unit, split_header
 from grebe.io.readers.header_again import under_one_header
@@ -95,7 +96,7 @@ def read_table(
         raise TrackError(f"{path}: a header and no rows.")
     header, clues, mixed = with_units(path, header, body)
     header, twice = _told_apart(header)
-    before = [f"{place} lines before the header: not used"] if place else []
+    before = [f"{counted(place, 'line')} before the header: not used"] if place else []
     return Table(
         header=header,
         rows=body,
@@ -266,7 +267,8 @@ def no_numbers(name: str, cells: Sequence[str], values: NDArray[np.float64]) -> 
     if not strange:
         return []
     few = ", ".join(repr(one.strip()) for one in list(dict.fromkeys(strange))[:3])
-    return [f"{name}: {len(strange)} of {len(cells)} cells are no numbers ({few}): left out"]
+    are = "is no number" if len(strange) == 1 else "are no numbers"
+    return [f"{name}: {len(strange)} of {len(cells)} cells {are} ({few}): left out"]
 
 
 def _is_empty(cell: str) -> bool:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
@@ -286,13 +287,15 @@ def _find_glitches(
     keep &= ~untimed
     where = _jump_text(jumps, lonlat, order, keep)
     counts = {
-        "have no position": int((~finite).sum()),
-        "are at 0, 0": int(zero.sum()),
-        "are off the Earth": int(off_earth.sum()),
-        f"jump away from their neighbours{where}": len(jumps),
-        "have no time": int(untimed.sum()),
+        "without a position": int((~finite).sum()),
+        "at 0, 0": int(zero.sum()),
+        "off the Earth": int(off_earth.sum()),
+        f"a jump away from the neighbours{where}": len(jumps),
+        "without a time": int(untimed.sum()),
     }
-    return keep, [f"{count} rows {what}: left out" for what, count in counts.items() if count]
+    return keep, [
+        f"{counted(count, 'row')} {what}: left out" for what, count in counts.items() if count
+    ]
 
 
 def _jump_text(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from grebe.core.counts import counted
 from grebe.core.quantities import BUILTIN, Limits, Quantities, Quantity
 from grebe.core.samples import Flag, Samples
 from grebe.mapping.quality.bubbles import bubbles
@@ -264,7 +265,8 @@ def _notes(times: Array) -> tuple[str, ...]:
     gaps = forward[forward > GAP_FACTOR * usual]
     if not len(gaps):
         return ()
-    return (f"{len(gaps)} gaps in time, the longest of {gaps.max():.0f} s",)
+    which = "of" if len(gaps) == 1 else "the longest of"
+    return (f"{counted(len(gaps), 'gap')} in time, {which} {gaps.max():.0f} s",)
 
 
 def _out_of_water(samples: Samples, quantities: Quantities) -> Flags:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from grebe.core.counts import counted
 from grebe.core.dynamics import Weather
 from grebe.core.errors import PlanError
 from grebe.core.revision import PlanRevision, Sortie, survey_of
@@ -66,8 +67,8 @@ def put_off(
     number = max(one.number for one in old.sorties) + 1
     shorter = put_in_order(
         old, survey, open_, halfway, now, vessel=vessel, weather=weather, reason="progress",
-        note=f"it takes {late.pace:.2f} times as long as predicted: {len(later)} targets are put "
-        f"off to sortie {number}",
+        note=f"it takes {late.pace:.2f} times as long as predicted: "
+        f"{counted(len(later), 'target is', 'targets are')} put off to sortie {number}",
     )  # fmt: skip
     own = shorter.sortie(halfway.sortie.number)
     targets, corridors = _later(shorter, survey, open_, own, later, vessel, weather)
