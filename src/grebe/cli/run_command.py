@@ -165,17 +165,21 @@ def command(
             survey_file, _only(urls), run, now, bar, live,
             resume=goes_on, force=force, sortie=sortie, instruments=of_one_boat(benches),
         )  # fmt: skip
-        file = survey_file.path
+        file, ahead = survey_file.path, _what_follows(survey_file)
         moved = survey_file.count("track") > 0 and report.reached > before
-        left = [one for one in sortie_states(survey_file) if not one.is_flown]
-    path = output.quoted(file)
-    ahead = f"grebe run {path}" if left else f"grebe map {path} --out maps"
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
     # What to do about a mission that has targets left is said below.
     over = report.complete or came_home
     output.result(report.numbers(), as_json=as_json, next_command=ahead if over else "")
     if not report.complete and not came_home:
         _explain(report, file, moved=moved)
+
+
+def _what_follows(survey_file: SurveyFile) -> str:
+    """The next command: another run where there are sorties left, else the map."""
+    path = output.quoted(survey_file.path)
+    left = [one for one in sortie_states(survey_file) if not one.is_flown]
+    return f"grebe run {path}" if left else f"grebe map {path} --out maps"
 
 
 def _keep(run: dict[str, Any], survey_file: SurveyFile) -> None:
