@@ -73,8 +73,8 @@ def test_home_is_reached_along_the_water_from_every_place_in_time(bounds):
 def test_the_check_finds_a_sortie_that_is_too_long_or_crosses_land(by_minutes):
     water, _ = navigable_water(REGION, [], 1.0)
     survey, revision = by_minutes.survey, by_minutes.revision
-    hurried = replace(survey, settings=settings(minutes=20.0))
-    assert not any(one.holds for one in check_sorties(hurried, revision, water))
+    hurried = replace(revision, settings=settings(minutes=20.0))
+    assert not any(one.holds for one in check_sorties(survey, hurried, water))
     dammed = water.difference(shapely.box(440, -1, 450, 230))
     assert sum(one.outside_m2 > 0 for one in check_sorties(survey, revision, dammed)) > 0
 

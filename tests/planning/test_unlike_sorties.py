@@ -92,7 +92,7 @@ def test_the_check_goes_by_each_boats_own_battery(by_battery):
     """With a battery half as large the sorties of that boat alone are not proved any more."""
     sorties = replace(by_battery.survey.settings.sorties, batteries_wh=(75.0, 160.0))
     settings = replace(by_battery.survey.settings, sorties=sorties)
-    weaker = replace(by_battery, survey=replace(by_battery.survey, settings=settings))
+    weaker = replace(by_battery, revision=replace(by_battery.revision, settings=settings))
     whose = [one.boat for one in by_battery.revision.sorties]
     holds = [one.holds for one in proved(weaker)]
     assert all(held for held, boat in zip(holds, whose, strict=True) if boat == 1)
