@@ -23,7 +23,7 @@ from grebe.links.mavlink.rehearsal import CLEAR, Air, MemoryWire
 from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import MemoryRecorder
+from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 from grebe.simulation.autopilot import NO_FAULTS, Autopilot, AutopilotSettings, Faults, Mode

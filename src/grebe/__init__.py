@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from grebe.mapping.methods.spde import Spde
     from grebe.mission.departure import Departure
     from grebe.mission.loop import Mission
-    from grebe.mission.recorders import MemoryRecorder
-    from grebe.mission.sampling import InSets, InWindow
+    from grebe.mission.measuring.sampling import InSets, InWindow
     from grebe.mission.settings import MissionSettings
-    from grebe.mission.statistics import MissionReport
+    from grebe.mission.telling.recorders import MemoryRecorder
+    from grebe.mission.telling.statistics import MissionReport
     from grebe.mission.trial import Conditions, Trial, fly
     from grebe.planning.planned import Planned
     from grebe.planning.region import Region, clean_region
@@ -65,8 +65,8 @@ _HOME = {
     "Fast": "control.solvers.builders",
     "Fatrop": "control.solvers.builders",
     "GrebeError": "core.errors",
-    "InSets": "mission.sampling",
-    "InWindow": "mission.sampling",
+    "InSets": "mission.measuring.sampling",
+    "InWindow": "mission.measuring.sampling",
     "Ipopt": "control.solvers.builders",
     "Kriging": "mapping.methods.kriging",
     "LocalFrame": "core.frames",
@@ -74,9 +74,9 @@ _HOME = {
     "MapSettings": "mapping.maps",
     "Mapper": "mapping.maps",
     "Margins": "control.controller",
-    "MemoryRecorder": "mission.recorders",
+    "MemoryRecorder": "mission.telling.recorders",
     "Mission": "mission.loop",
-    "MissionReport": "mission.statistics",
+    "MissionReport": "mission.telling.statistics",
     "MissionSettings": "mission.settings",
     "Observation": "links.base",
     "PlanSettings": "core.plan_settings",

@@ -23,8 +23,8 @@ from grebe.links.recording import RecordingLink
 from grebe.links.replay import Recording, ReplayLink
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import MemoryRecorder
 from grebe.mission.rota import InTurn, Rota
+from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde, UniformSonde
 from grebe.simulation.water import free_water

@@ -14,7 +14,7 @@ from grebe.links.mavlink.rehearsal import CLEAR, MemoryWire
 from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import MemoryRecorder
+from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.simulation.autopilot import NO_FAULTS, Autopilot, AutopilotSettings, Mode
 from grebe.simulation.plant import Plant
 

@@ -17,12 +17,12 @@ from grebe.core.revision import first_revision
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import Observation
-from grebe.mission.guard import Guard
 from grebe.mission.replanning import KeptPlan, Replanner
 from grebe.mission.safety.enclosure import Enclosure
+from grebe.mission.safety.guard import Guard
 from grebe.mission.safety.settings import SafetySettings
+from grebe.mission.safety.way_home import WayHome
 from grebe.mission.settings import MissionSettings
-from grebe.mission.way_home import WayHome
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, water_of
 from grebe.planning.revisions.revise import Halfway, open_water, replanned

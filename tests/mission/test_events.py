@@ -26,12 +26,12 @@ from grebe.core.events import (
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus
 from grebe.links.simulated import SimulatedLink
-from grebe.mission.broadcast import Broadcast
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import MemoryRecorder, SurveyRecorder
-from grebe.mission.sampling import InSets, InWindow
+from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.mission.statistics import ProgressMeter
+from grebe.mission.telling.broadcast import Broadcast
+from grebe.mission.telling.recorders import MemoryRecorder, SurveyRecorder
+from grebe.mission.telling.statistics import ProgressMeter
 from grebe.mission.trial import Conditions, fly, meander
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde

@@ -19,8 +19,8 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import Observation, Order
 from grebe.links.simulated import SimulatedLink
-from grebe.mission.guard import Guard
-from grebe.mission.lookout import LONG_STUCK_S, LONGEST_WAIT_S, STUCK_S, Lookout
+from grebe.mission.safety.guard import Guard
+from grebe.mission.safety.lookout import LONG_STUCK_S, LONGEST_WAIT_S, STUCK_S, Lookout
 from grebe.mission.safety.memory import Request
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, SafetyState

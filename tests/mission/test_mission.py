@@ -14,7 +14,7 @@ from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import SurveyRecorder
+from grebe.mission.telling.recorders import SurveyRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import free_water

@@ -6,8 +6,8 @@ from conftest import NOON, square_survey
 
 from grebe.core.quantities import BUILTIN
 from grebe.links.base import Observation, Reading
-from grebe.mission.sampler import Sampler
-from grebe.mission.sampling import InSets
+from grebe.mission.measuring.sampler import Sampler
+from grebe.mission.measuring.sampling import InSets
 
 
 class Probe:

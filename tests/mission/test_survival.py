@@ -26,13 +26,13 @@ from grebe.core.samples import Sample
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus
 from grebe.links.simulated import SimulatedLink
-from grebe.mission import writer
-from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import prepare
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import SurveyRecorder
 from grebe.mission.settings import MissionSettings
-from grebe.mission.statistics import Alarm
+from grebe.mission.telling import writer
+from grebe.mission.telling.broadcast import Broadcast
+from grebe.mission.telling.recorders import SurveyRecorder
+from grebe.mission.telling.statistics import Alarm
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.files import write_survey

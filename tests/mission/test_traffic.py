@@ -24,8 +24,8 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import Reading
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
-from grebe.mission.lookout import STUCK_S, Lookout
 from grebe.mission.rota import Rota
+from grebe.mission.safety.lookout import STUCK_S, Lookout
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.waiting import Waiting
 from grebe.planning.fleets.shares import plan_fleet

@@ -18,7 +18,7 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import AsDriven, as_driven
 from grebe.links.emergency import EmergencyStop, emergency_of
 from grebe.links.passing import PassingLink
-from grebe.mission.watchdog import Watchdog, journal_beside, taken_notes
+from grebe.mission.safety.watchdog import Watchdog, journal_beside, taken_notes
 from grebe.workflow.simulated import SimulatedWorld
 
 # What a boat does that is stopped from outside: it leaves a line in a file.
@@ -42,7 +42,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from grebe.core.events import Step
 from grebe.links.emergency import EmergencyStop
-from grebe.mission.watchdog import Watchdog
+from grebe.mission.safety.watchdog import Watchdog
 told = json.loads(sys.argv[1])
 dog = Watchdog(EmergencyStop(**told["stop"]), Path(told["journal"]))
 step = Step(time=datetime.now(UTC), elapsed_s=0.0, state=(0.0,) * 6, thrusts=(1.0, 1.0))

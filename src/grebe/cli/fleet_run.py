@@ -20,9 +20,9 @@ from grebe.links.base import BoatLink
 from grebe.links.instruments.instrument import Bench
 from grebe.mission.departure import Departure
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import Listener
 from grebe.mission.settings import MissionSettings
-from grebe.mission.statistics import Alarm, Progress, ProgressMeter
+from grebe.mission.telling.recorders import Listener
+from grebe.mission.telling.statistics import Alarm, Progress, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
 from grebe.workflow.fleets import ExtensionOf, FleetReport, FleetRun

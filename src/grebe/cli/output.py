@@ -15,7 +15,7 @@ import click
 from grebe.cli.unwatched import LAST_WORDS_S, Unwatched
 
 if TYPE_CHECKING:
-    from grebe.mission.statistics import Progress as MissionProgress
+    from grebe.mission.telling.statistics import Progress as MissionProgress
 
 TIP = "Next: "
 # Where there is no terminal for a bar, the longest time between two lines [s].

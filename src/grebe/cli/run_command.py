@@ -33,10 +33,10 @@ from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
 from grebe.mission.departure import prepare
 from grebe.mission.loop import Mission
-from grebe.mission.sampling import InSets, InWindow
+from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
 from grebe.mission.spent import NOTHING, Spent
-from grebe.mission.statistics import Alarm, MissionReport, ProgressMeter
+from grebe.mission.telling.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
 from grebe.workflow.instruments import (

@@ -1,8 +1,8 @@
 """The watchdog's own process: it stops a boat whose mission has died or hangs.
 
-A script that `grebe.mission.watchdog` starts with the interpreter's own library alone, so that it
-is small and shares nothing with the mission but a pipe. Its standard input brings one line, the
-charge, in JSON::
+A script that `grebe.mission.safety.watchdog` starts with the interpreter's own library alone, so
+that it is small and shares nothing with the mission but a pipe. Its standard input brings one line,
+the charge, in JSON::
 
     {"action": "MODULE:FUNCTION" or "FILE.py:FUNCTION", "settings": {...}, "patience_s": 2.0,
      "path": [...], "journal": "FILE" or null}

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 from grebe.core.events import EndReason, Warned
 from grebe.links.base import Observation
-from grebe.mission.announcer import Announcer
 from grebe.mission.gate import OverError
-from grebe.mission.lookout import Lookout
+from grebe.mission.safety.lookout import Lookout
 from grebe.mission.sight import Sight
+from grebe.mission.telling.announcer import Announcer
 
 
 def launched(

@@ -40,26 +40,26 @@ from grebe.links.base import (
     Observation,
     as_driven,
 )
-from grebe.mission.announcer import Announcer
 from grebe.mission.gate import Gate, OverError
-from grebe.mission.guard import Guard
 from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.launching import launched
-from grebe.mission.lookout import InFleet
-from grebe.mission.measuring import Measuring
+from grebe.mission.measuring.readings import Measuring
+from grebe.mission.measuring.sampler import Sampler
 from grebe.mission.patience import patience_s
-from grebe.mission.recorders import Listener, Recorder
 from grebe.mission.replanning import Replanner
+from grebe.mission.safety.guard import Guard
+from grebe.mission.safety.lookout import InFleet
 from grebe.mission.safety.memory import Request
 from grebe.mission.safety.states import SafetyState
-from grebe.mission.sampler import Sampler
+from grebe.mission.safety.way_home import Pilot
 from grebe.mission.settings import MissionSettings
 from grebe.mission.sight import Sight
 from grebe.mission.spent import AT_HOME
-from grebe.mission.statistics import MissionReport, Statistics
 from grebe.mission.steering import Steering
 from grebe.mission.sturdy_link import SturdyLink
-from grebe.mission.way_home import Pilot
+from grebe.mission.telling.announcer import Announcer
+from grebe.mission.telling.recorders import Listener, Recorder
+from grebe.mission.telling.statistics import MissionReport, Statistics
 
 # The state that is told of a mission that never received an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

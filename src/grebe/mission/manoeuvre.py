@@ -14,8 +14,8 @@ from grebe.core.vessel import Vessel
 from grebe.identification.manoeuvre import Manoeuvre
 from grebe.links.base import BoatLink
 from grebe.mission.loop import Mission, MissionSettings
-from grebe.mission.recorders import Listener, MemoryRecorder
-from grebe.mission.sampling import InSets
+from grebe.mission.measuring.sampling import InSets
+from grebe.mission.telling.recorders import Listener, MemoryRecorder
 
 STEP_S = 0.1
 # The loop ends when a target is reached or given up: this one is out of reach of both.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from grebe.mission.measuring.sampling import EVERY_SECOND, Sampling
 from grebe.mission.safety.settings import CAREFUL, SafetySettings
-from grebe.mission.sampling import EVERY_SECOND, Sampling
 
 
 @dataclass(frozen=True, kw_only=True)

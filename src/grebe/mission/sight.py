@@ -10,12 +10,12 @@ from grebe.control.tracker import Tracker
 from grebe.core.errors import LinkError
 from grebe.core.events import EndReason, Warned
 from grebe.links.base import BoatLink, Observation
-from grebe.mission.announcer import Announcer
 from grebe.mission.boat_clock import BoatClock
 from grebe.mission.gate import OverError
-from grebe.mission.guard import Guard
 from grebe.mission.headings import unwrapped
+from grebe.mission.safety.guard import Guard
 from grebe.mission.steering import Steering
+from grebe.mission.telling.announcer import Announcer
 
 # Time without a usable estimate after which the thrusters are stopped.
 BLIND_S = 1.5

@@ -18,9 +18,7 @@ from grebe.core.events import Prediction, Step
 from grebe.core.inner_loop import held_motion
 from grebe.core.survey import Target
 from grebe.links.base import Observation, Order
-from grebe.mission.announcer import Announcer
 from grebe.mission.gate import Gate
-from grebe.mission.guard import Guard
 from grebe.mission.helm import (
     AdaptableHelm,
     ForeseeingHelm,
@@ -29,9 +27,11 @@ from grebe.mission.helm import (
     possible_thrusts,
     step_of,
 )
-from grebe.mission.lookout import Lookout
 from grebe.mission.safety.fence import Schedule
+from grebe.mission.safety.guard import Guard
+from grebe.mission.safety.lookout import Lookout
 from grebe.mission.safety.states import Place, SafetyState
+from grebe.mission.telling.announcer import Announcer
 
 Thrusts = tuple[float, float]
 

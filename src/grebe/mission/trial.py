@@ -25,11 +25,11 @@ from grebe.core.vessel import Vessel
 from grebe.links.simulated import EXACT, EstimateErrors, SimulatedLink
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import MemoryRecorder
+from grebe.mission.measuring.sampling import EVERY_SECOND, Sampling
 from grebe.mission.safety.settings import NO_FENCE, SafetySettings
-from grebe.mission.sampling import EVERY_SECOND, Sampling
 from grebe.mission.settings import MissionSettings
-from grebe.mission.statistics import MissionReport
+from grebe.mission.telling.recorders import MemoryRecorder
+from grebe.mission.telling.statistics import MissionReport
 from grebe.simulation.changing import WeatherAt
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater, UniformSonde

@@ -17,18 +17,18 @@ from grebe.core.revision import Sortie
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments
 from grebe.mission.departure import Departure, prepare
-from grebe.mission.lookout import InFleet, Lookout
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import Listener, SharedRecorder, SurveyRecorder
 from grebe.mission.replanning import Extension, Replanner
 from grebe.mission.rota import InTurn
+from grebe.mission.safety.lookout import InFleet, Lookout
 from grebe.mission.safety.states import Cause
 from grebe.mission.safety.traffic import Traffic
+from grebe.mission.safety.watchdog import guarded, journal_beside
+from grebe.mission.safety.way_home import check_home
 from grebe.mission.settings import MissionSettings
 from grebe.mission.spent import AT_HOME
-from grebe.mission.statistics import MissionReport
-from grebe.mission.watchdog import guarded, journal_beside
-from grebe.mission.way_home import check_home
+from grebe.mission.telling.recorders import Listener, SharedRecorder, SurveyRecorder
+from grebe.mission.telling.statistics import MissionReport
 from grebe.workflow.berths import by_way, harbour_of, is_afloat, lying
 from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.handover import Handover

@@ -22,7 +22,7 @@ from grebe.links.base import Order, as_driven
 from grebe.links.recording import RecordingLink
 from grebe.mission.departure import Departure
 from grebe.mission.manoeuvre import ManoeuvreEnd, fly_manoeuvre
-from grebe.mission.watchdog import guarded, journal_beside
+from grebe.mission.safety.watchdog import guarded, journal_beside
 from grebe.report import canvas
 from grebe.report.identification_figures import identification_figure
 from grebe.workflow.run import BoatAt

@@ -17,7 +17,7 @@ from grebe.io.store import SurveyFile
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.safety.reserve import way_home_s
 from grebe.mission.safety.settings import SafetySettings
-from grebe.mission.way_home import home_of, speed_home_mps, ways_home
+from grebe.mission.safety.way_home import home_of, speed_home_mps, ways_home
 from grebe.planning.revisions.lead_on import ASTRAY_M, is_led
 from grebe.planning.ways.homeward import way_length_m
 from grebe.planning.ways.travel import travel_of

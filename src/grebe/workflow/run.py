@@ -14,17 +14,17 @@ from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments, as_driven
 from grebe.links.simulated import SimulatedLink
-from grebe.mission.broadcast import Broadcast
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
-from grebe.mission.recorders import Listener, SurveyRecorder
 from grebe.mission.replanning import Extension, KeptPlan, Replanner
+from grebe.mission.safety.watchdog import guarded, journal_beside, taken_notes
+from grebe.mission.safety.way_home import Pilot, check_home
 from grebe.mission.settings import MissionSettings
 from grebe.mission.spent import Spent
-from grebe.mission.statistics import MissionReport
-from grebe.mission.watchdog import guarded, journal_beside, taken_notes
-from grebe.mission.way_home import Pilot, check_home
+from grebe.mission.telling.broadcast import Broadcast
+from grebe.mission.telling.recorders import Listener, SurveyRecorder
+from grebe.mission.telling.statistics import MissionReport
 from grebe.workflow.collector import no_long_pauses
 
 BoatAt = Callable[[Departure], BoatLink]

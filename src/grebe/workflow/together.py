@@ -10,7 +10,7 @@ from grebe.mission.loop import Mission
 from grebe.mission.replanning import KeptPlan
 from grebe.mission.rota import Rota
 from grebe.mission.safety.traffic import Traffic
-from grebe.mission.statistics import MissionReport
+from grebe.mission.telling.statistics import MissionReport
 
 # How long missions have for their last words when all is stopped [s].
 LAST_WORDS_S = 0.5

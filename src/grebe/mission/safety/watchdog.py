@@ -25,7 +25,7 @@ from grebe.core.events import MissionEvent, Step
 from grebe.links import guard
 from grebe.links.base import BoatLink
 from grebe.links.emergency import EmergencyStop, emergency_of
-from grebe.mission.recorders import Listener
+from grebe.mission.telling.recorders import Listener
 
 # What the process may take to start and to import the action [s].
 START_S = 20.0

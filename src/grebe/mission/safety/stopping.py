@@ -8,7 +8,6 @@ from grebe.control.station import StationKeeper
 from grebe.core.dynamics import Weather
 from grebe.core.vessel import Vessel
 from grebe.links.base import Observation
-from grebe.mission.lookout import Lookout
 from grebe.mission.safety.fence import (
     FOLLOWED_DOUBT,
     FOLLOWED_S,
@@ -18,6 +17,7 @@ from grebe.mission.safety.fence import (
     Schedule,
     escape,
 )
+from grebe.mission.safety.lookout import Lookout
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Place
 

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Sequence
 
 from grebe.core.events import MissionEvent
-from grebe.mission.recorders import KeepsTogether
+from grebe.mission.telling.recorders import KeepsTogether
 
 # How long the loop waits for the disk at each estimate [s]: as a rule long enough.
 PATIENCE_S = 0.03

@@ -23,9 +23,9 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
-from grebe.mission.lookout import LEAST_WAIT_S, WISHED_SETS, Lookout
 from grebe.mission.safety.enclosure import Enclosure
 from grebe.mission.safety.fence import Schedule, fence_of, reckoned
+from grebe.mission.safety.lookout import LEAST_WAIT_S, WISHED_SETS, Lookout
 from grebe.mission.safety.machine import (
     advised,
     at_the_fence,
@@ -39,8 +39,8 @@ from grebe.mission.safety.machine import (
 from grebe.mission.safety.memory import WAITS, Asked, Memory, Request
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
-from grebe.mission.stopping import Stopping, Thrusts
-from grebe.mission.way_home import Pilot, UnderWay, WayHome, default_pilot
+from grebe.mission.safety.stopping import Stopping, Thrusts
+from grebe.mission.safety.way_home import Pilot, UnderWay, WayHome, default_pilot
 
 # A blind boat that is reckoned to be slower than this is not braked any more [m/s].
 LEAST_WAY_MPS = 0.05

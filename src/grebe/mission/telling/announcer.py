@@ -7,8 +7,8 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from grebe.core.events import Ended, EndReason, MissionEvent, SafetyChanged
-from grebe.mission.broadcast import Broadcast
-from grebe.mission.recorders import Listener, Recorder
+from grebe.mission.telling.broadcast import Broadcast
+from grebe.mission.telling.recorders import Listener, Recorder
 
 
 class Announcer:

@@ -8,9 +8,9 @@ from grebe.core.events import SampleTaken, Warned
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Target
 from grebe.links.base import Observation
-from grebe.mission.announcer import Announcer
-from grebe.mission.guard import Guard
-from grebe.mission.sampler import Sampler
+from grebe.mission.measuring.sampler import Sampler
+from grebe.mission.safety.guard import Guard
+from grebe.mission.telling.announcer import Announcer
 
 # The quantity that says how much water is below the boat.
 DEPTH = "water_depth_m"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from grebe.core.events import MissionEvent, Warned
-from grebe.mission.recorders import KeepsTogether, Listener, Recorder
-from grebe.mission.writer import Writer
+from grebe.mission.telling.recorders import KeepsTogether, Listener, Recorder
+from grebe.mission.telling.writer import Writer
 
 
 class Broadcast:

@@ -15,7 +15,7 @@ from grebe.core.samples import Sample, gross_range_flag
 from grebe.core.sets import TargetSet
 from grebe.core.survey import Target
 from grebe.links.base import BoatLink, Instruments, Observation, Reading
-from grebe.mission.sampling import Sampling
+from grebe.mission.measuring.sampling import Sampling
 
 # How long the boat's way is remembered for readings that come late [s], and how far beyond the last
 # estimate one may lie.
