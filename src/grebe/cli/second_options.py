@@ -67,11 +67,11 @@ def _sorties(asked: dict[str, Any], before: SortieSettings | None) -> SortieSett
     reserve, harbours = asked["reserve"], asked["harbours"]
     if before is None:
         return sortie_settings(batteries_wh, minutes, reserve, harbours)
+    reserve = before.reserve if reserve is None else reserve
+    harbours = harbours or before.harbours
     if batteries_wh or minutes:
-        kept = before.reserve if reserve is None else reserve
-        return sortie_settings(batteries_wh, minutes, kept, harbours or before.harbours)
-    kept = before.reserve if reserve is None else reserve
-    return replace(before, reserve=kept, harbours=harbours or before.harbours)
+        return sortie_settings(batteries_wh, minutes, reserve, harbours)
+    return replace(before, reserve=reserve, harbours=harbours)
 
 
 def where_they_lie(

@@ -22,7 +22,7 @@ from grebe.core.samples import Samples
 from grebe.core.sets import rings_of
 from grebe.core.survey import Survey
 from grebe.core.taut import way_through
-from grebe.planning.cells.mesh import mesh_water, target_footprint
+from grebe.planning.cells.mesh import target_footprint
 from grebe.planning.fleets.fleet_times import boat_times
 from grebe.planning.fleets.shares import shared_out
 from grebe.planning.planned import PlannedSorties
@@ -39,7 +39,8 @@ from grebe.planning.sorties import sorties_through
 from grebe.planning.trips.endurance import endurance_of
 from grebe.planning.trips.lake import lake_of
 from grebe.planning.ways.corridors import Waterways
-from grebe.planning.ways.network import Network, connect, reachable
+from grebe.planning.ways.meshed import meshed
+from grebe.planning.ways.network import Network
 from grebe.planning.ways.place_ways import PlaceWays, place_ways
 from grebe.workflow.adaptive import (
     CORE,
@@ -144,22 +145,22 @@ class _Water:
         region = Region(name=survey.name, frame=survey.frame, water=survey.water)
         water = water_of(survey)
         cell_m = math.sqrt(water.area / PLACES)
-        meshed = replace(
+        places = replace(
             settings, cell_m=cell_m, minutes=None, energy_wh=None, core=CORE, shape="square",
             pattern="free", angle_deg=0.0,
         )  # fmt: skip
-        planner = Planner(region, survey.vessel, meshed, survey.no_go, water, None)
+        planner = Planner(region, survey.vessel, places, survey.no_go, water, None)
         given = () if settings.sorties is None else settings.sorties.harbours
         harbours = [region.frame.place_near(region.water, one, "harbour") for one in given]
         start = (survey.start.north_m, survey.start.east_m)
-        cells = mesh_water(water, cell_m)
-        cells = reachable(connect(cells, water, cell_m), cells, [*harbours, *lies, start][0])
+        near = [*harbours, *lies, start][0]
+        cells, network = meshed(water, cell_m, shape="square", angle_deg=0.0, near=near)
         rings = [target_footprint(ring) for ring in rings_of([one.footprint for one in cells])]
         wide = cores_of(rings, cell_m)[1] & np.array([not one.is_speck for one in cells])
         if not wide.any():
             raise PlanError("Nowhere is the water wide enough to go on to.")
         found = cls(
-            planner=planner, cells=cells, network=connect(cells, water, cell_m),
+            planner=planner, cells=cells, network=network,
             members=np.flatnonzero(wide), lies=lies, harbours=harbours, start=start,
         )  # fmt: skip
         return found if settings.sorties is None else found.within_reach()
