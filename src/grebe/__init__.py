@@ -1,8 +1,8 @@
 """Grebe: an unmanned boat surveys a lake by itself and comes back with maps of its water.
 
-One way through it, and the folders are the stations: region -> cells -> route -> targets ->
-plan of thrusts -> boat -> samples -> map. The names below are the public ones, and `dir(grebe)`
-shows them; each is imported only when it is used, so that `import grebe` is quick.
+Data flows one way, and the folders follow it: region -> cells -> route -> targets ->
+plan of thrusts -> boat -> samples -> map. The names below are the public API, and `dir(grebe)`
+lists them. Each is imported on first use, so `import grebe` is quick.
 """
 
 from __future__ import annotations

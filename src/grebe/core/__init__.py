@@ -1,1 +1,1 @@
-"""Plain records and pure functions that everything else stands on."""
+"""Plain records and pure functions that every other package builds on."""

@@ -1,8 +1,8 @@
-"""Counts as they stand in a sentence: `1 row`, `2 rows`."""
+"""Counts in a sentence: `1 row`, `2 rows`."""
 
 from __future__ import annotations
 
 
 def counted(count: int, one: str, many: str = "") -> str:
-    """A count with the word for `one`, or for `many`, which has an s where it is not given."""
+    """A count with its noun: `one` for 1, else `many`, by default `one` with an s."""
     return f"{count} {one if count == 1 else many or one + 's'}"

@@ -1,4 +1,4 @@
-"""Where a straight stretch is within a convex ring, compiled (Cyrus and Beck 1978)."""
+"""Clip a straight segment to a convex ring, compiled (Cyrus and Beck 1978)."""
 
 from __future__ import annotations
 
@@ -24,9 +24,11 @@ def crossing(
     last: int,
     drawn_in_m: float,
 ) -> tuple[float, float]:
-    """Shares of the way from a to b at which it enters and leaves a convex ring, its sides drawn in
-    by `drawn_in_m`; enter > leave where it misses it. The ring is ring[first : last + 1], corners
-    (n, 2) [m], closed and anticlockwise, said by its ends: a slice takes longer than all of this.
+    """Fractions of the segment from a to b at which it enters and leaves a convex ring.
+
+    The ring's sides are moved inwards by `drawn_in_m`; enter > leave if the segment misses it. The
+    ring is ring[first : last + 1], corners (n, 2) [m], closed and anticlockwise. It is passed by
+    its indices because slicing takes longer than the whole function.
     """
     enter, leave = 0.0, 1.0
     for k in range(first, last):

@@ -2,13 +2,13 @@
 
 State z = (x, y, psi, u, v, r): north and east [m], heading clockwise from north [rad],
 surge and sway *over ground* [m/s], yaw rate positive to starboard [rad/s]. Inputs F_1
-(port) and F_2 (starboard) [N]. In still water this is Eq. (9), but for what a
-vessel may have beside it: the sign of the Coriolis term in yaw (`Vessel.yaw_coupling`, Fossen's
-unless the printed one is asked for) and quadratic drag. In a steady current the hydrodynamic terms
-act on the velocity through the water (Fossen 2011, sec. 8.3).
+(port) and F_2 (starboard) [N]. In still water this is Eq. (9) with two changes: the vessel chooses
+the sign of the Coriolis term in yaw (`Vessel.yaw_coupling`, Fossen's by default, not the printed
+one), and it may have quadratic drag. In a steady current the hydrodynamic terms act on the velocity
+through the water (Fossen 2011, sec. 8.3).
 
-Every function is written once and serves numbers (`math`) and CasADi symbols alike:
-`cos` and `sin` are arguments.
+Each function is written once for numbers (`math`) and CasADi symbols: `cos` and `sin` are
+arguments.
 """
 
 from __future__ import annotations
@@ -62,15 +62,15 @@ def rates(
     cos: Callable[[Scalar], Scalar] = math.cos,
     sin: Callable[[Scalar], Scalar] = math.sin,
 ) -> list[Scalar]:
-    """Return dz/dt, six values in SI units. Eq. (9), with the sign of its last row as
-    `vessel.yaw_coupling` says, quadratic drag, current and wind force beside it.
+    """Return dz/dt, six values in SI units.
 
-    `thrusts` is (F_1, F_2); `weather` is `Weather.as_tuple()`.
+    This is Eq. (9) with quadratic drag, current and wind force; `vessel.yaw_coupling` gives the
+    sign of its last row. `thrusts` is (F_1, F_2); `weather` is `Weather.as_tuple()`.
     """
     _, _, psi, u, v, r = state
     current_north, current_east, force_north, force_east = weather
     cos_psi, sin_psi = cos(psi), sin(psi)
-    # The current seen from the hull turns with it: that is what r * v_c and -r * u_c undo.
+    # In the hull's axes the current turns with the hull; r * v_c and -r * u_c undo this.
     u_c = cos_psi * current_north + sin_psi * current_east
     v_c = cos_psi * current_east - sin_psi * current_north
     u_r, v_r = u - u_c, v - v_c
@@ -117,8 +117,8 @@ def drive_power_w(
 ) -> float:
     """Electrical power of both thrusters by momentum theory [W].
 
-    An ideal propeller of disc area A that makes thrust F while water reaches it at speed V
-    spends F (V + sqrt(V^2 + 2 F / (rho A))) / 2; the drive's efficiency divides it.
+    An ideal propeller of disc area A that makes thrust F in water arriving at speed V takes
+    F (V + sqrt(V^2 + 2 F / (rho A))) / 2. The result is this, divided by the drive's efficiency.
     """
     area = math.pi / 4 * vessel.propeller_diameter_m**2
     speed = max(0.0, surge_through_water_mps)

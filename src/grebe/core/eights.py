@@ -1,12 +1,12 @@
-"""Eight numbers in one register, for kernels whose rows are as wide as that.
+"""Eight numbers in one register, for kernels with rows of up to eight numbers.
 
 A row of a stage's sensitivities has seven numbers, which fit a register of eight or two of four.
-The compiler does not put them there by itself: the pass that would is off in numba, for it has
-compiled wrongly before. So a kernel says it: what `eight` and `loaded` return is a vector to the
-compiler, with `+`, `-` and, by a number, `*`; `stored` writes it back. Run by Python, without a
-compiler, it is an array of eight numbers.
+The compiler does not vectorise them by itself: numba disables that pass, which has produced wrong
+code before. So a kernel requests it: the compiler takes the results of `eight` and `loaded` as
+vectors, with `+`, `-` and multiplication by a number; `stored` writes a vector back. In plain
+Python, without a compiler, a vector is an array of eight numbers.
 
-The last numbers of a row that has fewer are a pad, and are worked out too: what lies there must be
+A shorter row is padded to eight numbers, and the padding takes part in the arithmetic: it must be
 finite, or never be read.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 WIDTH = 8
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
 _VECTOR = ir.VectorType(_DOUBLE, WIDTH)
-# Rows begin anywhere in an array of doubles.
+# A row may begin at any element of an array of doubles.
 _ALIGNMENT = 8
 
 
@@ -40,8 +40,9 @@ def eight(a: float, b: float, c: float, d: float, e: float, f: float, g: float, 
 
 
 def loaded(rows: Array, row: int, column: int) -> Array:
-    """Return eight numbers of a row of `rows` (n, m), from `column` on. Where that is, is not
-    checked, and is not counted from the end.
+    """Return eight numbers of a row of `rows` (n, m), from `column` on.
+
+    Indices are not checked, and negative ones do not count from the end.
     """
     return rows[row, column : column + WIDTH].copy()
 
@@ -52,7 +53,7 @@ def stored(numbers: Array, rows: Array, row: int, column: int) -> None:
 
 
 class _Eight(types.Type):
-    """What eight numbers are to numba."""
+    """Numba type of eight numbers."""
 
     def __init__(self) -> None:
         super().__init__(name="eight")
@@ -67,7 +68,7 @@ class _Model(models.PrimitiveModel):  # pyright: ignore[reportUnusedClass]
         super().__init__(manager, kind, _VECTOR)
 
 
-# Eight numbers are read and written where they lie in memory: in rows of doubles alone.
+# Eight numbers are loaded from and stored to contiguous rows of doubles only.
 
 
 def _is_rows(kind: Any) -> bool:
@@ -83,7 +84,7 @@ def _are_places(*kinds: Any) -> bool:
     return all(isinstance(kind, types.Integer) for kind in kinds)
 
 
-# Numba asks the inner functions what a call returns, with nothing for "not of this kind".
+# Numba asks the inner functions for a call's return type; None rejects the argument types.
 
 
 @type_callable(operator.add)
@@ -156,7 +157,7 @@ def _store(context: Any, builder: Any, signature: Any, given: Any) -> Any:
 
 
 def _place(context: Any, builder: Any, kinds: Any, given: Any) -> Any:
-    """Where a row's eight numbers begin in memory."""
+    """Pointer to a row's eight numbers."""
     rows_kind, *index_kinds = kinds
     rows = context.make_array(rows_kind)(context, builder, given[0])
     row, column = (
@@ -170,7 +171,7 @@ def _place(context: Any, builder: Any, kinds: Any, given: Any) -> Any:
 
 @inlined_machine_code
 def sum_of_four(rows: Array, w0: float, w1: float, w2: float, w3: float) -> Array:
-    """The sum of four rows of eight numbers, each at its weight."""
+    """Weighted sum of four rows of eight numbers."""
     return (w0 * loaded(rows, 0, 0) + w1 * loaded(rows, 1, 0)) + (
         w2 * loaded(rows, 2, 0) + w3 * loaded(rows, 3, 0)
     )
@@ -180,7 +181,7 @@ def sum_of_four(rows: Array, w0: float, w1: float, w2: float, w3: float) -> Arra
 def sum_of_six(
     rows: Array, w0: float, w1: float, w2: float, w3: float, w4: float, w5: float
 ) -> Array:
-    """The sum of six rows of eight numbers, each at its weight."""
+    """Weighted sum of six rows of eight numbers."""
     return (
         (w0 * loaded(rows, 0, 0) + w1 * loaded(rows, 1, 0))
         + (w2 * loaded(rows, 2, 0) + w3 * loaded(rows, 3, 0))

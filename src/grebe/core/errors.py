@@ -1,9 +1,9 @@
-"""Everything Grebe raises on purpose.
+"""The exceptions that Grebe raises deliberately.
 
-The tree, with the exit code the command line gives to each branch::
+The tree, with the exit code of the command line for each branch::
 
     GrebeError
-    |- UsageError         2   the command was put together wrongly: a setting that cannot be
+    |- UsageError         2   a command or a setting is invalid
     |- InputError         3   a file or a value from outside is not what it should be
     |  |- RegionError         an outline that cannot be surveyed
     |  |- TrackError          a track that cannot be read
@@ -14,18 +14,18 @@ The tree, with the exit code the command line gives to each branch::
     |- StoppedError       6   the operator stopped the mission
     `- IncompleteError    7   the mission ended with targets unreached
 
-An expected failure inside the control loop (a step that does not converge) is a
-value, `grebe.control.solvers.base.Status`, and not an exception.
+An expected failure inside the control loop, such as a step that does not converge, is not an
+exception but a value, `grebe.control.solvers.base.Status`.
 """
 
 from __future__ import annotations
 
 
 class GrebeError(Exception):
-    """Base of the tree: one sentence that names what was given and what to do.
+    """Base of the tree. The message is one sentence: what was given, and what to do.
 
-    `settings` names what could be set otherwise, in the library's words (`cell_m`, `force`): a
-    front end says how it is set there, by a flag or a field.
+    `settings` names the settings that could be changed, as the library calls them (`cell_m`,
+    `force`). A front end translates them into its flags or fields.
     """
 
     exit_code = 1
@@ -36,7 +36,7 @@ class GrebeError(Exception):
 
 
 class UsageError(GrebeError):
-    """The command, or a setting, was put together wrongly."""
+    """A command or a setting is invalid."""
 
     exit_code = 2
 

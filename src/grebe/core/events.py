@@ -1,8 +1,7 @@
-"""What a mission says as it goes: a stream of typed events, and what is kept of them as a log.
+"""The events that a mission emits, and the log entries made from them.
 
-Whoever wants to know what happens listens: the survey file, the progress bar, a page, a fleet.
-Events are plain frozen records; `time` is UTC, `elapsed_s` the boat's time since the mission
-began.
+The survey file, the progress bar, a page and a fleet listen to them. Events are plain frozen
+records; `time` is UTC, `elapsed_s` the boat's time since the mission began.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ EventLevel = Literal["info", "warning", "error"]
 
 
 class EndReason(enum.Enum):
-    """Why a mission ended; the value is the code of its entry in the log."""
+    """Reason for a mission's end; the value is the code of its log entry."""
 
     COMPLETE = "mission_complete"
     TARGET_GIVEN_UP = "target_not_reached"
@@ -45,7 +44,7 @@ class EndReason(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class MissionEvent:
-    """What all events have: when it was."""
+    """Base of all events: the time."""
 
     time: datetime
     elapsed_s: float
@@ -53,7 +52,7 @@ class MissionEvent:
 
 @dataclass(frozen=True, kw_only=True)
 class Started(MissionEvent):
-    """The first usable estimate has come, and the mission begins or goes on."""
+    """The first usable estimate has arrived: the mission begins or resumes."""
 
     targets: int
     reached: int
@@ -61,7 +60,7 @@ class Started(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate(MissionEvent):
-    """A usable state estimate (6,), its heading unwrapped, and the weather that explains it."""
+    """A usable state estimate (6,), its heading unwrapped, and the estimated weather."""
 
     state: State
     weather: Weather
@@ -69,9 +68,9 @@ class Estimate(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class Step(MissionEvent):
-    """The boat is told something: the state it is told from, and the thrusts [N] from here on.
+    """A command to the boat: the state it was computed from, and the thrusts [N] from now on.
 
-    `solve_ms` is None where the thrusts change within a plan that was made before.
+    `solve_ms` is None if the thrusts change within a plan that was made before.
     """
 
     state: State
@@ -87,8 +86,9 @@ class Step(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction(MissionEvent):
-    """The horizon that a step planned: `after_s` (N+1,) seconds from now, `states` (N+1, 6),
-    `thrusts` (N, 2) [N].
+    """The planned horizon of a step.
+
+    `after_s` (N+1,) seconds from now, `states` (N+1, 6), `thrusts` (N, 2) [N].
     """
 
     after_s: NDArray[np.float64]
@@ -98,14 +98,14 @@ class Prediction(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class SampleTaken(MissionEvent):
-    """The sonde was read, and the reading is kept."""
+    """The sonde was read, and the reading is stored."""
 
     sample: Sample
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reached(MissionEvent):
-    """A target set was entered; `count` sets are reached now."""
+    """A target set was entered; `count` sets have now been reached."""
 
     target_seq: int
     count: int
@@ -113,7 +113,7 @@ class Reached(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class Warned(MissionEvent):
-    """Something that an operator or a reader of the data should know."""
+    """A warning to the operator, or to a reader of the data."""
 
     code: str
     message: str
@@ -121,8 +121,9 @@ class Warned(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class SafetyChanged(MissionEvent):
-    """The boat does something else from here on, for its safety: the states before and after in
-    their words, the code of the cause, and a sentence.
+    """The boat changes its behaviour for its safety.
+
+    `before` and `after` name the two states; `code` and `message` give the cause.
     """
 
     before: str
@@ -133,8 +134,9 @@ class SafetyChanged(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class Revised(MissionEvent):
-    """The rest of the order has been planned anew: the plan from here on, and how many `more`
-    targets the mission has by it (fewer: negative).
+    """The rest of the order has been replanned.
+
+    `revision` is the plan from now on, `more` the number of targets added (negative if fewer).
     """
 
     revision: PlanRevision
@@ -143,7 +145,7 @@ class Revised(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class Ended(MissionEvent):
-    """The mission is over, and why."""
+    """The mission has ended, for a reason."""
 
     reason: EndReason
     message: str
@@ -151,7 +153,7 @@ class Ended(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class LogEntry:
-    """What the survey file keeps of an event that is neither track nor sample."""
+    """The survey file's record of an event that is neither track nor sample."""
 
     time: datetime
     level: EventLevel
@@ -160,7 +162,7 @@ class LogEntry:
 
 
 def log_entry(event: MissionEvent) -> LogEntry | None:
-    """Return the entry that the log keeps of an event; None where the log keeps nothing of it."""
+    """Return the log entry of an event; None if the event is not logged."""
     match event:
         case Started():
             again = f", {event.reached} reached before" if event.reached else ""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     Geometries = TypeVar("Geometries", BaseGeometry, NDArray[np.object_])
 
 WGS84 = "EPSG:4326"
-# Farther from the water a place is a mistake.
+# A place farther than this from the water is taken for a mistake.
 FARTHEST_PLACE_M = 5000.0
 
 
@@ -53,7 +53,7 @@ class LocalFrame:
 
     @property
     def definition(self) -> str:
-        """PROJ string of the plane (easting first, as PROJ has it)."""
+        """PROJ string of the plane (easting first, as in PROJ)."""
         return (
             f"+proj=tmerc +lat_0={self.origin_lat_deg!r} +lon_0={self.origin_lon_deg!r} "
             "+k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
@@ -66,13 +66,13 @@ class LocalFrame:
         return Transformer.from_crs(WGS84, self.definition, always_xy=True)
 
     def to_local(self, lonlat: ArrayLike) -> NDArray[np.float64]:
-        """Turn (..., 2) degrees (lon, lat) into (..., 2) metres (north, east)."""
+        """Convert (..., 2) degrees (lon, lat) to (..., 2) metres (north, east)."""
         points = np.asarray(lonlat, dtype=float)
         east, north = self._transformer.transform(points[..., 0], points[..., 1])
         return np.stack([north, east], axis=-1)
 
     def to_wgs84(self, north_east: ArrayLike) -> NDArray[np.float64]:
-        """Turn (..., 2) metres (north, east) into (..., 2) degrees (lon, lat)."""
+        """Convert (..., 2) metres (north, east) to (..., 2) degrees (lon, lat)."""
         points = np.asarray(north_east, dtype=float)
         lon, lat = self._transformer.transform(points[..., 1], points[..., 0], direction="INVERSE")
         return np.stack([lon, lat], axis=-1)
@@ -80,8 +80,9 @@ class LocalFrame:
     def place_near(
         self, water: BaseGeometry, lonlat: tuple[float, float], what: str
     ) -> tuple[float, float]:
-        """Return a place given in degrees as (north, east) [m]; `InputError` says `what` it is that
-        lies too far from the water to be meant.
+        """Convert a place in degrees (lon, lat) to (north, east) [m].
+
+        Raises `InputError` if it is too far from the water; `what` names the place in the message.
         """
         north, east = self.to_local(lonlat).tolist()
         away = water.distance(shapely.Point(north, east))
@@ -93,16 +94,16 @@ class LocalFrame:
         return north, east
 
     def geometry_to_local(self, geometry: Geometries) -> Geometries:
-        """Turn geometries, one or an array, in degrees (lon, lat) into metres (north, east)."""
+        """Convert one geometry or an array from degrees (lon, lat) to metres (north, east)."""
         return shapely.transform(geometry, self.to_local)
 
     def geometry_to_wgs84(self, geometry: Geometries) -> Geometries:
-        """Turn geometries, one or an array, in metres (north, east) into degrees (lon, lat)."""
+        """Convert one geometry or an array from metres (north, east) to degrees (lon, lat)."""
         return shapely.transform(geometry, self.to_wgs84)
 
 
 def frame_at(geometry: BaseGeometry) -> LocalFrame:
-    """Return the frame whose origin is the middle of the bounds of a WGS 84 geometry."""
+    """Return the frame with its origin at the centre of a WGS 84 geometry's bounds."""
     west, south, east, north = geometry.bounds
     return LocalFrame(
         origin_lon_deg=round((west + east) / 2, 7), origin_lat_deg=round((south + north) / 2, 7)

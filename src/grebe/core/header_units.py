@@ -1,8 +1,8 @@
-"""Units as loggers write them behind the names of their columns, and how to convert them.
+"""Units in the column headers that loggers write, and their conversion.
 
 A header such as `SpCond mS/cm`, `DO (%)`, `Temp, °C (LGR S/N: 1)` or `depth_ft` is a name and a
-unit. A unit is a scale of one kind of measurement; between scales of one kind a value is
-`factor * value + offset` of the kind's first.
+unit. A unit is a scale of one kind of measurement; `factor * value + offset` converts a value to
+the kind's base scale.
 """
 
 from __future__ import annotations
@@ -15,42 +15,43 @@ from grebe.core.units import OXYGEN_G_PER_MOL, OXYGEN_MG_PER_ML
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """A scale: `kind` of what it measures, and how to reach that kind's base scale."""
+    """A scale: the `kind` of measurement, and the conversion to that kind's base scale."""
 
     kind: str
     factor: float = 1.0
     offset: float = 0.0
 
     def to(self, other: Unit) -> tuple[float, float]:
-        """Factor and offset that bring a value in this unit to the other, of the same kind.
+        """Factor and offset that convert a value in this unit to another of the same kind.
 
-        Raises `ValueError` where the kinds differ.
+        Raises `ValueError` if the kinds differ.
         """
         if self.kind != other.kind:
             raise ValueError(f"{self.kind} is not {other.kind}")
         return self.factor / other.factor, (self.offset - other.offset) / other.factor
 
     def of_oxygen(self) -> Unit:
-        """The unit as one of oxygen's mass in water, where it is of moles or of the gas's volume;
-        a kilogram of fresh water is a litre. Any other unit is itself.
+        """Unit of oxygen's mass in water that corresponds to one of moles or of gas volume.
+
+        A kilogram of fresh water is taken as a litre. Any other unit is returned unchanged.
         """
         mgl = _OXYGEN_MGL.get(self.kind)
         return self if mgl is None else Unit(kind="mass in water", factor=mgl * self.factor)
 
 
-# What one of a kind's base scale is of oxygen [mg/L].
+# Oxygen [mg/L] for one unit of a kind's base scale.
 _OXYGEN_MGL = {
     "amount in water": OXYGEN_G_PER_MOL / 1000,
     "amount in mass": OXYGEN_G_PER_MOL / 1000,
     "gas in water": OXYGEN_MG_PER_ML,
 }
 
-# A temperature of the scale of 1968 is so many times that of the scale of 1990 [°C].
+# Ratio of a temperature on the scale of 1968 to that on the scale of 1990 [°C].
 IPTS_68 = 1.00024
 
-# By spelling: in lower case, without blanks, with u for micro and no sign for a degree. Bases:
-# Celsius, µS/cm, mg/L, µmol/L, µmol/kg, mL/L, percent, NTU, RFU, QSU, mV, m, dbar, PSU, degrees.
-# What stands before a comma is the scale or the water that Sea-Bird's names tell.
+# Keyed by spelling: lower case, no blanks, u for micro, no degree sign. Bases: Celsius, µS/cm,
+# mg/L, µmol/L, µmol/kg, mL/L, percent, NTU, RFU, QSU, mV, m, dbar, PSU, degrees. A prefix before
+# a comma is the scale or the kind of water, as in Sea-Bird's names.
 _UNITS: dict[str, Unit] = {}
 
 
@@ -120,26 +121,26 @@ _define("angle", 1, "deg", "degrees", "dd")
 _define("angle", 1e-7, "1e-7deg", "1e7", "dege7", "e7", "degx1e7")
 _define("speed", 1, "m/s", "ms-1", "meterspersecond")
 
-# What is no unit behind a comma or in brackets: serial numbers and labels of a logger's export.
+# Serial numbers and labels in a logger's export, which are not units.
 _SERIAL = re.compile(r"\s*\((LGR|SEN|S/N|LBL|#)[^)]*\)|\s*\(\d{4,}\)", re.IGNORECASE)
 _BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
 
 
-# What a unit is said to hold at: `mS/cm @25°C`.
+# The reference temperature of a unit: `mS/cm @25°C`.
 _AT = re.compile(r"(@|at)\d+(deg)?c?$")
 
 
-# The temperature to which a specific conductance is referred.
+# The reference temperature of a specific conductance.
 _AT_25 = re.compile(r"(@|at)25(deg|c|$)")
 
 
 def parse_unit(text: str) -> Unit | None:
-    """The unit of a spelling; None for anything else."""
+    """The unit with this spelling; None if there is none."""
     return _UNITS.get(_AT.sub("", _plain(text)))
 
 
 def is_at_25(text: str) -> bool:
-    """Whether the spelling of a unit says that it holds at 25 °C."""
+    """Whether the spelling of a unit refers it to 25 °C."""
     return _AT_25.search(_plain(text)) is not None
 
 
@@ -149,23 +150,23 @@ def _plain(text: str) -> str:
 
 
 def bracketed(header: str) -> str:
-    """What stands in the last brackets of a header, serial numbers apart; empty without any."""
+    """Text in the last brackets of a header, ignoring serial numbers; empty without brackets."""
     found = _BRACKETS.findall(_SERIAL.sub("", header))
     return found[-1] if found else ""
 
 
 def split_header(header: str) -> tuple[str, str]:
-    """A column's name and the spelling of its unit, empty where it names none."""
+    """A column's name and the spelling of its unit, empty if the header has none."""
     text = _SERIAL.sub("", header.replace("\N{DEGREE CELSIUS}", "°C")).strip()
     for found in _BRACKETS.finditer(text):
         if parse_unit(found[1]):
             return (text[: found.start()] + text[found.end() :]).strip(" ,_"), found[1]
     for mark in (",", " ", "_", "-"):
-        # The longest end of the header that is a unit, after a name.
+        # Take the longest ending that is a unit and follows a name.
         places = [place.start() for place in re.finditer(re.escape(mark), text)]
         for place in places:
             name, unit = text[:place].strip(" ,_"), text[place + 1 :].strip()
-            # One letter behind a stroke is a unit for a temperature alone: `x_m` may be anything.
+            # One letter after `_` or `-` is a unit only for a temperature: `x_m` may be anything.
             lone = mark in "_-" and len(unit) == 1 and "temp" not in name.lower()
             if name and not lone and parse_unit(unit):
                 return name, unit

@@ -1,20 +1,20 @@
-"""The boat under an autopilot that holds speed and yaw rate: a different plant from the bare hull.
+"""Model of a boat whose autopilot holds speed and yaw rate: a different plant from the bare hull.
 
 An inner loop that follows a speed u_ref and a yaw rate r_ref with first-order lags,
 
     u' = (u_ref - u) / T_u,    r' = (r_ref - r) / T_r,
 
-is Eq. (9) with linear drag and equal masses in surge and sway: with m = m11 = m22, x_u = -m / T_u
-and n_r = -m33 / T_r, the steady rates u_ref = tau_u / -x_u and r_ref = tau_r / -n_r stand for the
-thrusts, and no moment couples surge and sway into yaw, for the inner loop takes it up. Nothing
-holds sway: it keeps the hull's own drag. So whatever plans for a `Vessel` plans for this
-boat too, and the limits of its two thrusters become those of speed and turn together: a boat at
-full speed has nothing left to turn with.
+is Eq. (9) with linear drag and equal masses in surge and sway. With m = m11 = m22, x_u = -m / T_u
+and n_r = -m33 / T_r, the steady rates u_ref = tau_u / -x_u and r_ref = tau_r / -n_r take the place
+of the thrusts. No moment couples surge and sway into yaw, because the inner loop compensates it.
+Nothing holds sway, which keeps the hull's drag. Any planner for a `Vessel` can therefore plan for
+this boat too. The limits of its two thrusters become a joint limit on speed and turn: a boat at
+full speed cannot turn.
 
-An order astern must not promise a boat more braking than its thrusters have. Under the order -a the
-inner loop slows it by (u + a) / T_u, full thrust astern by (2 F + D(u)) / m with D the drag of
-Eq. (9): the least T_u (`braking_time_s`) and the largest a (`braking_share`) follow for which the
-first is never more than the second.
+The model must not promise more braking than the thrusters have. Under the order -a the inner loop
+decelerates the boat by (u + a) / T_u, and full thrust astern by (2 F + D(u)) / m, with D the drag
+of Eq. (9). `braking_time_s` is the least T_u, and `braking_share` gives the largest a, for which
+the first never exceeds the second.
 """
 
 from __future__ import annotations
@@ -27,20 +27,22 @@ from grebe.core.dynamics import Weather, rates
 from grebe.core.errors import VesselError
 from grebe.core.vessel import Vessel, steady_rate
 
-# Sway at which a quadratic drag is taken as linear [m/s].
+# Sway at which quadratic drag is linearised [m/s].
 USUAL_SWAY_MPS = 0.2
-# The speed astern that an order can ask for is at least this share of the one ahead.
+# The largest speed astern that can be ordered is at least this share of the one ahead.
 LEAST_ASTERN_SHARE = 0.1
 
 
 def surge_time_s(vessel: Vessel) -> float:
-    """Time constant T_u [s] that asks no more of the hull than full thrust ahead from rest."""
+    """Time constant T_u [s] that needs no more than full thrust ahead from rest."""
     return vessel.m11_kg * vessel.speed_max_mps / (2 * vessel.thrust_max_n)
 
 
 def braking_time_s(vessel: Vessel, astern_mps: float) -> float:
-    """The least time constant T_u [s] with which an order of `astern_mps` astern slows the boat no
-    faster than full thrust astern does, at any speed ahead.
+    """Least time constant T_u [s] that promises no more braking than the thrusters have.
+
+    With it, an order of `astern_mps` astern decelerates the boat no faster than full thrust astern
+    does, at any speed ahead.
     """
     linear, quadratic, force = -vessel.x_u, -vessel.x_uu, -2 * vessel.thrust_min_n
     surge = vessel.speed_max_mps
@@ -54,8 +56,10 @@ def braking_time_s(vessel: Vessel, astern_mps: float) -> float:
 
 
 def braking_share(hull: Vessel, model: Vessel) -> float:
-    """The share of a model's thrust astern, of the hull under speed control, that slows it no
-    faster at any speed ahead than full thrust astern slows the hull.
+    """Share of the model's thrust astern that promises no more braking than the hull has.
+
+    `model` is the hull under speed control. At any speed ahead this share decelerates it no faster
+    than full thrust astern decelerates the hull.
     """
     surge_s = model.m11_kg / -model.x_u
     linear, quadratic, force = -hull.x_u, -hull.x_uu, -2 * hull.thrust_min_n
@@ -68,7 +72,7 @@ def braking_share(hull: Vessel, model: Vessel) -> float:
 
 
 def yaw_time_s(vessel: Vessel) -> float:
-    """Time constant T_r [s] that asks no more of the hull than one thruster ahead, one astern."""
+    """Time constant T_r [s] that needs no more than one thruster full ahead, one full astern."""
     return vessel.m33_kgm2 * yaw_rate_max_radps(vessel) / _most_moment_nm(vessel)
 
 
@@ -88,10 +92,10 @@ def under_speed_control(
     surge_lag_s: float | None = None,
     yaw_lag_s: float | None = None,
 ) -> Vessel:
-    """Return the boat that a hull is under an autopilot which holds speed and yaw rate.
+    """Return the model of a hull under an autopilot that holds speed and yaw rate.
 
-    `speed_max_mps` is the autopilot's own limit; the lags [s] are the hull's own where they are
-    not known. Raises `VesselError` for a limit or a lag that is not positive.
+    `speed_max_mps` is the autopilot's limit. Lags [s] that are not given follow from the hull.
+    Raises `VesselError` for a limit or a lag that is not positive.
     """
     surge_s = surge_lag_s
     if surge_s is None:
@@ -128,10 +132,10 @@ def under_speed_control(
 def held_motion(
     vessel: Vessel, state: Sequence[float], thrusts: tuple[float, float], weather: Weather
 ) -> tuple[float, float]:
-    """Return the surge [m/s] and the yaw rate [rad/s], over ground, that an inner loop must be
-    told so that the boat moves on from `state` as Eq. (9) says it would under `thrusts`.
+    """Return the surge [m/s] and yaw rate [rad/s], over ground, to order from an inner loop.
 
-    A first-order lag T follows w_ref = w + T w' along the motion w that is wanted.
+    Under this order the boat moves on from `state` as Eq. (9) predicts under `thrusts`: a
+    first-order lag T follows the wanted motion w if its reference is w_ref = w + T w'.
     """
     rate = rates(vessel, state, thrusts, weather.as_tuple())
     surge = state[3] + surge_time_s(vessel) * rate[3]

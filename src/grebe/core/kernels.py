@@ -1,4 +1,4 @@
-"""How the numerical kernels are compiled: by numba, once, and kept on disk."""
+"""Compilation of the numerical kernels by numba, and their cache on disk."""
 
 from __future__ import annotations
 
@@ -18,70 +18,76 @@ import numba
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
 
-# Sums may be reordered and multiplications fused. NaN and infinity keep their meaning: the
-# solver tests for them.
+# Sums may be reordered and multiplications fused. NaN and infinity keep their meaning, because
+# the solver tests for them.
 _FASTMATH = {"contract", "reassoc", "arcp", "nsz"}
 
 _PACKAGE = Path(__file__).parents[1]
-# Where a mission's kernels are written, and the file that says that all of them are compiled.
+# The packages with a mission's kernels, and the file that records that all of them are compiled.
 _OF_MISSIONS = ("core", "control", "mission", "links")
 _STAMP = _PACKAGE / "core" / "__pycache__" / "missions_are_compiled"
 
 
 def machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
-    """Turn a kernel into machine code at its first call; later processes load it from disk.
+    """Compile a kernel at its first call; later processes load it from disk.
 
-    While it runs, other threads do too: the one that ends a command when it is told to.
+    It releases the GIL, so that other threads run meanwhile, such as the one that ends a command
+    on request.
     """
     return _compiled(function, fastmath=_FASTMATH, nogil=True)
 
 
 def exact_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
-    """Like `machine_code`, but every sum in the order in which it is written: for kernels whose
-    rounding is part of the method.
+    """Like `machine_code`, but with every sum in the order written.
+
+    For kernels whose rounding is part of the method.
     """
     return _compiled(function, nogil=True)
 
 
 def part_of_kernels(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
-    """Like `machine_code`, for what other kernels call and Python never does: what would unpack
-    Python's arguments is not compiled. Called by Python it raises `TypeError`.
+    """Like `machine_code`, for functions that only other kernels call.
+
+    The code that would unpack Python's arguments is not compiled. A call from Python raises
+    `TypeError`.
     """
     return _hidden(_compiled(function, fastmath=_FASTMATH, no_cpython_wrapper=True))
 
 
 def inlined_machine_code(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
-    """Like `part_of_kernels`, copied into each kernel that calls it. For small kernels: handing
-    over a record of arrays takes longer than they do.
+    """Like `part_of_kernels`, but inlined into each kernel that calls it.
+
+    For small kernels, which take less time than passing them a record of arrays.
     """
     options = {"no_cpython_wrapper": True, "forceinline": True}
     return _hidden(_compiled(function, fastmath=_FASTMATH, **options))
 
 
 def _compiled(function: Callable[_Arguments, _Result], **options: Any) -> Any:
-    # Nobody calls a kernel from C.
+    # Kernels are never called from C.
     options = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True} | options
     return _compiled_in_peace(numba.njit(**options)(function))
 
 
 def _hidden(kernel: Any) -> Any:
-    """Keep Python from calling a kernel that it has no way into: it would jump to nowhere."""
+    """Keep Python from calling a kernel without an entry point, which would crash."""
     if not hasattr(kernel, "compile"):
-        return kernel  # With NUMBA_DISABLE_JIT=1 it is Python's own function.
+        return kernel  # With NUMBA_DISABLE_JIT=1 it is the plain Python function.
 
     def refuse(*_: Any, **__: Any) -> None:
         raise TypeError(f"{kernel.__name__} is a part of other kernels: Python cannot call it")
 
-    # What numba knows of ways in, and asks for one where it knows of none.
+    # Numba registers entry points with the first and looks for a missing one with the second.
     kernel._insert = lambda *_: None
     kernel._compile_for_args = refuse
     return kernel
 
 
 def _compiled_in_peace(kernel: Any) -> Any:
-    """Let nothing interrupt a kernel's compilation, or its loading from disk. An exception that a
-    signal raises within a call back from the compiler is lost there, and the machine code with it:
-    the process then dies of it.
+    """Hold back signals while a kernel is compiled or loaded from disk.
+
+    An exception that a signal raises within a callback from the compiler is lost there, and the
+    machine code with it; the process then crashes.
     """
     if not hasattr(kernel, "compile"):
         return kernel  # With NUMBA_DISABLE_JIT=1 numba hands the function back as it is.
@@ -98,9 +104,11 @@ def _compiled_in_peace(kernel: Any) -> Any:
 
 
 def _load_at_once(kernel: Any) -> None:
-    """Load a kernel's machine code without what only a compiler needs: numba first tells its
-    compiler of all that it could translate, for a tenth of a second and more. Where that is not on
-    disk, or another numba is built otherwise, it goes numba's own way.
+    """Load a kernel's machine code without initialising the compiler.
+
+    Numba first registers all that its compiler can translate, which takes a tenth of a second or
+    more. If the kernel is not on disk, or another version of numba differs internally, numba's own
+    loader is used.
     """
     cache: Any = getattr(kernel, "_cache", None)
     if not hasattr(cache, "_load_overload"):
@@ -109,7 +117,7 @@ def _load_at_once(kernel: Any) -> None:
 
     def load(signature: Any, context: Any) -> Any:
         with suppress(Exception):
-            # What machine code calls by name: numba's memory, and Python's secret of hashes.
+            # Machine code refers to these by name: numba's memory, and Python's hash secret.
             importlib.import_module("numba.cpython.hashing")
             nrt = importlib.import_module("numba.core.runtime.nrt")
             nrt.rtsys.initialize(context)
@@ -122,8 +130,10 @@ def _load_at_once(kernel: Any) -> None:
 
 
 def _save_alone(kernel: Any) -> None:
-    """Let one process at a time write what it has compiled. Numba numbers the files of a kernel by
-    what is there: two processes might give one number to machine code for different arguments.
+    """Let only one process at a time write compiled code.
+
+    Numba numbers a kernel's files by the files that exist, so two processes could give one number
+    to machine code for different arguments.
     """
     cache: Any = getattr(kernel, "_cache", None)
     if not hasattr(cache, "save_overload"):
@@ -139,7 +149,7 @@ def _save_alone(kernel: Any) -> None:
 
 @contextmanager
 def _alone(folder: Path) -> Generator[None]:
-    """Wait for whoever writes machine code to a folder; where none can be written, for nobody."""
+    """Hold a folder's lock for writing machine code; no lock if the folder is not writable."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / ".machine_code").open("w")
@@ -147,7 +157,7 @@ def _alone(folder: Path) -> Generator[None]:
         yield
         return
     with lock:
-        # A disk on a network may know no locks.
+        # A network disk may not support locks.
         with suppress(OSError):
             fcntl.flock(lock, fcntl.LOCK_EX)
         yield
@@ -155,8 +165,9 @@ def _alone(folder: Path) -> Generator[None]:
 
 @contextmanager
 def signals_held_back() -> Generator[None]:
-    """Let SIGINT and SIGTERM raise what they raise afterwards. Only Python's own handlers wait: who
-    listens for signals in another thread hears of them at once.
+    """Postpone the handlers of SIGINT and SIGTERM until afterwards.
+
+    Only Python's handlers wait: a thread that listens for signals receives them at once.
     """
     heard: list[tuple[int, FrameType | None]] = []
     before: dict[signal.Signals, Any] = {}
@@ -174,7 +185,7 @@ def signals_held_back() -> Generator[None]:
 
 
 def _restored(handlers: list[tuple[signal.Signals, Any]]) -> None:
-    """Put all handlers back, also where one of them raises as soon as it is back."""
+    """Restore all handlers, even if one of them raises as soon as it is restored."""
     if handlers:
         try:
             signal.signal(*handlers[0])
@@ -183,8 +194,9 @@ def _restored(handlers: list[tuple[signal.Signals, Any]]) -> None:
 
 
 def is_compiled() -> bool:
-    """Whether all that a mission needs of machine code is on disk, made of the source that there is
-    now, so that nothing is compiled while a boat waits.
+    """Return whether all machine code of a mission is on disk, compiled from the present source.
+
+    Nothing is then compiled while a boat waits.
     """
     try:
         return _STAMP.read_text() == _sources()
@@ -193,9 +205,11 @@ def is_compiled() -> bool:
 
 
 def forget_compiled() -> None:
-    """Remove the machine code of another source. A kernel holds those that it calls, and numba
-    looks at its own file alone: one that calls a changed kernel would be run as it was. What was
-    compiled before anything was noted is of the source that there is.
+    """Remove machine code that was compiled from another source.
+
+    A kernel contains the kernels that it calls, but numba checks only the kernel's own file; a
+    caller of a changed kernel would run the old code. Without a note, whatever is compiled comes
+    from the present source and stays.
     """
     if not _STAMP.exists():
         return
@@ -206,16 +220,16 @@ def forget_compiled() -> None:
 
 
 def note_compiled() -> None:
-    """Note that all of it is compiled; where the package cannot be written, nothing is noted."""
+    """Record that everything is compiled, unless the package's folder is not writable."""
     with suppress(OSError):
         _STAMP.parent.mkdir(exist_ok=True)
         _STAMP.write_text(_sources())
 
 
 def _sources() -> str:
-    """What tells one source from another, its files' sizes and times; and which numba reads it.
+    """Hash of the sources' names, sizes and times and of numba's version.
 
-    Not which is the newer: the clock of a boat's computer may stand still while it is off.
+    It does not compare which is newer: a boat's computer may lose its clock while it is off.
     """
     files = sorted(one for part in _OF_MISSIONS for one in (_PACKAGE / part).rglob("*.py"))
     told = [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]

@@ -1,5 +1,6 @@
-"""Eq. (9) compiled: the same equations as `grebe.core.dynamics.rates`, which the tests hold this
-file to, for kernels that roll the boat out many times.
+"""Eq. (9) compiled, for kernels that simulate the boat many times.
+
+The equations are those of `grebe.core.dynamics.rates`; the tests compare both.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -18,13 +19,13 @@ from grebe.core.vessel import Vessel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Order of the vessel's numbers in the parameter vector.
+# Indices of the vessel's parameters in the parameter vector.
 M11, M22, M33, XU, YV, NR, XUU, YVV, NRR, ARM, YAW = range(11)
 CN, CE, FN, FE = range(11, 15)
 
 
 def parameter_vector(vessel: Vessel, weather: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the 15 numbers of the equations: vessel, then current and wind force."""
+    """Return the 15 parameters of the equations: vessel, then current and wind force."""
     boat = [
         vessel.m11_kg,
         vessel.m22_kg,
@@ -43,7 +44,7 @@ def parameter_vector(vessel: Vessel, weather: NDArray[np.float64]) -> NDArray[np
 
 @inlined_machine_code
 def in_hull_axes(p, psi):
-    """Cosine and sine of the heading, and current and wind force ahead and to starboard."""
+    """Cosine and sine of the heading, then current and wind force ahead and to starboard."""
     c, s = np.cos(psi), np.sin(psi)
     current, wind = (p[CN], p[CE]), (p[FN], p[FE])
     return (
@@ -58,7 +59,7 @@ def in_hull_axes(p, psi):
 
 @inlined_machine_code
 def motion(p, psi, u, v, r, port, starboard):
-    """Right-hand side: six numbers."""
+    """Right-hand side of Eq. (9), six numbers."""
     c, s, u_c, v_c, wind_x, wind_y = in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
     m11, m22 = p[M11], p[M22]
@@ -77,8 +78,8 @@ def motion(p, psi, u, v, r, port, starboard):
 
 @machine_code
 def advance(p, z, thrusts, duration, substeps, out):
-    """Integrate one stage from `z` (6,) into `out` (6,): RK4 without derivatives."""
-    # In plain numbers, for the search does little else: small arrays cost more than they hold.
+    """Integrate one stage from `z` (6,) into `out` (6,) by RK4, without derivatives."""
+    # Scalars, because the search spends most of its time here and small arrays are costly.
     h, half = duration / substeps, 0.5 * duration / substeps
     port, starboard = thrusts[0], thrusts[1]
     x, y, psi, u, v, r = z[0], z[1], z[2], z[3], z[4], z[5]

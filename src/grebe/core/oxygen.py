@@ -1,4 +1,4 @@
-"""Solubility of oxygen in water, and saturation to concentration and back.
+"""Solubility of oxygen in water.
 
 Benson and Krause (1984), equations 24, 31 and 32, as the U.S. Geological Survey has used them
 since its Office of Water Quality technical memorandum 2011.03: concentration at equilibrium with
@@ -25,10 +25,10 @@ def oxygen_solubility_mgl(
     salinity: Array | float = 0.0,
     pressure_hpa: Array | float = STANDARD_ATM_HPA,
 ) -> Array:
-    """Dissolved oxygen at saturation [mg/L], of the shape of the arguments together.
+    """Dissolved oxygen at saturation [mg/L], in the broadcast shape of the arguments.
 
-    `temperature_degc` 0 to 40 °C, `salinity` 0 to 40 (practical), `pressure_hpa` of the air at
-    the water, not reduced to sea level.
+    `temperature_degc` is 0 to 40 °C, `salinity` 0 to 40 (practical). `pressure_hpa` is that of the
+    air at the water, not reduced to sea level.
     """
     t = np.asarray(temperature_degc, dtype=float)
     kelvin = t + KELVIN

@@ -1,7 +1,7 @@
-"""Samples: what the sonde read, where, and how good each value is.
+"""Samples: the sonde's readings, their positions, and a quality flag for each value.
 
-`Sample` is one reading, as a mission takes it; `Samples` are many, as columns: what the survey
-file hands out, and quality control, lag, maps and report take.
+`Sample` is one reading, as a mission takes it. `Samples` holds many as columns: the survey file
+returns them, and quality control, lag correction, maps and report use them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Flag:
-    """QARTOD flags, the numbers that stand beside every value."""
+    """QARTOD flags, the numbers stored beside every value."""
 
     GOOD = 1
     NOT_EVALUATED = 2
@@ -34,10 +34,10 @@ class Flag:
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
-    """One reading of the sonde with the place where it was taken.
+    """One reading of the sonde with the position where it was taken.
 
-    `speed_mps` is the surge over ground, the u of the speed window; `values` and `flags`
-    are keyed by quantity, a value that is missing is None and flagged 9.
+    `speed_mps` is the surge over ground, the u of the speed window. `values` and `flags`
+    are keyed by quantity; a missing value is None and flagged 9.
     """
 
     time: datetime
@@ -56,9 +56,9 @@ class Samples:
     `times` (n,) unix seconds, UTC; `positions` (n, 2) north, east [m] in the survey's frame;
     `target_seq` (n,) the target that each was taken in, 0 for none; `speed_mps` (n,) surge over
     ground, NaN where unknown; `values` (n,) by quantity, in its unit, NaN for missing; `flags`
-    (n,) by quantity, see `Flag`; `boat` (n,) the number of the boat that took each, None where one
-    boat took them all. Raises `InputError` where columns differ in length, or a
-    quantity has values and no flags.
+    (n,) by quantity, see `Flag`; `boat` (n,) the number of the boat that took each, None if one
+    boat took them all. Raises `InputError` if columns differ in length, or if a quantity has
+    values without flags or flags without values.
     """
 
     times: NDArray[np.float64]
@@ -99,7 +99,7 @@ class Samples:
         quantities: Quantities,
         speed_mps: NDArray[np.float64] | None = None,
     ) -> Samples:
-        """Samples outside any plan, flagged by the gross range of their quantities alone."""
+        """Samples that belong to no plan, flagged by the gross range of their quantities alone."""
         n = len(times)
         return cls(
             times=times,
@@ -114,15 +114,15 @@ class Samples:
         )
 
     def moment(self, index: int) -> datetime:
-        """When one sample was taken, UTC."""
+        """Time of one sample, UTC."""
         return datetime.fromtimestamp(float(self.times[index]), UTC)
 
     def measured(self, key: str) -> bool:
-        """Whether there is any value of a quantity."""
+        """Whether any value of a quantity is present."""
         return key in self.values and bool(np.isfinite(self.values[key]).any())
 
     def usable(self, key: str) -> NDArray[np.bool_]:
-        """Which values (n,) are there and not flagged suspect or failed."""
+        """Mask (n,) of the values that are present and not flagged suspect or failed."""
         return np.isfinite(self.values[key]) & np.isin(self.flags[key], Flag.USABLE)
 
     def rows(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Samples:
@@ -138,22 +138,22 @@ class Samples:
         )
 
     def each_boat(self) -> list[NDArray[np.int64]]:
-        """The places in the columns of each boat's samples."""
+        """Indices of each boat's samples, one array per boat."""
         if self.boat is None:
             return [np.arange(len(self))]
         return [np.flatnonzero(self.boat == number) for number in np.unique(self.boat)]
 
     def of_boat(self, number: int) -> Samples:
-        """The samples of one boat; where nobody said whose they are, all are the first one's."""
+        """Samples of one boat; without boat numbers, all belong to boat 1."""
         whose = np.ones(len(self), dtype=np.int64) if self.boat is None else self.boat
         return self.rows(whose == number)
 
     def moved(self, positions: NDArray[np.float64]) -> Samples:
-        """The same samples in another frame's positions (n, 2)."""
+        """The same samples with their positions (n, 2) in another frame."""
         return replace(self, positions=positions)
 
     def with_values(self, values: Mapping[str, NDArray[np.floating]]) -> Samples:
-        """The same samples with other values of the same quantities."""
+        """The same samples with the values of some quantities replaced."""
         more = {key: column.astype(np.float64) for key, column in values.items()}
         return replace(self, values={**self.values, **more})
 

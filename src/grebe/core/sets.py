@@ -23,11 +23,11 @@ from grebe.core.errors import PlanError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-# A vertex may lie this far [m] on the wrong side of its neighbours' line and the polygon still
-# counts as convex: what a trip to degrees and back may move it.
+# A polygon still counts as convex if a vertex is this far [m] on the wrong side of its neighbours'
+# line: converting it to degrees and back may move it that far.
 CONVEXITY_TOLERANCE_M = 1e-6
 SHORTEST_EDGE_M = 1e-6
-# Of a corridor's sides [m].
+# Shortest side of a corridor [m].
 SHORTEST_SIDE_M = 1e-3
 
 
@@ -61,7 +61,7 @@ class TargetSet:
     def known_good(
         cls, vertices: tuple[tuple[float, float], ...], speed_min_mps: float, speed_max_mps: float
     ) -> TargetSet:
-        """Return a set whose footprint was found convex, and its window not empty, already."""
+        """Return a set without checking that its footprint is convex and its window not empty."""
         one = object.__new__(cls)
         vars(one).update(
             vertices=vertices, speed_min_mps=speed_min_mps, speed_max_mps=speed_max_mps
@@ -78,7 +78,7 @@ class TargetSet:
         """Centroid of the footprint (north, east) [m]."""
         (x0, y0), *others = self.vertices
         area = north = east = 0.0
-        # Triangles about the first corner, for far from the origin there is less to round.
+        # Triangles about the first corner lose fewer digits far from the origin.
         for (ax, ay), (bx, by) in itertools.pairwise((x - x0, y - y0) for x, y in others):
             twice = ax * by - bx * ay
             area += twice
@@ -88,8 +88,10 @@ class TargetSet:
 
     @cached_property
     def _sides(self) -> list[tuple[float, float, float]]:
-        """Half-spaces of the footprint: (a, b, c) with a x + b y <= c. Plain numbers: there are a
-        hundred thousand sets, and each is asked ten times a second while it is the next.
+        """Half-spaces of the footprint: (a, b, c) with a x + b y <= c.
+
+        Plain numbers, because there are a hundred thousand sets, and the next one is queried ten
+        times a second.
         """
         ring = list(zip(self.vertices, (*self.vertices[1:], self.vertices[0]), strict=True))
         outward = math.copysign(1.0, sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in ring))
@@ -109,15 +111,15 @@ class TargetSet:
         return np.array([*((a, b, 0.0, c) for a, b, c in self._sides), *window])
 
     def contains(self, state: Sequence[float]) -> bool:
-        """Tell whether a state (x, y, psi, u, v, r) lies in the set (closed)."""
+        """Return whether a state (x, y, psi, u, v, r) is in the closed set."""
         return self.covers(state[0], state[1]) and self.allows(state[3])
 
     def covers(self, north_m: float, east_m: float) -> bool:
-        """Tell whether a position lies in the footprint (closed)."""
+        """Return whether a position is in the closed footprint."""
         return all(a * north_m + b * east_m <= c for a, b, c in self._sides)
 
     def allows(self, surge_mps: float) -> bool:
-        """Tell whether a surge lies in the speed window (closed)."""
+        """Return whether a surge is in the closed speed window."""
         return self.speed_min_mps <= surge_mps <= self.speed_max_mps
 
     def distance(self, state: Sequence[float]) -> float:
@@ -143,14 +145,15 @@ class TargetSet:
         return nearest
 
     def speed_excess(self, surge_mps: float) -> float:
-        """How far [m/s] a surge lies outside the window, zero inside."""
+        """Distance [m/s] of a surge from the window, zero inside."""
         return max(self.speed_min_mps - surge_mps, surge_mps - self.speed_max_mps, 0.0)
 
     def shrunk(self, margin_m: float, speed_margin_mps: float) -> TargetSet:
         """Return the set moved inwards by a margin on every side.
 
-        A margin that would leave nothing is cut to a quarter of the window, or to half of
-        area over perimeter, which no convex polygon's inscribed radius falls below.
+        The speed margin is at most a quarter of the window, so that something is left. The other
+        margin is at most half of area over perimeter: no convex polygon has a smaller inscribed
+        radius.
         """
         polygon = self.polygon
         inset = min(margin_m, 0.5 * polygon.area / polygon.length)
@@ -166,9 +169,7 @@ class TargetSet:
 def sets_of(
     rings: Sequence[tuple[tuple[float, float], ...]], windows: Sequence[tuple[float, float]]
 ) -> list[TargetSet]:
-    """Return the sets of rings and of windows of speed, as `TargetSet` does one by one; for many at
-    a time.
-    """
+    """Return the target sets of many rings and speed windows: `TargetSet`, vectorised."""
     good = _are_convex(rings)
     return [
         TargetSet.known_good(ring, low, high)
@@ -179,7 +180,7 @@ def sets_of(
 
 
 def _are_convex(rings: Sequence[tuple[tuple[float, float], ...]]) -> list[bool]:
-    """Whether each ring is plainly a convex polygon; where it hardly is, or is none, not."""
+    """Return whether each ring is clearly a convex polygon; False in borderline cases too."""
     good = np.zeros(len(rings), dtype=bool)
     sizes = np.array([len(ring) for ring in rings])
     for size in np.unique(sizes[sizes >= 3]).tolist():
@@ -187,7 +188,7 @@ def _are_convex(rings: Sequence[tuple[tuple[float, float], ...]]) -> list[bool]:
         ring = np.array([rings[k] for k in those.tolist()])
         edge = np.roll(ring, -1, axis=1) - ring
         length = np.hypot(edge[..., 0], edge[..., 1])
-        # Twice the areas of the triangles of each edge and each corner.
+        # Twice the area of the triangle of each edge with each corner.
         off = ring[:, None] - ring[:, :, None]
         left = edge[..., None, 0] * off[..., 1] - edge[..., None, 1] * off[..., 0]
         inwards = np.where(left.sum(axis=(1, 2)) < 0, -1.0, 1.0)[:, None, None] * left
@@ -203,7 +204,7 @@ def ring_vertices(polygon: shapely.Polygon) -> tuple[tuple[float, float], ...]:
 
 
 def rings_of(polygons: Sequence[shapely.Polygon]) -> list[tuple[tuple[float, float], ...]]:
-    """Return the vertices of each polygon's outer ring, each once; for many at a time."""
+    """Return the vertices of each polygon's outer ring, each once: `ring_vertices`, vectorised."""
     rings = shapely.get_exterior_ring(np.array(polygons, dtype=object))
     corners, ring = shapely.get_coordinates(rings, return_index=True)
     ends = np.searchsorted(ring, np.arange(len(polygons) + 1)).tolist()
@@ -214,7 +215,7 @@ def rings_of(polygons: Sequence[shapely.Polygon]) -> list[tuple[tuple[float, flo
 def drawn_in(
     ring: tuple[tuple[float, float], ...], share: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return a convex ring drawn towards its centroid to a share of its size."""
+    """Return a convex ring scaled about its centroid to a share of its size."""
     middle = shapely.Polygon(ring).centroid
     return tuple(
         (middle.x + share * (x - middle.x), middle.y + share * (y - middle.y)) for x, y in ring
@@ -222,12 +223,12 @@ def drawn_in(
 
 
 def footprints_of(sets: Sequence[TargetSet]) -> NDArray[np.object_]:
-    """Return the footprints of sets as polygons, for many at a time."""
+    """Return the footprints of many sets as polygons."""
     return polygons_of([one.vertices for one in sets])
 
 
 def polygons_of(rings: Sequence[tuple[tuple[float, float], ...]]) -> NDArray[np.object_]:
-    """Return the polygons within rings, for many at a time."""
+    """Return the polygons bounded by many rings."""
     corners = np.array([vertex for one in rings for vertex in one]).reshape(-1, 2)
     ring = np.repeat(np.arange(len(rings)), [len(one) for one in rings])
     return np.asarray(shapely.polygons(shapely.linearrings(corners, indices=ring)), dtype=object)
@@ -252,8 +253,8 @@ MARGIN_SHARE = 0.25
 def polygon_rows(polygon: shapely.Polygon) -> NDArray[np.float64]:
     """Half-space rows (a_x, a_y, 0, b) of a convex polygon on the water, for a corridor.
 
-    Sides shorter than a millimetre, which clipping and rounding leave, make no row of their
-    own; every vertex satisfies every row.
+    Clipping and rounding leave sides shorter than a millimetre; these get no row. Every vertex
+    satisfies every row.
     """
     ring = shapely.get_coordinates(shapely.orient_polygons(polygon.convex_hull))
     edge = np.diff(ring, axis=0)
@@ -265,8 +266,9 @@ def polygon_rows(polygon: shapely.Polygon) -> NDArray[np.float64]:
 
 
 def inner_rows(polygon: shapely.Polygon, margin_m: float) -> NDArray[np.float64]:
-    """Rows of a convex polygon moved inwards by a margin; by less where it is so narrow that
-    little would be left: a boat could only pass it at a price, and would rather wait outside.
+    """Rows of a convex polygon moved inwards by a margin, which is cut in a narrow polygon.
+
+    If little room were left, a boat could pass only at a penalty and would rather wait outside.
     """
     radius = shapely.length(shapely.maximum_inscribed_circle(polygon))
     aside = min(margin_m, MARGIN_SHARE * float(radius))

@@ -1,7 +1,7 @@
-"""The survey: what is to be visited, in which order, and by which boat.
+"""The survey: the targets to visit, their order, and the boat that visits them.
 
-`Survey` is the plan that every other part reads: plain frozen records in the survey's local
-frame; the survey file turns positions into WGS 84.
+`Survey` is the plan that every other part reads. Its records are plain and frozen, with positions
+in the survey's local frame; the survey file converts them to WGS 84.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TargetKind = Literal["cell", "transit"]
-# What a survey file says of its outline where that is drawn about a track and is no shore.
+# A survey file's note on its outline, if that is the hull of a track and not a shore.
 OF_TRACK = "convex hull of the track"
-# How what a survey file says of its water begins where nothing was measured.
+# First word of a survey file's note on its water, if the samples are simulated.
 SIMULATED_WATER = "simulated"
 
 
 def is_simulated(water: str) -> bool:
-    """Whether what a survey file says of its water means that nothing was measured: by one boat, or
-    by a fleet as earlier versions noted it.
+    """Return whether a survey file's note on its water says that the samples are simulated.
+
+    The second test recognises the note that earlier versions wrote for a fleet.
     """
     return water.startswith(SIMULATED_WATER) or water.endswith("boats: sim:")
 
@@ -42,8 +43,8 @@ class Target:
     A plan numbers its targets from 1 in their order; they keep their numbers in later orders
     (`grebe.core.revision`).
 
-    `cell` is the piece of water that it stands for: its own footprint or, where a target is
-    drawn in towards the middle, more than that; None for a transit.
+    `cell` is the piece of water that the target represents, None for a transit. It equals the
+    target's footprint, or is larger if the target was shrunk towards the middle of its cell.
     """
 
     seq: int
@@ -54,14 +55,14 @@ class Target:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Where a boat starts: position [m] in the local frame and heading [rad]."""
+    """Starting position [m] of a boat in the local frame, and its heading [rad]."""
 
     north_m: float
     east_m: float
     heading_rad: float = 0.0
 
     def at_rest(self) -> tuple[float, float, float, float, float, float]:
-        """Return the state z of a boat that lies still in this pose."""
+        """Return the state z of a boat at rest in this pose."""
         return self.north_m, self.east_m, self.heading_rad, 0.0, 0.0, 0.0
 
 
@@ -70,10 +71,10 @@ class Survey:
     """A region of water and the targets in it, in the order in which they are visited.
 
     `water` is a local polygon (x north, y east). A survey that was imported from a track
-    has no targets, no vessel and no start. `corridors`, where there are any, holds for each
-    target the convex polygon to stay in on the way to it. `settings` and `outcome` say what
-    the plan was made with and what came of it. Raises `InputError` when two targets have the
-    same number, or none, or a corridor is missing.
+    has no targets, no vessel and no start. `corridors`, if not empty, holds for each target the
+    convex polygon to stay in on the way to it. `settings` and `outcome` are the plan's settings
+    and the planner's results. Raises `InputError` if targets are not numbered uniquely from 1 on,
+    if a corridor is missing, or if `water` is empty or invalid.
     """
 
     name: str
@@ -97,11 +98,11 @@ class Survey:
             raise InputError("The survey's water is not a valid polygon.")
 
     def vessel_of(self, boat: int) -> Vessel | None:
-        """The vessel of a fleet's boat by its number, from 1: its own, or the survey's."""
+        """Vessel of boat number `boat` of the fleet, from 1: its own, or else the survey's."""
         return (self.fleet and self.fleet.vessel(boat)) or self.vessel
 
     def whose(self, boat: int) -> str:
-        """A fleet's boat in words, with its vessel where boats are unlike; empty for one boat."""
+        """Name of a fleet's boat for messages, with its vessel if they differ; "" for one boat."""
         if self.fleet is None:
             return ""
         vessel = self.fleet.vessel(boat)
@@ -109,7 +110,7 @@ class Survey:
 
     @property
     def fleet(self) -> FleetSettings | None:
-        """The fleet that the survey was planned for; None for one boat."""
+        """Fleet that the survey was planned for; None for one boat."""
         return None if self.settings is None else self.settings.fleet
 
     @property
@@ -119,7 +120,7 @@ class Survey:
 
     @property
     def cells(self) -> NDArray[np.object_]:
-        """The cells that the targets stand for."""
+        """Cells that the targets represent."""
         return np.array([t.cell for t in self.targets if t.cell is not None], dtype=object)
 
     @property
@@ -130,22 +131,22 @@ class Survey:
 
 
 def overlap_m2(cells: NDArray[np.object_]) -> float:
-    """Return the area [m2] that cells have in common, pair by pair.
+    """Return the total area [m2] of the overlaps between pairs of cells.
 
-    Cells whose edges match those of their neighbours, corner for corner, share none; only the
-    others are looked at.
+    A cell whose edges match those of its neighbours, corner for corner, overlaps none; only the
+    others are tested.
     """
     doubtful = np.flatnonzero(~shapely.is_empty(shapely.coverage_invalid_edges(cells)))
     place, second = shapely.STRtree(cells).query(cells[doubtful], predicate="intersects")
     first = doubtful[place]
-    # A pair of doubtful cells is found from both.
+    # A pair of doubtful cells is found from either side; count it once.
     once = (first < second) | ((first > second) & ~np.isin(second, doubtful))
     shared = shapely.intersection(cells[first[once]], cells[second[once]], grid_size=1e-6)
     return float(shapely.area(shared).sum())
 
 
 def covered_share(cells: NDArray[np.object_], water: shapely.Polygon, overlap_m2: float) -> float:
-    """Return the share of the water that cells cover, 0 to 1; what two share counts once."""
+    """Return the share of the water that cells cover, 0 to 1; overlaps count once."""
     shapely.prepare(water)
     inside = shapely.covers(water, cells)
     beyond = shapely.intersection(cells[~inside], water, grid_size=1e-6)

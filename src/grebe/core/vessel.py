@@ -1,6 +1,6 @@
-"""Boats: the parameters of Eq. (9), how masses follow from the hull, and presets.
+"""Boats: the parameters of Eq. (9), masses computed from the hull, and presets.
 
-`Vessel` holds what the equations need. `paper_masses` is the paper's section 5.1.
+`Vessel` holds the parameters of the equations. `paper_masses` is the paper's section 5.1.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class Vessel:
 
     Masses include the added mass. Drag coefficients are zero or negative: `x_u`, `y_v`
     [N s/m], `n_r` [N m s], `x_uu`, `y_vv` [N s^2/m^2], `n_rr` [N m s^2]. `arm_m` is b, half
-    the distance between the thrusters. Thrust limits hold for each thruster; a thrust smaller than
-    the dead band comes to nothing. `throttle_exponent` says how thrust grows with the command of
-    the actuator, a share of its full command: 1 where an inner loop makes it proportional, 2 for
-    a propeller whose speed follows the command.
-    Propeller diameter and drive efficiency only serve the energy estimate; their defaults are
-    assumptions, no source gives them.
+    the distance between the thrusters. The thrust limits hold for each thruster; a thrust smaller
+    than the dead band has no effect. Thrust grows with the actuator's command, as a share of full
+    command, to the power of `throttle_exponent`: 1 if an inner loop makes thrust proportional to
+    the command, 2 for a propeller whose speed follows it.
+    Propeller diameter and drive efficiency are used only in the energy estimate; their defaults
+    are assumptions without a source.
     `yaw_coupling` chooses the sign in the last row of Eq. (9): "fossen" is (m11 - m22) u v,
     which does no work; "printed" is the paper's (m22 - m11) u v (see docs/theory.md).
 
@@ -113,7 +113,7 @@ class Vessel:
     def fastest_rate_hz(self) -> float:
         """Fastest decay rate [1/s] of surge, sway or yaw within the boat's reach.
 
-        An explicit integration step must stay below about two of its inverse.
+        An explicit integration step must stay below about twice its inverse.
         """
         turning = self.arm_m * (self.thrust_max_n - self.thrust_min_n)
         yaw_max = steady_rate(-self.n_r, -self.n_rr, turning)
@@ -125,7 +125,7 @@ class Vessel:
         )
 
     def throttle_of(self, thrust_n: float) -> float:
-        """Command of an actuator, -1 to 1, for a thrust [N]; beyond the limits it is full."""
+        """Command of an actuator, -1 to 1, for a thrust [N]; full beyond the limits."""
         full = self.thrust_max_n if thrust_n >= 0 else -self.thrust_min_n
         if thrust_n == 0 or full == 0:
             return 0.0
@@ -167,10 +167,10 @@ def paper_masses(
     propeller_distance_m: float,
     water_kgm3: float = 1000.0,
 ) -> HullMasses:
-    """Masses from the hull, the three formulas below Eq. (9).
+    """Masses from the hull, by the three formulas below Eq. (9).
 
     `length_m` is the hull's length in the water, `depth_m` its mean submerged depth. Raises
-    `VesselError` for what is not above 0.
+    `VesselError` unless every argument is positive and finite.
     """
     sizes = (mass_kg, length_m, width_m, depth_m, propeller_distance_m, water_kgm3)
     if not all(0 < size < math.inf for size in sizes):
@@ -293,5 +293,5 @@ def vessel_named(name: str) -> Vessel:
 
 
 def with_printed_sign(vessel: Vessel) -> Vessel:
-    """Return the vessel with the last row of Eq. (9) signed as the paper prints it."""
+    """Return the vessel with the sign of the last row of Eq. (9) as printed in the paper."""
     return replace(vessel, yaw_coupling="printed")
