@@ -1,1 +1,1 @@
-"""The controller: rules write a horizon, one parametric problem is solved for it."""
+"""The controller: a rule writes the horizon, and one parametric problem is solved for it."""

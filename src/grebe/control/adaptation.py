@@ -1,15 +1,15 @@
-"""The boat as it turns out to be: its model corrected on the way, where the data reject it.
+"""Correction of the boat's model during a mission, if the data reject it.
 
-Over the last half minute the model of Eq. (9) is rolled out in short pieces from measured states
-under the thrusts that were sent, and what it misses is explained by a few numbers: the share that
-each thruster gives, surge drag, inertia and drag of yaw, how late orders act (a dead time and a
-lag), by how much the compass is off, and the weather. They are found by Gauss and Newton's method
-with a prior at the model (a maximum a posteriori estimate; Ljung 1999, ch. 7). A correction is
-accepted only where it explains the data far better than the model in its best weather does: a
-boat that is as its model says is never corrected, and its missions stay as they are.
+The model of Eq. (9) is simulated in short pieces over the last `WINDOW_S`, from measured states
+under the thrusts that were sent. A few parameters are fitted to its errors: the share of its order
+that each thruster gives, the drag of surge and sway, the inertia and drag of yaw, the delay of
+orders (a dead time and a lag), the compass's error, and the weather. They are found by the
+Gauss-Newton method with a prior at the model (a maximum a posteriori estimate; Ljung 1999, ch. 7).
+A correction is accepted only if it explains the data far better than the model in its best weather.
+A boat that behaves as its model is never corrected, and its missions stay as they are.
 
-Mass cannot be told from thrust by how a boat moves: a boat that is heavier by a share has
-thrusters and drag that are weaker by it, and is corrected so.
+Motion does not distinguish mass from thrust: a boat that is heavier by some factor is corrected as
+one whose thrusters and drag are weaker by it.
 """
 
 from __future__ import annotations
@@ -35,36 +35,36 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# What is looked at, how long a piece is, and how often [s].
+# Length of the data, length of a piece, and interval between two fits [s].
 WINDOW_S, PIECE_S, EVERY_S = 40.0, 1.5, 2.0
-# The first look is taken after so long: a boat that is unlike its model is soon lost [s].
+# Data needed for the first fit [s]; it is short because a boat unlike its model is soon lost.
 LEAST_S = 8.0
 FEWEST_PIECES = 5
-# Standard deviations of what a piece ends with: position [m], heading [rad], velocities [m/s],
-# yaw rate [rad/s].
+# Standard deviations of a piece's end: position [m], heading [rad], velocities [m/s], yaw rate
+# [rad/s].
 END_SD = np.array([0.15, 0.15, 0.03, 0.05, 0.05, 0.03])
-# Of the prior: logarithms of thrusters, drag of surge and sway, inertia and drag of yaw; dead time
-# and lag [s]; compass [rad]; current [m/s]; wind as a share of full thrust; how fast the current
-# changes [m/s^2].
+# Standard deviations of the prior: logarithms of the thrusters' shares, drag of surge and sway,
+# inertia and drag of yaw; dead time and lag [s]; compass [rad]; current [m/s]; wind as a share of
+# full thrust; rate of change of the current [m/s^2].
 PRIOR_SD = np.array([0.4, 0.4, 0.6, 0.6, 0.4, 0.6, 0.6, 0.6, 0.15, 0.3, 0.3, 0.1, 0.1, 0.01, 0.01])
 LOW = np.array([-1.4] * 6 + [0.0, 0.0, -0.5, -3.0, -3.0, -0.5, -0.5, -0.05, -0.05])
 HIGH = np.array([0.7, 0.7, 1.4, 1.4, 1.4, 1.4, 2.0, 2.5, 0.5, 3.0, 3.0, 0.5, 0.5, 0.05, 0.05])
 PROBE = np.array([0.02] * 6 + [0.05, 0.05] + [0.01] * 5 + [0.001] * 2)
 COUNT = len(PRIOR_SD)
 WEATHER, DRIFT, ALL = slice(WEATHER_AT, COUNT), slice(DRIFT_AT, COUNT), slice(0, COUNT)
-# Runge-Kutta steps within the time in which the boat's fastest motion decays.
+# Runge-Kutta steps within the time constant of the boat's fastest motion.
 STEPS_PER_RATE = 2.5
 ITERATIONS = 6
-# Of a search for the weather alone, whose end decides whether the model is rejected at all: one
-# that stops short makes a boat of a current that rises.
+# Iterations of a search for the weather alone, whose end decides whether the model is rejected. If
+# it stops early, a rising current is taken for another boat.
 WEATHER_ITERATIONS = 15
-# Dead times from which the search begins anew [s]: what a few turns explain has several minima.
+# Other dead times to start the search from [s]: the cost of a few turns has several minima.
 OTHER_STARTS_S = (0.5, 1.0)
-# The boat's own numbers must explain this much more than weather alone: in halves of chi squared,
-# and as a share of all that is left unexplained.
+# The boat's parameters must explain this much more than weather alone: in halves of chi squared,
+# and as a share of all that weather leaves unexplained.
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.35
-# What is left unexplained may be at most so many times what is allowed for: where neither boat nor
-# weather explains how it moved, in weeds or on a tow, the fit's numbers are nobody's.
+# Largest ratio of the unexplained to the expected variance. If neither boat nor weather explains
+# the motion, as in weeds or on a tow, the fitted parameters are meaningless.
 MOST_LEFT = 4.0
 
 
@@ -74,23 +74,22 @@ Found = tuple[Correction, Weather]
 def fitting(
     model: Vessel, flown: Flown, followed: Correction, weather: Weather = CALM
 ) -> Generator[None, None, Found | None]:
-    """Find the correction that the data ask for and the weather with it; None where the model, or
-    the correction that was followed so far explains them well enough. The search begins in
-    `weather`.
+    """Find the correction that the data require, and the weather with it.
 
-    A generator, for a boat's small computer must not think for long at once: it yields after
-    every roll-out of the model and returns what it found.
+    Returns None if the model, or the correction followed so far, explains the data well enough.
+    The search starts from `weather`. It is a generator, so that a boat's small computer is never
+    busy for long: it yields after every simulation of the model and returns the result.
     """
     modelled = as_modelled(model)
     start = _in_weather(model, modelled, weather)
     problem = _Problem.of(model, flown)
-    # Noise makes misses count less: without it this is the most that they can cost.
+    # Noise lowers the weight of errors, so this is their largest possible cost.
     if problem is None or problem.cost(start) < LEAST_GAIN:
         return None
     problem = replace(problem, about=start)
     plain, plain_cost = yield from problem.solve(start, WEATHER, enough=LEAST_GAIN)
     if plain_cost >= LEAST_GAIN:
-        # What noise makes of a piece depends on the weather, which is better known now.
+        # The effect of noise on a piece depends on the weather, which is better known now.
         problem = replace(problem, about=plain)
         plain, plain_cost = yield from problem.solve(plain, WEATHER, enough=LEAST_GAIN)
     if plain_cost < LEAST_GAIN:
@@ -112,7 +111,7 @@ def fitting(
             break
     if problem.is_better(plain_cost, cost) and problem.is_better(kept_cost, cost):
         return Correction.of(best), _weather(model, best)
-    # What was followed has turned out to be worse than no correction at all.
+    # The correction followed so far is worse than no correction at all.
     return (modelled, _weather(model, plain)) if kept_cost > plain_cost else None
 
 
@@ -128,8 +127,10 @@ def fitted(model: Vessel, flown: Flown, followed: Correction | None = None) -> F
 
 @dataclass(frozen=True, kw_only=True)
 class _Problem:
-    """The pieces `first` to `last` of what was flown. `about`: the numbers with which the noise of
-    estimates is followed through them; None where it does not count.
+    """The fit to the pieces `first` to `last` of the data.
+
+    `about`: the parameters for which the noise of estimates is propagated through the pieces; None
+    to ignore noise.
     """
 
     model: Vessel
@@ -141,7 +142,7 @@ class _Problem:
 
     @classmethod
     def of(cls, model: Vessel, flown: Flown) -> _Problem | None:
-        """Cut what was flown into pieces; None where there are too few."""
+        """Cut the data into pieces; None if there are too few."""
         edges = np.arange(flown.times[0], flown.times[-1], PIECE_S)
         cuts = np.unique(np.searchsorted(flown.times, edges))
         first, last = cuts[:-1], cuts[1:]
@@ -153,7 +154,7 @@ class _Problem:
     def is_better(self, plain_cost: float, cost: float) -> bool:
         """Whether a boat unlike its model explains far more than weather alone does.
 
-        What is left over scales what counts as much, where the data are noisier than assumed.
+        The threshold is scaled by the remaining variance if the data are noisier than assumed.
         """
         unit = 2 * cost / max(1, 6 * len(self.first) - COUNT)
         if unit > MOST_LEFT:
@@ -163,17 +164,17 @@ class _Problem:
 
     @cached_property
     def boat(self) -> Array:
-        """The model's numbers in the equations of motion, without weather."""
+        """The model's parameters in the equations of motion, without weather."""
         return parameter_vector(self.model, np.zeros(0))
 
     @cached_property
     def units(self) -> Array:
-        """Of the weather among the numbers: currents [m/s], and full thrust [N]."""
+        """Units of the weather parameters: currents [m/s], and full thrust [N]."""
         full = 2 * self.model.thrust_max_n
         return np.array([1.0, 1.0, full, full])
 
     def _thrusts(self, numbers: Array) -> Array:
-        """Mean thrusts between states; most numbers are probed at the same lateness."""
+        """Mean thrusts between states, cached because most parameters do not change the delays."""
         dead_s, lag_s = numbers[6:8].tolist()
         if (dead_s, lag_s) not in self.acted:
             self.acted.clear()
@@ -182,20 +183,22 @@ class _Problem:
 
     @cached_property
     def per_second(self) -> float:
-        """Runge-Kutta steps a second at least."""
+        """Least number of Runge-Kutta steps a second."""
         return STEPS_PER_RATE * self.model.fastest_rate_hz
 
     @cached_property
     def believed(self) -> Array:
-        """The numbers of a boat that is as its model says: the prior's mean."""
+        """Parameters of a boat that behaves as its model: the prior's mean."""
         return _numbers(as_modelled(self.model))
 
     @cached_property
     def end_covariances(self) -> Array:
-        """Covariances of what the pieces' ends miss, (pieces, 6, 6): `END_SD`, and the noise of
-        estimates at a piece's end and, through the motion, at its beginning. A fast hull is turned
-        by the least sway through the water, Eq. (9): an error of 2 cm/s in it ends as one of some
-        degrees, and of yaw rate and place with it.
+        """Covariances of the errors at the pieces' ends, (pieces, 6, 6).
+
+        They are made of `END_SD`, the noise of estimates at a piece's end, and that at its
+        beginning, propagated by the motion. The least sway through the water turns a fast hull,
+        Eq. (9): an error of 2 cm/s in it becomes one of some degrees at the end, with errors of yaw
+        rate and position.
         """
         count = (len(self.first), 1, 1)
         if self.about is None:
@@ -212,20 +215,21 @@ class _Problem:
 
     @cached_property
     def whiteners(self) -> Array:
-        """Lower triangles (pieces, 6, 6) that make six independent numbers of a piece's misses."""
+        """Lower triangles (pieces, 6, 6) that make the six errors of a piece independent."""
         whole = np.linalg.inv(np.linalg.cholesky(self.end_covariances))
         return whole.astype(np.float64, copy=False)
 
     @cached_property
     def doubt(self) -> float:
-        """How much more has to be gained where estimates are noisy: 1 where they are not. A helm
-        answers to their errors, and a boat that is steered by them looks like one of other numbers.
+        """Factor on the gain that a correction needs if estimates are noisy; 1 without noise.
+
+        The helm responds to their errors, and the boat then looks like one with other parameters.
         """
         variances = np.diagonal(self.end_covariances, axis1=1, axis2=2)
         return math.sqrt(float(np.mean(variances / END_SD**2)))
 
     def residuals(self, numbers: Array) -> Array:
-        """What the pieces' ends miss, in standard deviations, and the prior's pull."""
+        """Errors at the pieces' ends in standard deviations, then the deviations from the prior."""
         return misfit(
             numbers, self.believed, PRIOR_SD, self.boat, self.units, self.flown.times,
             self.flown.states, self._thrusts(numbers), self.first, self.last, self.per_second,
@@ -233,11 +237,11 @@ class _Problem:
         )  # fmt: skip
 
     def cost(self, numbers: Array) -> float:
-        """What some numbers cost."""
+        """Cost of some parameters."""
         return _cost(self.residuals(numbers))
 
     def _ends(self, numbers: Array, states: Array) -> Array:
-        """Where the pieces end that begin at some states, (pieces, 6)."""
+        """Ends (pieces, 6) of the pieces that begin at some states."""
         return pieces_ends(
             parameters_of(numbers, self.boat, self.units), numbers[DRIFT], self.flown.times,
             states, self._thrusts(numbers), np.exp(numbers[:2]), self.first, self.last,
@@ -247,8 +251,9 @@ class _Problem:
     def solve(
         self, start: Array, free: slice, enough: float = 0.0
     ) -> Generator[None, None, tuple[Array, float]]:
-        """Gauss and Newton from `start`, with some numbers free; the best ones and their cost. A
-        cost below `enough` will do.
+        """Gauss-Newton from `start` with some parameters free; returns the best and their cost.
+
+        The search ends at a cost below `enough`.
         """
         numbers = np.clip(start, LOW, HIGH)
         residuals = self.residuals(numbers)
@@ -295,10 +300,10 @@ def _cost(residuals: Array) -> float:
 def _step(
     slopes: Array, residuals: Array, numbers: Array, damping: float, which: NDArray[np.int64]
 ) -> Array:
-    """A damped step of Gauss and Newton, (k,), of some numbers (k,), `which` of all.
+    """A damped Gauss-Newton step (k,) of some parameters (k,), `which` of all.
 
-    A number at its end that would go beyond it stays, and the others step without it: a lag and a
-    dead time look alike where both are short, and neither can be negative.
+    A parameter that would leave its bound stays there, and the others step without it: a lag and a
+    dead time look alike if both are short, and neither can be negative.
     """
     normal, downhill = slopes.T @ slopes, -slopes.T @ residuals
     normal = normal + damping * np.diag(np.diag(normal) + 1e-9)
@@ -322,12 +327,12 @@ def _with_dead_time(numbers: Array, dead_s: float) -> Array:
 
 
 def _numbers(correction: Correction) -> Array:
-    """All numbers (15,) of a boat in no weather."""
+    """All parameters (15,) of a boat without weather."""
     return np.concatenate([correction.numbers, np.zeros(COUNT - len(correction.numbers))])
 
 
 def _in_weather(model: Vessel, correction: Correction, weather: Weather) -> Array:
-    """The numbers of a boat in some weather that does not change."""
+    """All parameters of a boat in constant weather."""
     numbers = _numbers(correction)
     north, east, force_north, force_east = weather.as_tuple()
     full = 2 * model.thrust_max_n

@@ -1,10 +1,10 @@
-"""Keeping apart from others in the horizon: half-planes by where they have announced to be.
+"""Half-planes in the horizon that keep the boat apart from others' announced positions.
 
-At each node the boat has to be beyond a line that has the other's disc - the distance that is kept,
-about the place where the other is going to be at that node's time - on its far side. Where the last
-plan is clear of the disc the line faces it; where it leads through, the lines are tangents of the
-disc on the side on which it is to be passed, which the boat can keep to without having to stop.
-docs/theory.md says what follows, and what does not: the claims of `mission.safety.traffic` hold
+The disc of another boat has the kept distance as its radius, about the other's position at the time
+of a node. At each node a line separates the boat from this disc. If the last plan is clear of the
+disc, the line faces it. If the plan leads through it, the lines are tangents of the disc on the
+side on which to pass it, so that the boat can keep to them without stopping. docs/theory.md
+explains what this guarantees and what it does not: the claims of `mission.safety.traffic` hold
 whether or not a plan keeps apart.
 """
 
@@ -24,21 +24,22 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# So many of the others, the nearest, have a row of their own in each node.
+# The nearest others, at most this many, have a row in each node.
 MOST_OTHERS = 3
-# A node that is farther from another's disc than this has no row: a solve does not move it there.
+# A node farther than this from another's disc has no row, because a solve does not move it there.
 REACH_M = 10.0
-# Boats so near to each other are in one place.
+# Boats nearer to each other than this are treated as being at one position.
 SAME_M = 1e-6
-# A plan that leads through so much of the disc's middle has no side yet, and takes the starboard
-# one, as all boats do that meet.
+# A plan through this much of the disc's middle has not chosen a side yet; it passes to starboard,
+# as all boats do that meet.
 NO_SIDE = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
 class Announced:
-    """Where another boat is going to be: `places` (n, 2) [m] at `moments` (n,) [s from now], in
-    rising order. It is at the first of them before, and lies at the last one after.
+    """Announced positions of another boat: `places` (n, 2) [m] at `moments` (n,) [s from now].
+
+    `moments` ascend. Before the first the boat is at the first place, after the last at the last.
     """
 
     moments: NDArray[np.float64]
@@ -46,25 +47,25 @@ class Announced:
 
     @classmethod
     def lying(cls, place: tuple[float, float]) -> Announced:
-        """A boat that stays where it is."""
+        """A boat that holds its position."""
         return cls(moments=np.zeros(1), places=np.array([place], dtype=float))
 
     @classmethod
     def of_plan(cls, plan: Plan, age_s: float) -> Announced:
-        """A boat that follows a plan that was made so long ago."""
+        """A boat that follows a plan made `age_s` ago."""
         moments = np.concatenate([[0.0], np.cumsum(plan.durations)]) - age_s
         return cls(moments=moments, places=plan.states[:, :2])
 
     def at(self, moments: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where it is at other moments (m,) [s from now], (m, 2)."""
+        """Positions (m, 2) at other times (m,) [s from now]."""
         axes = [np.interp(moments, self.moments, axis) for axis in self.places.T]
         return np.column_stack(axes)
 
 
 def keep_apart(horizon: Horizon, start: Plan, others: Sequence[Announced], apart_m: float) -> None:
-    """Ask that each node be `apart_m` from where the others are at its time, as `start` has it.
+    """Require each node to be `apart_m` from the others' positions at its time in `start`.
 
-    Only the nearest count, as many as the horizon has rows for.
+    Only the nearest others count, as many as the horizon has rows for.
     """
     moments = np.concatenate([[0.0], np.cumsum(start.durations)])
     ways = [start.states[:, :2] - other.at(moments) for other in others]
@@ -72,28 +73,30 @@ def keep_apart(horizon: Horizon, start: Plan, others: Sequence[Announced], apart
     horizon.apart[:] = NO_ROW
     for row, away in enumerate(ways[: horizon.shape.apart_rows]):
         normals = _normals(away, apart_m)
-        # n (p - q) >= D about q, the other's place, p - q being known for the start's p.
+        # n (p - q) >= D about q, the other's position; p - q is known for the start's p.
         beyond = apart_m + np.sum(normals * (start.states[:, :2] - away), axis=1)
         near = np.hypot(*away.T) < apart_m + REACH_M
-        # Where the boat is now cannot be changed any more.
+        # The boat's present position cannot be changed.
         near[0] = False
         horizon.apart[near, row, :2] = -normals[near]
         horizon.apart[near, row, 3] = -beyond[near]
 
 
 def is_taken(target: TargetSet, other: Announced, apart_m: float) -> bool:
-    """Whether nobody can come into a set that keeps `apart_m` from where another is going to be,
-    whenever that is.
+    """Return whether the whole set is always within `apart_m` of another's announced positions.
+
+    Nobody who keeps that distance can then enter it.
     """
     reach = np.asarray(target.vertices)[:, None] - other.places
     return bool(np.hypot(reach[..., 0], reach[..., 1]).max() < apart_m)
 
 
 def _normals(away: Array, apart_m: float) -> Array:
-    """Unit normals (N + 1, 2), away from the other, of the lines beyond which a boat has to be that
-    would be at `away` (N + 1, 2) from it.
+    """Unit normals (N + 1, 2) of the separating lines, pointing away from the other.
+
+    `away` (N + 1, 2) is the boat's position relative to the other in the starting plan.
     """
-    # Two in one place have no direction between them: any will do.
+    # Two boats at one position have no direction between them; any will do.
     away = np.where(np.hypot(*away.T)[:, None] < SAME_M, (SAME_M, 0.0), away)
     distance = np.hypot(*away.T)
     facing = away / distance[:, None]
@@ -101,7 +104,7 @@ def _normals(away: Array, apart_m: float) -> Array:
     if distance[nearest] >= apart_m:
         return facing
     if distance[0] <= apart_m:
-        # Too near already: back to the side on which it is.
+        # Too near already: back to the side on which the boat is.
         return np.where((distance < apart_m)[:, None], facing[0], facing)
     to_starboard = _right_of(-facing[0])
     lateral = float(to_starboard @ away[nearest])
@@ -116,8 +119,10 @@ def _normals(away: Array, apart_m: float) -> Array:
 
 
 def _tangent(facing: Array, aside: Array, cosine: float) -> Array:
-    """Normal of the disc's tangent through a place outside: `facing` points from the disc's centre
-    to it, `aside` to the tangent's side; `cosine` is the disc's radius over the place's distance.
+    """Normal of the disc's tangent through a point outside.
+
+    `facing` points from the disc's centre to the point, `aside` to the tangent's side; `cosine` is
+    the disc's radius over the point's distance.
     """
     return cosine * facing + np.sqrt(1.0 - cosine**2) * aside
 

@@ -1,8 +1,8 @@
 """The receding horizon: one controller step, its warm start and its fallbacks.
 
-A step is: ask the rule for the horizon, solve from the last plan shifted, and apply the
-first thrusts. When nothing converges the boat goes on with the last plan for a while, then
-slows down and stops; each such step says so in its status.
+In each step the rule proposes a horizon, the solver starts from the last plan, shifted, and the
+first thrusts are applied. If nothing converges, the boat follows the last plan for a while, then
+slows down and stops; the status of the step records this.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ SUBSTEP_STIFFNESS = 1.2
 # Metres or metres per second by which a plan may miss a set and still count as entering it; the
 # controller aims inside by a larger margin.
 LARGEST_MISS = 0.03
-# Seconds that a plan made afresh must save to be followed instead of the last one.
+# Seconds that a fresh plan must save to be followed instead of the last one.
 WORTH_A_CHANGE = 0.2
 
 
 class StepStatus(enum.Enum):
-    """Where the thrusts of a step come from."""
+    """Source of the thrusts of a step."""
 
     SOLVED = "solved"
     RESTARTED = "solved on a second start"
@@ -66,10 +66,11 @@ class StepStatus(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Margins:
-    """How far inside its bounds the controller aims, whatever the rule.
+    """Margins by which the controller aims inside its bounds, whatever the rule.
 
-    `set_m` and `speed_mps` shrink the set that it aims at; whether a set is reached is judged on
-    the set itself. `corridor_m` is kept from the sides of a corridor. Raises `UsageError`.
+    `set_m` and `speed_mps` shrink the set that it aims at; a set counts as reached by its full
+    size. `corridor_m` is the distance kept from the sides of a corridor. Raises `UsageError` for
+    a margin that is negative or not finite.
     """
 
     set_m: float = 0.1
@@ -82,11 +83,11 @@ class Margins:
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """The result of a step: thrusts (F_1, F_2) [N] and what led to them.
+    """The result of a step: thrusts (F_1, F_2) [N] and their origin.
 
-    A controller that plans hands out its `plan`, whose thrusts are followed until the next step;
-    without one `thrusts` hold until then. `target` is the set that it steers to, an index into the
-    survey's, and `split` the stage at which a rule's second mode begins, for the record alone.
+    If there is a `plan`, its thrusts are followed until the next step; otherwise `thrusts` hold
+    until then. `target` is the index of the set that the boat steers to, in the survey's order.
+    `split` is the stage at which a rule's second mode begins, and is only recorded.
     """
 
     thrusts: tuple[float, float]
@@ -96,7 +97,7 @@ class Command:
     split: int = 0
 
     def thrusts_at(self, elapsed_s: float) -> tuple[float, float]:
-        """Thrusts to apply so long after the step; a plan's stages may be shorter than it."""
+        """Thrusts to apply `elapsed_s` after the step; a plan's stages may be shorter than that."""
         if self.status is StepStatus.STOPPING or self.plan is None:
             return self.thrusts
         return self.plan.thrusts_at(elapsed_s)
@@ -104,7 +105,7 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class _Answer:
-    """A solution that could be followed, and what it answers."""
+    """A solution that could be followed, and the proposal that it solves."""
 
     solution: Solution
     proposal: Proposal
@@ -112,10 +113,10 @@ class _Answer:
 
     @property
     def misses(self) -> bool:
-        """Whether a plan of legs does not enter its first set where it says so.
+        """Whether a plan of legs misses its first set at the node where it should enter it.
 
-        A boat that has just missed a set can be caught in a plan that pays for the miss, more
-        at every step, where turning back would be cheaper: a plan made afresh finds that.
+        A boat that has just missed a set can be caught in a plan that pays for the miss, more at
+        every step, although turning back would be cheaper. A fresh plan finds that.
         """
         entries = self.proposal.decision.entries
         if not entries:
@@ -125,18 +126,18 @@ class _Answer:
         return bool(np.max(rows[:, :3] @ at_entry - rows[:, 3]) > LARGEST_MISS)
 
     def or_cheaper(self, other: _Answer) -> _Answer:
-        """The other answer where it is cheaper by more than `WORTH_A_CHANGE`, else this one."""
+        """The other answer if it is cheaper by more than `WORTH_A_CHANGE`, else this one."""
         return other if other.solution.cost < self.solution.cost - WORTH_A_CHANGE else self
 
 
 class Controller:
     """Steers a vessel through target sets in their order, by a rule.
 
-    `reached` counts the sets reached so far (Definition 5); `targets[reached]` is the
-    current target set Omega_x (Definition 6) and `done` says that there is none left.
-    `corridors` holds for each target the convex polygon to stay in on the way to it, or is
-    empty. `solver` makes the solver, `second_solver` the one that is asked where that fails;
-    the latter is built when it is first needed.
+    `reached` counts the sets reached so far (Definition 5). `targets[reached]` is the current
+    target set Omega_x (Definition 6); `done` is true when none is left. `corridors` holds for each
+    target the convex polygon to stay in on the way to it, or is empty. `solver` builds the solver,
+    `second_solver` the one that is called when the first fails; the second is built when it is
+    first needed.
     """
 
     def __init__(
@@ -186,36 +187,36 @@ class Controller:
         return self.rule.step_s
 
     def take_for(self, vessel: Vessel) -> None:
-        """Plan for another boat from now on: the boat is not what it was said to be."""
+        """Plan for another model from now on, when the boat differs from its model."""
         self.vessel = vessel
         substeps = model_substeps(vessel, self.rule.longest_stage_s)
         self._solve_for(replace(self.shape, substeps=substeps))
 
     def expect(self, thrusters: SlowThrusters | None) -> None:
-        """Plan the next step for thrusters that answer late, or at once."""
+        """Plan the next step for thrusters with a lag, or without if None."""
         self._thrusters = thrusters
 
     def heed(self, others: Sequence[Announced], apart_m: float) -> None:
-        """Keep `apart_m` from where others have announced to be, in the next step's plan."""
+        """Keep `apart_m` from the announced positions of others in the next step's plan."""
         self._others = (others, apart_m)
         if others and not self.shape.apart_rows:
             self._solve_for(replace(self.shape, apart_rows=MOST_OTHERS))
 
     def _solve_for(self, shape: HorizonShape) -> None:
-        """Solve problems of another shape from now on."""
+        """Build the solver for problems of another shape."""
         self.shape = shape
         self._solver = self._builder.build(self.vessel, shape)
         self._second = None
 
     @property
     def done(self) -> bool:
-        """Whether every set is reached."""
+        """Whether every set has been reached."""
         return self.reached >= len(self.targets)
 
     def see(self, state: Sequence[float]) -> int:
-        """Count the sets that a state estimate reaches; call it with every estimate.
+        """Count the sets that a state estimate reaches, and return how many are newly reached.
 
-        Returns how many sets are newly reached.
+        Call it with every estimate.
         """
         before = self.reached
         self.reached = reached_count(self.targets, self.reached, state)
@@ -226,8 +227,8 @@ class Controller:
     ) -> Command:
         """Return the thrusts to apply from `state` on for one control step.
 
-        `elapsed_s` is the time since the last step, where it is not the rule's own: the
-        estimate that was due may have come late.
+        `elapsed_s` is the time since the last step, by default the rule's. It differs if the
+        estimate came late.
         """
         if self.done:
             raise ValueError("every target set is reached: there is nothing to steer to")
@@ -262,10 +263,10 @@ class Controller:
     def _attempts(
         self, situation: Situation
     ) -> Iterator[tuple[Situation, Callable[[], Solver], StepStatus]]:
-        """What is tried in a step: from the last plan, afresh, and with the second solver.
+        """The attempts of a step: from the last plan, afresh, and with the second solver.
 
-        The second solver is slow, and a step that fails can follow the last plan: it is asked
-        where there is none, or when the step before has failed too, and then not again at once.
+        The second solver is slow, and a failed step can follow the last plan. So it is called only
+        if there is no plan, or in the second of several failed steps.
         """
         afresh = replace(situation, plan=None)
         yield situation, lambda: self._solver, StepStatus.SOLVED
@@ -276,7 +277,7 @@ class Controller:
     def roll_out(self, state: NDArray[np.float64], weather: Weather = CALM) -> Plan:
         """Return a turn-and-go trajectory: turn towards Omega_x, then drive at it.
 
-        A start for the solver that is dynamically consistent and never backs up.
+        It is a dynamically consistent start for the solver that never backs up.
         """
         n, step = self.rule.stages, self.rule.step_s
         states, thrusts = [state], []
@@ -301,8 +302,9 @@ class Controller:
         )
 
     def _seen_ahead(self) -> int:
-        """How many sets are planned for, one at least: none beyond one that others lie at, for a
-        plan that cannot come to an end puts off what it could do at once.
+        """Number of sets to plan for: those before the first one blocked by others, at least one.
+
+        A plan that cannot reach its end postpones what it could do at once.
         """
         others, apart_m = self._others
         ahead = self.targets[self.reached : self.reached + LOOK_AHEAD_SETS]
@@ -312,12 +314,12 @@ class Controller:
         return len(ahead)
 
     def _pace(self) -> float:
-        """The middle of the current target's speed window [m/s]."""
+        """Middle of the current target's speed window [m/s]."""
         target = self.targets[self.reached]
         return 0.5 * (target.speed_min_mps + target.speed_max_mps)
 
     def _second_solver(self) -> Solver:
-        """The second solver, built when it is needed for the first time."""
+        """The second solver, built on first use."""
         if self._second is None:
             self._second = self._second_builder.build(self.vessel, self.shape)
         return self._second
@@ -329,7 +331,7 @@ class Controller:
         return self._command(plan.first_input, plan, answer.status)
 
     def _fall_back(self, state: NDArray[np.float64], elapsed_s: float) -> Command:
-        """Nothing converged: follow the last plan for a while, then stop."""
+        """Follow the last plan for a while, then stop, because nothing converged."""
         self._unsolved_in_a_row += 1
         if self._plan is not None and self._unsolved_in_a_row <= PATIENCE_STEPS:
             self._plan = self._plan.shifted(elapsed_s)
@@ -342,7 +344,7 @@ class Controller:
         return Command(thrusts=thrusts, plan=plan, status=status, target=self.reached, split=split)
 
     def _braking(self, state: NDArray[np.float64]) -> tuple[float, float]:
-        """Thrust that takes the surge away within about a step, without turning."""
+        """Thrust that stops the surge within about a step, without turning."""
         wanted = -0.5 * self.vessel.m11_kg * state[3] / max(self.rule.step_s, 0.5)
         thrust = float(np.clip(wanted, self.vessel.thrust_min_n, self.vessel.thrust_max_n))
         return thrust, thrust
@@ -354,7 +356,7 @@ class Controller:
         speed = self._pace() * max(0.0, math.cos(off))
         common = 0.5 * self.vessel.surge_drag_n(speed)
         half_span = 0.5 * (self.vessel.thrust_max_n - self.vessel.thrust_min_n)
-        # Time constants of yaw differ tenfold between boats: damp by the boat's own.
+        # Time constants of yaw differ tenfold between boats; damp by the boat's.
         yaw = math.tanh(2.0 * (0.5 * off - 0.5 * state[5])) * half_span
         low, high = self.vessel.thrust_min_n, self.vessel.thrust_max_n
         return (
@@ -381,5 +383,5 @@ class Controller:
 
 
 def model_substeps(vessel: Vessel, duration_s: float) -> int:
-    """Return how many Runge-Kutta steps the controller's model needs in a stage."""
+    """Return the number of Runge-Kutta steps that the controller's model needs in a stage."""
     return max(2, math.ceil(duration_s * vessel.fastest_rate_hz / SUBSTEP_STIFFNESS))

@@ -1,4 +1,4 @@
-"""By how much a boat differs from its model, in numbers that a controller can plan with."""
+"""The difference between a boat and its model, in a form that a controller can plan with."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 # Lags below this are ignored [s].
 LEAST_LAG_S = 0.15
-# A correction is followed where it moved by more than this in any of its numbers.
+# A new correction is adopted if any of its numbers changed by more than this.
 WORTH_A_CHANGE = np.array([0.08, 0.08, 0.12, 0.2, 0.12, 0.12, 0.1, 0.15, 0.03])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """How the boat differs from its model.
+    """Difference between a boat and its model.
 
     `port`, `starboard`: the share of its order that a thruster gives. `drag` of surge,
-    `sway_drag`, `yaw_inertia`, `yaw_drag`: factors on the model's. `dead_s` and `lag_s`: how late
-    orders act, or estimates come. `heading_rad`: by how much the compass shows too much.
+    `sway_drag`, `yaw_inertia`, `yaw_drag`: factors on the model's. `dead_s` and `lag_s`: delay of
+    orders, or of estimates. `heading_rad`: the compass's error, positive if it shows too much.
     """
 
     port: float = 1.0
@@ -41,7 +41,7 @@ class Correction:
     heading_rad: float = 0.0
 
     def vessel(self, model: Vessel) -> Vessel:
-        """Return the boat that a controller should plan for: what both thrusters can give."""
+        """Return the boat to plan for, with the thrust that both thrusters can give."""
         weaker = min(self.port, self.starboard)
         return replace(
             model,
@@ -59,7 +59,7 @@ class Correction:
 
     @property
     def numbers(self) -> Array:
-        """The correction as numbers (9,), in the order of its fields: logarithms of the factors."""
+        """The correction as numbers (9,), in the order of its fields; factors as logarithms."""
         factors = (
             self.port,
             self.starboard,
@@ -72,7 +72,7 @@ class Correction:
 
     @classmethod
     def of(cls, numbers: Array) -> Correction:
-        """The correction of numbers (9,) and more."""
+        """The correction given by the first nine numbers."""
         port, starboard, drag, sway_drag, inertia, yaw_drag = np.exp(numbers[:6]).tolist()
         dead_s, lag_s, heading_rad = numbers[6:9].tolist()
         return cls(
@@ -104,21 +104,19 @@ AS_MODELLED = Correction()
 
 
 def as_modelled(model: Vessel) -> Correction:
-    """The boat as its model says: its thrusters have the lag that is known of them, where that is
-    long enough to be made up for.
-    """
+    """The correction of a boat as modelled: the model's lag, if it is worth compensating."""
     lag_s = model.thruster_lag_s
     return AS_MODELLED if lag_s < LEAST_LAG_S else Correction(lag_s=lag_s)
 
 
 def moved_enough(before: Correction, after: Correction) -> bool:
-    """Whether a correction differs so much from the one that is followed that it is worth it."""
+    """Whether a correction differs enough from the one followed to be adopted."""
     change = np.abs(after.numbers - before.numbers)
     return bool(np.any(change > WORTH_A_CHANGE))
 
 
 def turned(states: Array, angle_rad: float) -> Array:
-    """States (n, 6) whose compass shows `angle_rad` more: the same velocities over ground."""
+    """States (n, 6) with `angle_rad` added to the heading, at the same velocities over ground."""
     if angle_rad == 0.0:
         return states
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
@@ -128,9 +126,10 @@ def turned(states: Array, angle_rad: float) -> Array:
 
 
 def turn(state: Array, angle_rad: float, cos: float, sin: float, out: Array) -> None:
-    """Put a state (6,), or states side by side (6, n), into `out` as a compass shows them that
-    shows `angle_rad` more, an angle of this cosine and sine. The search for a correction compiles
-    it.
+    """Write a state (6,), or states side by side (6, n), with `angle_rad` added to the heading.
+
+    `cos` and `sin` are those of the angle; `out` has the shape of `state`. The search for a
+    correction compiles this function.
     """
     for i in range(6):
         out[i] = state[i]

@@ -1,4 +1,4 @@
-"""What a boat did in the last half minute, and under which thrusts."""
+"""The boat's recent states and the thrusts that were sent."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# How far back what a lag remembers is looked for, in lags, and in how many steps.
+# How far back earlier thrusts count under a lag, in lags, and in how many steps.
 BEFORE_LAGS, BEFORE_STEPS = 4.0, 16
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flown:
-    """What is looked at: times (n,) [s], states (n, 6), and the integral over time of the thrusts
-    that were sent, known at `order_times` (m,) as `impulses` (m, 2) [N s]. `noise_sd` (6,):
-    standard deviations of the white noise of the states.
+    """Recent data: times (n,) [s], states (n, 6) and the thrusts that were sent.
+
+    `impulses` (m, 2) [N s] is the integral of the thrusts over time, known at `order_times` (m,).
+    `noise_sd` (6,): standard deviations of the white noise of the states.
     """
 
     times: Array
@@ -36,7 +37,7 @@ class Flown:
         """Mean thrusts that acted between successive states, (n - 1, 2) [N]."""
         if lag_s < LEAST_LAG_S / 10:
             return self._told(self.times - dead_s)
-        # What the thrusters gave at the first state comes from what they were told before it.
+        # The thrust at the first state follows from the orders before it.
         before = np.linspace(-BEFORE_LAGS * lag_s, 0.0, BEFORE_STEPS, endpoint=False)
         times = np.concatenate([self.times[0] + before, self.times])
         told = self._told(times - dead_s)

@@ -1,13 +1,12 @@
-"""The horizon: what each stage of the optimal control problem is asked to do.
+"""The horizon: the parameters of each stage of the optimal control problem, and the plan.
 
-A rule writes a `Horizon`; `grebe.control.ocp` poses it; nothing here solves anything.
+A rule writes a `Horizon`, and `grebe.control.ocp` poses the problem; nothing here is solved.
 
-The horizon has N stages and N + 1 nodes. Node k carries the set that the cost measures its
-distance to, the set that must hold it (softened by an L1 slack), the corridor to stay in, and the
-lines that keep it apart from others; stage k carries the bounds of its duration and the weights of
-effort and time. Sets are half-space rows (a_x, a_y, a_u, b), see `grebe.core.sets`. A row
-(0, 0, 0, 1) holds always: it fills up a set with fewer sides than the problem has room for, and
-stands for "no set".
+The horizon has N stages and N + 1 nodes. Node k has the set that its cost measures the distance
+to, the set that must contain it (softened by an L1 slack), its corridor, and the lines that keep it
+apart from others. Stage k has the bounds of its duration and the weights of effort and time. Sets
+are half-space rows (a_x, a_y, a_u, b), see `grebe.core.sets`. The row (0, 0, 0, 1) always holds: it
+pads a set that has fewer sides than the problem has room for, and represents "no set".
 """
 
 from __future__ import annotations
@@ -23,18 +22,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 NO_ROW = (0.0, 0.0, 0.0, 1.0)
-# Price, in every solver, of the squared distance of a stage's share of its duration's span from
-# one half; it keeps a share whose bounds coincide in the middle and is far below any cost.
+# A stage's duration is a share of the span between its bounds. Every solver puts this price on the
+# share's squared distance from one half: it determines the share if the bounds coincide, and is
+# far below any cost.
 DURATION_REGULARISATION = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
 class HorizonShape:
-    """The sizes that a problem is built for, once.
+    """The sizes for which a problem is built.
 
-    `stages` N; `set_rows` half-spaces a set may have (sides + 2 for the speed window);
-    `corridor_rows` half-spaces of the corridor, 0 for none; `apart_rows` others to keep apart from,
-    a half-space for each, 0 for none; `substeps` Runge-Kutta steps in each stage.
+    `stages` is N; `set_rows` the half-spaces that a set may have (sides + 2 for the speed window);
+    `corridor_rows` those of a corridor, 0 for none; `apart_rows` the number of others to keep apart
+    from, one half-space each, 0 for none; `substeps` the Runge-Kutta steps in each stage.
     """
 
     stages: int
@@ -62,8 +62,8 @@ class Horizon:
     [1/s] of the same times the stage's duration;
     `duration_bounds` (N, 2) [s], `time_weights` (N,) [1/s], and `duration_weights` (N,) [1/s^2]
     of the squared distance from `duration_nominal` (N,) [s];
-    `thrust_bounds` (2, N, 2) [N], least and largest of each stage's thrusts, or None where they are
-    the vessel's throughout.
+    `thrust_bounds` (2, N, 2) [N], least and largest of each stage's thrusts, or None for the
+    vessel's limits in every stage.
     """
 
     shape: HorizonShape
@@ -88,7 +88,7 @@ class Horizon:
         self.cost_sets = _no_rows(n, rows)
         self.cost_weights = np.zeros(n)
         self.entry_sets = _no_rows(n + 1, rows)
-        # A slack that costs nothing would drift; one that is not needed stays at zero.
+        # A slack without a price would drift; with one, a slack that is not needed stays at zero.
         self.entry_penalties = np.ones(n + 1)
         self.corridors = _no_rows(n + 1, self.shape.corridor_rows)
         self.apart = _no_rows(n + 1, self.shape.apart_rows)
@@ -100,7 +100,7 @@ class Horizon:
         self.duration_weights = np.zeros(n)
 
     def bounds_of_thrusts(self, least_n: float, most_n: float) -> NDArray[np.float64]:
-        """Least and largest thrusts of each stage (2, N, 2): its own, or the vessel's limits."""
+        """Least and largest thrusts of each stage (2, N, 2); by default the vessel's limits."""
         if self.thrust_bounds is not None:
             return self.thrust_bounds
         bounds = np.empty((2, self.shape.stages, 2))
@@ -108,29 +108,29 @@ class Horizon:
         return bounds
 
     def attract(self, stage: int | slice, rows: NDArray[np.float64], weight: float) -> None:
-        """Let the cost of a stage, or of several, measure the distance to a set."""
+        """Add the distance to a set to the cost of a stage or of several."""
         self.cost_sets[stage] = padded(rows, self.shape.set_rows)
         self.cost_weights[stage] = weight
 
     def require(self, node: int, rows: NDArray[np.float64], penalty: float) -> None:
-        """Ask that a node lie in a set, at a price for each unit of violation."""
+        """Require a node to be in a set, at a price for each unit of violation."""
         self.entry_sets[node] = padded(rows, self.shape.set_rows)
         self.entry_penalties[node] = penalty
 
     def confine(self, node: int, rows: NDArray[np.float64]) -> None:
-        """Ask that a node lie in a corridor."""
+        """Require a node to be in a corridor."""
         self.corridors[node] = padded(rows, self.shape.corridor_rows)
 
 
 def _no_rows(nodes: int, rows: int) -> NDArray[np.float64]:
-    """Rows (nodes, rows, 4) that all hold always."""
+    """Rows (nodes, rows, 4) that always hold."""
     filled = np.zeros((nodes, rows, len(NO_ROW)))
     filled[..., -1] = NO_ROW[-1]
     return filled
 
 
 def padded(rows: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Fill half-space rows up to `count` with rows that always hold."""
+    """Pad half-space rows to `count` with rows that always hold."""
     if len(rows) > count:
         raise ValueError(f"a set has {len(rows)} half-spaces, the problem room for {count}")
     filled = np.empty((count, len(NO_ROW)))
@@ -143,8 +143,9 @@ def padded(rows: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 class Plan:
     """A predicted trajectory, the result of a solve.
 
-    `states` (N + 1, 6), `thrusts` (N, 2) [N], `durations` (N,) [s]; `costates` (N + 1, 6) what
-    the rest of the plan would cost more for a unit of each state, where the solver tells.
+    `states` (N + 1, 6), `thrusts` (N, 2) [N], `durations` (N,) [s]. `costates` (N + 1, 6) is the
+    change of the cost of the rest of the plan per unit of each state, None if the solver does not
+    report it.
     """
 
     states: NDArray[np.float64]
@@ -154,20 +155,20 @@ class Plan:
 
     @property
     def first_input(self) -> tuple[float, float]:
-        """Thrusts (F_1, F_2) of the first stage: what a receding horizon applies."""
+        """Thrusts (F_1, F_2) of the first stage, which a receding horizon applies."""
         return float(self.thrusts[0, 0]), float(self.thrusts[0, 1])
 
     @property
     def duration_s(self) -> float:
-        """Time that the plan spans."""
+        """Duration of the plan [s]."""
         return float(np.sum(self.durations))
 
     def shifted(self, step_s: float) -> Plan:
-        """Return the plan as it looks `step_s` later, its last thrusts held at the end.
+        """Return the plan shifted by `step_s`, with its last thrusts held at the end.
 
-        For stages of equal duration `step_s` this drops the first stage and repeats the
-        last; states are moved along by linear interpolation in time. Costates are left behind: the
-        last sets of the paper's problems move on with the horizon, and what they cost with them.
+        For stages of equal duration `step_s` this drops the first stage and repeats the last.
+        States are interpolated linearly in time. Costates are dropped: the last sets of the paper's
+        problems move on with the horizon, and their costs with them.
         """
         moments = np.concatenate([[0.0], np.cumsum(self.durations)]) + step_s
         states, thrusts, _ = self.sampled(moments)
@@ -176,9 +177,11 @@ class Plan:
     def sampled(
         self, moments: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
-        """Return states (m, 6) at `moments` (m,) [s], the thrusts (m - 1, 2) half-way between them,
-        and the costates (m, 6) where they are known. Beyond the plan's end state and thrusts are
-        its last ones, and the costates nothing: nothing is planned to cost anything there.
+        """Return states, thrusts and costates at `moments` (m,) [s].
+
+        States are (m, 6), thrusts (m - 1, 2) half-way between the times, costates (m, 6) or None if
+        unknown. Beyond the plan's end, states and thrusts are its last ones and the costates zero,
+        because nothing is planned there that could cost anything.
         """
         stage, share = self._shares_at(moments)
         states = _between(self.states, stage, share)
@@ -190,15 +193,15 @@ class Plan:
         return states, thrusts, costates
 
     def thrusts_at(self, moment_s: float) -> tuple[float, float]:
-        """Thrusts planned at a moment [s]; beyond the plan's end its last ones."""
-        # Asked ten times a second: one number is found without an array of it.
+        """Thrusts planned at a time [s]; beyond the plan's end its last ones."""
+        # Called ten times a second, so a scalar is looked up without making an array.
         stage = min(int(self._ends.searchsorted(moment_s, side="right")), len(self._ends) - 1)
         port, starboard = self.thrusts[stage].tolist()
         return port, starboard
 
     @cached_property
     def _ends(self) -> NDArray[np.float64]:
-        """When each stage ends (N,) [s]."""
+        """End time of each stage (N,) [s]."""
         return np.cumsum(self.durations)
 
     def _stage_at(self, moments: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -207,8 +210,9 @@ class Plan:
     def _shares_at(
         self, moments: NDArray[np.float64]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """In which stage each of `moments` (m,) [s] lies, and how much of it is over then, (m, 1):
-        none before the first node, all beyond the last.
+        """Stage of each of `moments` (m,) [s], and the share of it that has passed, (m, 1).
+
+        The share is 0 before the first node and 1 beyond the last.
         """
         ends, durations = self._ends, self.durations
         stage = np.minimum(np.searchsorted(ends, moments), len(ends) - 1)
@@ -220,10 +224,10 @@ class Plan:
 def _between(
     nodes: NDArray[np.float64], stage: NDArray[np.int64], share: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Values (N + 1, 6) at the nodes, interpolated to a `share` (m, 1) of each `stage` (m,)."""
+    """Interpolate values (N + 1, 6) at the nodes to a `share` (m, 1) of each `stage` (m,)."""
     return nodes[stage] + share * (nodes[stage + 1] - nodes[stage])
 
 
 def rows_needed(sides: Sequence[int]) -> int:
-    """Rows of half-spaces for sets with these numbers of sides (two more for the window)."""
+    """Half-space rows needed for sets with these numbers of sides, plus two for the window."""
     return max(sides, default=4) + 2

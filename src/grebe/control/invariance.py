@@ -1,14 +1,14 @@
 """Control invariance of a target set (Definition 1) and its input set Psi, by search.
 
 Lemmas 4 and 7 need every Omega_j to be a (contractive) control invariant set. A set is a
-polygon times a window of surge, free in heading, sway and yaw rate, so whether it is one is a
-question about the boat: from each state of the set, is there a thrust that holds for a step and
-ends in the set? `search` looks for a state from which there is none, `counterexample` proves it
-for one state by numbers, and `input_set` computes Psi.
+polygon times a window of surge, free in heading, sway and yaw rate. Its invariance depends on the
+boat: from each state of the set, is there a thrust, held for a step, that ends in the set?
+`search` looks for a state without such a thrust, `counterexample` proves numerically that a state
+has none, and `input_share` estimates the size of Psi.
 
 A state's excess is the largest a z - b over the set's rows after one step: zero or less
-inside, below zero in the interior. It changes by no more than the step's end does in
-(x, y, u), because the rows' normals are unit vectors; that makes a grid of inputs a proof.
+inside, below zero in the interior. The rows' normals are unit vectors, so the excess changes by no
+more than the step's end does in (x, y, u). This turns a grid of inputs into a proof.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 COARSE, FINE = 21, 121
 ZOOMS = 4
-# Sensitivities are met at the grid's points; between them they may be half as large again.
+# Sensitivities are computed at the grid's points; between them they may be half as large again.
 SENSITIVITY_ALLOWANCE = 1.5
 STEPS_PER_TIME_CONSTANT = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class FreeBounds:
-    """The compact X in the states that a target set leaves free: the largest sway and yaw rate."""
+    """Bounds of the compact X in the states that a target set leaves free: sway and yaw rate."""
 
     sway_mps: float = 0.0
     yaw_rate_radps: float = 0.0
@@ -55,10 +55,10 @@ class FreeBounds:
 
 @dataclass(frozen=True, kw_only=True)
 class Counterexample:
-    """A state of the set from which no input stays, and the numbers that prove it.
+    """A state that no input keeps in the set, and the numbers that prove it.
 
-    Over a grid of all admissible inputs the state ends at least `least_excess` [m or m/s]
-    outside; between two points of the grid it can be nearer by `between` at most.
+    For every point of a grid over all admissible inputs, the state ends at least `least_excess` [m
+    or m/s] outside. Between two points of the grid it can be nearer by `between` at most.
     """
 
     state: tuple[float, ...]
@@ -67,14 +67,16 @@ class Counterexample:
 
     @property
     def proven(self) -> bool:
-        """Whether no input at all can hold the state in the set."""
+        """Whether it is proven that no input can keep the state in the set."""
         return self.least_excess > self.between
 
 
 @dataclass(frozen=True, kw_only=True)
 class InvarianceSearch:
-    """How a search ended: the states tried, how many an input keeps in the set and in its
-    interior, the worst state's least excess, and a counterexample where one was proven.
+    """Result of a search.
+
+    The number of states tried, how many of them an input keeps in the set and in its interior, the
+    worst state's least excess, and a counterexample if one was proven.
     """
 
     states: int
@@ -85,12 +87,12 @@ class InvarianceSearch:
 
     @property
     def holds_as_far_as_seen(self) -> bool:
-        """No state was found that leaves: evidence for invariance, not a proof of it."""
+        """Whether every state tried is kept: evidence for invariance, not a proof."""
         return self.counterexample is None and self.kept == self.states
 
 
 class SetCheck:
-    """Asks questions about one vessel, one target set and one control step [s]."""
+    """Tests the invariance of one target set, for one vessel and one control step [s]."""
 
     def __init__(self, vessel: Vessel, target: TargetSet, step_s: float) -> None:
         if not 0 < step_s < math.inf:
@@ -103,7 +105,7 @@ class SetCheck:
         )
 
     def least_excess(self, state: Array) -> tuple[float, Array]:
-        """The least excess that an input can achieve, and that input: a grid, then zooms."""
+        """The least excess that an input can achieve, and that input, by a grid that zooms in."""
         low, high = self.vessel.thrust_min_n, self.vessel.thrust_max_n
         centre, half = np.full(2, 0.5 * (low + high)), 0.5 * (high - low)
         best = math.inf
@@ -116,11 +118,11 @@ class SetCheck:
         return best, centre
 
     def counterexample(self, state: Array) -> Counterexample:
-        """The numbers for one state, on a fine grid of inputs."""
+        """The least excess of one state on a fine grid of inputs, and its error bound."""
         low, high = self.vessel.thrust_min_n, self.vessel.thrust_max_n
         inputs = _grid(low, high, FINE)
         out, k = self._excesses(state, inputs)
-        # No input lies further from a point of the grid than half a diagonal of its mesh.
+        # No input is farther from a point of the grid than half a diagonal of its mesh.
         reach = math.sqrt(0.5) * (high - low) / (FINE - 1)
         steepest = max(self._sensitivity(state, pair) for pair in _grid(low, high, COARSE))
         return Counterexample(
@@ -130,7 +132,7 @@ class SetCheck:
         )
 
     def search(self, bounds: FreeBounds, states: int = 2048, seed: int = 0) -> InvarianceSearch:
-        """Try the states on the rim that point outwards, then a Sobol sequence over the set."""
+        """Test the states on the rim that point outwards, then a Sobol sequence over the set."""
         tried = np.vstack([self._outward_states(), self._spread_states(bounds, states, seed)])
         least = np.array([self.least_excess(state)[0] for state in tried])
         worst = int(np.argmax(least))
@@ -144,15 +146,15 @@ class SetCheck:
         )
 
     def input_share(self, bounds: FreeBounds, grid: int = COARSE) -> float:
-        """Share of a grid over U that belongs to Psi: some state of the set stays in it."""
+        """Share of a grid over U that belongs to Psi: inputs under which some state stays."""
         inputs = _grid(self.vessel.thrust_min_n, self.vessel.thrust_max_n, grid)
         return float(np.mean([self.witness(pair, bounds) is not None for pair in inputs]))
 
     def witness(self, thrusts: Array, bounds: FreeBounds) -> Array | None:
-        """A state of the set that stays in it under `thrusts`; None where none was found.
+        """A state of the set that stays in it under `thrusts`; None if none was found.
 
         Positions enter no equation of motion, so the step's displacement is known before the
-        place is chosen: the way there is laid around the middle of the set.
+        position is chosen: the displacement is centred on the middle of the set.
         """
         speeds = np.linspace(self.target.speed_min_mps, self.target.speed_max_mps, 9)
         sways = np.linspace(-bounds.sway_mps, bounds.sway_mps, 5 if bounds.sway_mps else 1)
@@ -187,7 +189,7 @@ class SetCheck:
         return float(np.linalg.norm(slopes[[0, 1, 3], 4:6], 2))
 
     def _outward_states(self) -> Array:
-        """In the middle of each side, heading straight out, at either end of the window."""
+        """States in the middle of each side, heading straight out, at both ends of the window."""
         points = np.asarray(self.target.vertices)
         middles = 0.5 * (points + np.roll(points, -1, axis=0))
         states: list[list[float]] = []
@@ -195,7 +197,7 @@ class SetCheck:
             side = int(np.argmax(self._rows[:-2, :2] @ [north, east] - self._rows[:-2, 3]))
             out_north, out_east = self._rows[side, :2].tolist()
             heading = math.atan2(out_east, out_north)
-            # A hair inside: rounding must not decide whether the state belongs to the set.
+            # Slightly inside, so that rounding does not decide whether the set holds the state.
             place = [north - 1e-9 * out_north, east - 1e-9 * out_east]
             window = (self.target.speed_min_mps, self.target.speed_max_mps)
             states += [[*place, heading, speed, 0.0, 0.0] for speed in window]

@@ -1,5 +1,6 @@
-"""How badly some numbers of a boat explain how it moved, compiled: a search asks it thousands of
-times.
+"""The misfit between a boat's parameters and its motion.
+
+It is compiled, because a search evaluates it thousands of times.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -14,13 +15,13 @@ from grebe.control.correction import turn
 from grebe.control.rollout import piece_end
 from grebe.core.kernels import machine_code, part_of_kernels
 
-# Where the numbers stand: logarithms of two thrusters' shares and of four factors, dead time and
-# lag, compass, two currents and two forces of the wind, how fast the currents change.
+# Indices into the parameters: logarithms of two thrusters' shares and of four factors, dead time
+# and lag, compass, two currents and two wind forces, rates of change of the currents.
 SHARES, COMPASS, WEATHER_AT, DRIFT_AT = 0, 8, 9, 13
-# Which of the boat's numbers in the equations of motion the factors on its drag and its inertia
-# multiply, in the order m33, x_u, y_v, n_r, x_uu, y_vv, n_rr, and which factor each.
+# Indices of the parameters of the equations of motion that are multiplied by a factor, in the order
+# m33, x_u, y_v, n_r, x_uu, y_vv, n_rr, and the index of the factor for each.
 FACTORS_OF, FACTORS = (2, 3, 4, 5, 6, 7, 8), (4, 2, 3, 5, 2, 3, 5)
-# Standard deviations beyond which a miss counts by its size and no longer by its square.
+# Standard deviations beyond which an error counts by its size and no longer by its square.
 ROBUST = 3.0
 
 _turn = part_of_kernels(turn)
@@ -28,8 +29,9 @@ _turn = part_of_kernels(turn)
 
 @machine_code
 def parameters_of(numbers, boat, units):
-    """The 15 numbers of the equations of motion: `boat` (11,) with its factors, and the weather in
-    its `units` (4,).
+    """The 15 parameters of the equations of motion, from the fitted `numbers`.
+
+    `boat` (11,) is multiplied by its factors; the weather follows, in its `units` (4,).
     """
     p = np.empty(len(boat) + len(units))
     for i in range(len(boat)):
@@ -46,11 +48,12 @@ def misfit(
     numbers, believed, prior_sd, boat, units, times, states, thrusts, first, last, per_second,
     whiteners,
 ):  # fmt: skip
-    """What the ends of the pieces `first` to `last` miss, made independent and of unit variance by
-    lower triangles `whiteners` (k, 6, 6), and how far `numbers` are from `believed`: (6 k + 15,),
-    as pseudo-Huber residuals, of which a single one, an estimate that jumps, does not decide.
-    `thrusts` (n - 1, 2) are those that acted between `states` (n, 6) if thrusters give what they
-    are told.
+    """Residuals (6 k + 15,) of the pieces `first` to `last`, and of the prior.
+
+    The errors at the pieces' ends are made independent and of unit variance by the lower triangles
+    `whiteners` (k, 6, 6). The last 15 residuals are the deviations of `numbers` from `believed`.
+    All are pseudo-Huber residuals, so that a single one, from an estimate that jumps, does not
+    decide. `thrusts` (n - 1, 2) would act between `states` (n, 6) if thrusters gave their orders.
     """
     p = parameters_of(numbers, boat, units)
     drift, angle = numbers[DRIFT_AT:], -numbers[COMPASS]

@@ -1,13 +1,13 @@
-"""The observer: what current and wind force explain how the boat moves.
+"""The observer: estimates current and wind force from the boat's motion.
 
 The boat's velocity over ground is measured; a steady current and a steady wind force are
-not. Between two estimates the model predicts the change of velocity; what it misses is
-attributed to the four numbers d = (c_n, c_e, f_n, f_e) by a Kalman filter whose state is d
-and whose model is a random walk (Simon 2006, ch. 5). On one heading current and wind cannot
-be told apart, and need not be: either explains the motion on that heading.
+not. The model predicts the change of velocity between two estimates. A Kalman filter attributes
+the error of the prediction to d = (c_n, c_e, f_n, f_e); its state is d and its model a random walk
+(Simon 2006, ch. 5). On one heading current and wind cannot be distinguished, and need not be:
+either explains the motion on that heading.
 
-Of a boat whose autopilot holds the surge that it is told, only the sway tells anything: it makes
-the surge that was predicted, in whatever weather, and would confirm any belief.
+If an autopilot holds the ordered surge, only the sway is informative: the autopilot makes the
+predicted surge in any weather, which would confirm any estimate.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Of the measured velocities over ground [m/s].
+# Standard deviation of the measured velocities over ground [m/s].
 VELOCITY_SD = 0.03
-# What lakes and weather may bring before anything is known: current [m/s], and wind force as
-# a share of full thrust; and how far each may wander in a second.
+# Prior standard deviations: current [m/s], and wind force as a share of full thrust; and the random
+# walk of each in a second.
 CURRENT_SD, WIND_SHARE_SD = 0.4, 0.15
 CURRENT_DRIFT, WIND_SHARE_DRIFT = 0.01, 0.005
 LARGEST_CURRENT_MPS = 3.0
@@ -44,13 +44,13 @@ LARGEST_CURRENT_MPS = 3.0
 class Observer:
     """Estimates the weather from successive state estimates and the thrusts between them.
 
-    `first` is the weather that it begins with, `weather` the present estimate; `by_sway`: only
-    the sway is learned from.
+    `first` is the initial weather, `weather` the present estimate; `by_sway`: only the sway is
+    used.
     """
 
     def __init__(self, vessel: Vessel, first: Weather = CALM, *, by_sway: bool = False) -> None:
         self._vessel = vessel
-        # The first of surge and sway that is learned from.
+        # Index of the first velocity used: 0 for surge and sway, 1 for sway alone.
         self._first = 1 if by_sway else 0
         force = 2 * vessel.thrust_max_n
         sd = np.array([CURRENT_SD, CURRENT_SD, WIND_SHARE_SD * force, WIND_SHARE_SD * force])
@@ -80,7 +80,7 @@ class Observer:
         after: Sequence[float],
         duration_s: float,
     ) -> None:
-        """Learn from a pair of states (6,) that lie `duration_s` apart under `thrusts`."""
+        """Update the estimate from a pair of states (6,), `duration_s` apart under `thrusts`."""
         start, inputs = np.asarray(before, dtype=float), np.asarray(thrusts)
         substeps = max(2, math.ceil(duration_s * self._vessel.fastest_rate_hz))
         predicted, jacobian = _velocities(
@@ -88,21 +88,22 @@ class Observer:
         )
         self._covariance += duration_s * self._drift
         change = np.zeros(4)
-        # One after the other, for their errors are independent.
+        # One measurement after the other, because their errors are independent.
         for i in range(self._first, 2):
             _correct(change, self._covariance, jacobian[i], after[3 + i] - predicted[i])
-        # Not np.clip, which takes longer than all else here but the prediction.
+        # Not np.clip, which takes longer than everything else here except the prediction.
         self._learn(np.minimum(np.maximum(self._estimate + change, -self._limit), self._limit))
 
 
 @machine_code
 def _correct(change, covariance, slopes, surprise):
-    """One measurement of a Kalman filter: `change` (4,) of the estimate so far and the covariance,
-    in place, by how much it differs from what was predicted with no change, and the prediction's
-    derivatives `slopes` (4,).
+    """Apply one measurement of a Kalman filter to `change` (4,) and `covariance`, in place.
+
+    `change` is the change of the estimate so far. `surprise` is the difference between the
+    measurement and its prediction without any change, `slopes` (4,) the prediction's derivatives.
     """
     spread = np.zeros(4)
-    # Both ends of the pair are measured: their errors add up.
+    # Both ends of the pair are measured, so their errors add up.
     variance = 2 * VELOCITY_SD**2
     for i in range(4):
         for j in range(4):
@@ -118,8 +119,9 @@ def _correct(change, covariance, slopes, surprise):
 
 @machine_code
 def _velocities(boat, weather, probe, state, thrusts, duration, substeps):
-    """Surge and sway (2,) that the model predicts in some weather (4,), and their derivatives
-    (2, 4) by it, over steps of `probe` (4,).
+    """Predict surge and sway (2,) in some weather (4,), and their derivatives (2, 4) by it.
+
+    The derivatives are finite differences over `probe` (4,).
     """
     p = np.empty(len(boat) + 4)
     out = np.empty(6)

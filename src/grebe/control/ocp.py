@@ -1,10 +1,10 @@
 """The optimal control problem: one parametric problem for every rule and every mode.
 
-Problem (8) of the paper with cost (7), in the form that never fails ("form D"): the
-dynamics are hard, the sets that must hold a node are softened by one L1 slack a node whose
-price is above the multipliers of the hard problem, so that its minimiser is the hard one
-wherever that exists. Everything a rule decides is a parameter; durations are variables
-between bounds that are parameters.
+Problem (8) of the paper with cost (7), in a form that is always feasible ("form D"). The
+dynamics are hard constraints. The sets that must contain a node are softened by one L1 slack a
+node. Its price is above the multipliers of the hard problem, so both problems have the same
+minimiser if the hard one is feasible. Everything that a rule decides is a parameter; durations are
+variables between bounds that are parameters.
 
     min  sum_k  w_k D(z_k, C_k) + (beta_k + rho_k T_k) |F_k / F_max|^2 + theta_k T_k
          + sum_k eta_k (T_k - T0_k)^2 + sum_k pi_k s_k
@@ -13,8 +13,8 @@ between bounds that are parameters.
 D(z, C) = sum_i max(0, a_i z - b_i)^2 over the rows of C: a generalised distance function
 (Definition 2), and the squared Euclidean distance when C is a box.
 
-This file states the problem as CasADi expressions, ordered stage by stage as structured
-solvers want it: z_0, F_0, sigma_0, s_0, z_1, ...
+This file states the problem as CasADi expressions, in the order by stages that structured
+solvers need: z_0, F_0, sigma_0, s_0, z_1, ...
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ class Problem:
 
     @property
     def slacks(self) -> int:
-        """Slack variables in each node: entry, and corridor and others where there are any."""
+        """Slack variables of a node: entry, and corridor and others if the shape has them."""
         return 1 + (self.shape.corridor_rows > 0) + (self.shape.apart_rows > 0)
 
     @property
     def stage_width(self) -> int:
-        """Variables from one node to the next."""
+        """Number of variables from one node to the next."""
         return STATES + THRUSTS + 1 + self.slacks
 
     def parameters(
@@ -86,7 +86,7 @@ class Problem:
         )
 
     def bounds(self, horizon: Horizon) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lower and upper bounds of the variables: a horizon may narrow those of the thrusts."""
+        """Lower and upper bounds of the variables; a horizon may narrow those of the thrusts."""
         n, width = self.shape.stages, self.stage_width
         lower, upper = self.lower_x.copy(), self.upper_x.copy()
         for bound, thrusts in zip((lower, upper), self._thrust_bounds(horizon), strict=True):
@@ -111,7 +111,7 @@ class Problem:
         return x
 
     def plan(self, x: NDArray[np.float64], horizon: Horizon) -> Plan:
-        """Read the plan out of a solution vector."""
+        """Read the plan from a solution vector."""
         n, width = self.shape.stages, self.stage_width
         body = x[: n * width].reshape(n, width)
         low, high = horizon.duration_bounds.T
@@ -155,7 +155,7 @@ class _Parameters:
         return symbol
 
     def _sets(self, name: str, count: int, rows: int) -> list[ca.SX]:
-        # Row-major on the numpy side, column-major in CasADi: hence the transpose.
+        # NumPy is row-major and CasADi column-major, hence the transpose.
         return [self._vector(f"{name}{k}", 4 * rows).reshape((4, rows)).T for k in range(count)]
 
 
@@ -277,6 +277,6 @@ class _Builder:
 
 
 def _excess(rows: ca.SX, state: ca.SX) -> ca.SX:
-    """A z - b for each half-space row: positive outside."""
+    """A z - b for each half-space row, positive outside."""
     position_and_surge = ca.vertcat(state[0], state[1], state[3])
     return rows[:, :3] @ position_and_surge - rows[:, 3]

@@ -1,4 +1,4 @@
-"""The model rolled out under thrusts that were sent: to now, and to where pieces of a track end."""
+"""Simulation of the model under the thrusts that were sent, over pieces of a track."""
 
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
 # pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
@@ -16,8 +16,9 @@ SUBSTEPS_PER_S = 20.0
 
 @machine_code
 def lagged(thrusts, lags):
-    """Mean thrusts (n, 2) in steps of `lags` (n,) time constants each, of thrusters that are told
-    `thrusts` (n, 2) and give the first of them when it begins.
+    """Mean thrusts (n, 2) of thrusters with a lag under the orders `thrusts` (n, 2).
+
+    Step i lasts `lags[i]` time constants. The thrusters begin at the first order.
     """
     out = np.empty_like(thrusts)
     now = thrusts[0].copy()
@@ -32,10 +33,11 @@ def lagged(thrusts, lags):
 
 @part_of_kernels
 def piece_end(p, drift, times, z, thrusts, shares, first, last, per_second):
-    """Roll `z` (6,) out from `times[first]` to `times[last]`, in place, under the mean thrusts
-    (n - 1, 2) between successive times, of thrusters that give `shares` (2,) of them. The current
-    of `p` is that of the last time, and `drift` (2,) how it has changed until then; `per_second`
-    Runge-Kutta steps a second at least.
+    """Simulate `z` (6,) from `times[first]` to `times[last]`, in place.
+
+    `thrusts` (n - 1, 2) are the means between successive times; the thrusters give `shares` (2,) of
+    them. The current of `p` holds at the last time, `drift` (2,) is its rate of change until then.
+    There are at least `per_second` Runge-Kutta steps a second.
     """
     q, end, given = p.copy(), np.empty(6), np.empty(2)
     before = times[-1] - 0.5 * (times[first] + times[last])
@@ -51,7 +53,7 @@ def piece_end(p, drift, times, z, thrusts, shares, first, last, per_second):
 
 @machine_code
 def pieces_ends(p, drift, times, states, thrusts, shares, first, last, per_second):
-    """Where the pieces end, (k, 6), that begin at `states[first]`; see `piece_end`."""
+    """Ends (k, 6) of the pieces that begin at `states[first]`; see `piece_end`."""
     ends = np.empty((len(first), 6))
     for k in range(len(first)):
         put(ends[k], states[first[k]])

@@ -1,4 +1,4 @@
-"""Thrusters that answer with a lag: what they can give, on the mean, in each stage of a horizon."""
+"""Thrusters with a lag: the mean thrust that they can give in each stage of a horizon."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SlowThrusters:
-    """Port and starboard give `now_n` and approach what they are told with a time constant of
-    `lag_s`; both can be told from `least_n` to `most_n`.
+    """State and limits of two thrusters with a lag.
+
+    Port and starboard give `now_n` and approach their orders with a time constant of `lag_s`;
+    orders range from `least_n` to `most_n`.
     """
 
     now_n: tuple[float, float]
@@ -25,10 +27,10 @@ class SlowThrusters:
     lag_s: float
 
     def reach(self, durations: Array) -> Array:
-        """Least and largest mean thrust (2, N, 2) [N], by side, stage and thruster, in stages of
-        `durations` (N,) [s] where all that is told from now on is the least, or the most.
+        """Least and largest mean thrust (2, N, 2) [N], by bound, stage and thruster.
 
-        The later a stage, the less is left of where the thrusters begin.
+        These are the means in stages of `durations` (N,) [s] if the least, or the largest, thrust
+        is ordered from now on. The influence of the initial thrust decays with time.
         """
         ends = np.concatenate([[0.0], np.cumsum(durations)])
         left = -np.diff(np.exp(-ends / self.lag_s)) * self.lag_s / np.maximum(durations, 1e-9)

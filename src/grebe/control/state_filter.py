@@ -1,16 +1,17 @@
-"""The state as estimates and the model tell it together, where estimates are noisy.
+"""A Kalman filter of the boat's state, for noisy estimates.
 
-A plan that begins at every estimate as it is answers its noise: half of a boat's thrust may go
-into it, for the least sway through the water turns a fast hull. An extended Kalman filter (Simon
-2006, ch. 13) weighs what the model predicts from one estimate to the next against the estimate;
-how far the boat has come and turned tells its velocities too.
+A controller that plans from every raw estimate responds to its noise. Half of a boat's thrust may
+go into this, because the least sway through the water turns a fast hull. An extended Kalman filter
+(Simon 2006, ch. 13) combines the model's prediction from one estimate to the next with the
+estimate. Changes of position and heading also give information on the velocities.
 
-How noisy estimates are is learned from them. Let g be what an estimate differs by from what was
-predicted from the one before. White noise of variance R is in two successive g with opposite signs,
-and makes their covariance -F R, F how the prediction changes with what it begins with; errors of
-the model last, and make it positive. What is left of the variance of g, beyond R + F R F', is the
-model's. Estimates that are exact, or that an autopilot has filtered already, show no noise, and are
-taken as they come. So is one that nobody could expect: the filter begins anew behind it.
+The noise is learned from the estimates. Let g be the difference between an estimate and the
+prediction from the one before. White noise of variance R enters two successive g with opposite
+signs and makes their covariance -F R, where F is the derivative of the prediction with respect to
+the state that it begins with. Errors of the model last, and make it positive. The variance of g
+beyond R + F R F' is attributed to the model. Estimates that are exact, or already filtered by an
+autopilot, show no noise and are used unfiltered. So is an unexpected estimate, from which the
+filter starts again.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -33,32 +34,35 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Over what time the noise is learned, and from how much of it on it is believed [s].
+# Time constant of learning the noise, and the least time before the result is used [s].
 MEMORY_S, LEAST_S = 15.0, 4.0
-# Standard deviations up to which noise is none: position [m], heading [rad], velocities [m/s] and
-# yaw rate [rad/s]; and what is taken for the noise, at least, of what shows none beside others.
+# Standard deviations below which noise is ignored: position [m], heading [rad], velocities [m/s]
+# and yaw rate [rad/s]; and the least noise assumed of a state if any other is noisy.
 NOTHING = np.array([0.01, 0.01, 0.005, 0.005, 0.005, 0.005])
 LEAST = np.array([1e-3, 1e-3, 5e-4, 1e-3, 1e-3, 1e-3])
-# The model's own variance from one estimate to the next is at least this share of the noise's: no
-# model is so good that estimates tell nothing, and velocities that are told a little too large
-# would carry the place away.
+# The model's variance from one estimate to the next is at least this share of the noise's.
+# Otherwise estimates would count for nothing, and velocities that are measured a little too large
+# would carry the position away.
 LEAST_SHARE = 0.05
-# What the means of half a minute miss by chance, as a share of the noise in a surprise. Of place
-# and heading that is not put down to the model: it is never wrong about how velocities add up.
+# Random error of a variance over half a minute, as a share of the noise in a surprise. For position
+# and heading it is not attributed to the model, which integrates velocities correctly.
 CHANCE = 0.2
-# Standard deviations beyond which a surprise is wild: the noise is not learned from how wild it is,
-# and the filter does not go on from it.
+# Standard deviations beyond which a surprise is an outlier: it is clipped when the noise is
+# learned, and the filter starts again.
 WILD = 5.0
-# Of how much noise is left in the next prediction, at least: of a hull that stops at once none is.
+# Least share of the noise assumed to remain in the next prediction; none does in a hull that stops
+# at once.
 LEAST_LEFT = 0.3
 PROBE = 1e-5
-# What is kept of surprises: the last, their mean square, and the mean product of successive ones.
+# Rows of `surprises`: the last, the mean square, and the mean product of successive ones.
 LAST, SQUARE, PRODUCT = 0, 1, 2
 
 
 class StateFilter:
-    """Follows the state of one boat. `variances` (6,): of the noise that estimates were last taken
-    to have; nothing where they are taken as they come.
+    """Filters the state of one boat.
+
+    `variances` (6,): the present estimate of the noise's variances; zero if estimates are used
+    unfiltered.
     """
 
     def __init__(self) -> None:
@@ -69,7 +73,7 @@ class StateFilter:
         self._follows = False
 
     def forget(self) -> None:
-        """After a gap the next estimate is taken as it comes; how noisy they are stays known."""
+        """Start again from the next estimate, after a gap; the learned noise is kept."""
         self._follows = False
 
     def see(
@@ -81,8 +85,9 @@ class StateFilter:
         seconds: float,
         substeps: int,
     ) -> None:
-        """Take a pair of estimates into account that lie `seconds` apart under `thrusts`, of a boat
-        and weather of these `parameters` (15,).
+        """Take into account a pair of estimates, `seconds` apart under `thrusts`.
+
+        `parameters` (15,) are those of the boat and the weather.
         """
         told = np.array(thrusts), np.array(after), seconds, substeps
         share = max(1.0 - math.exp(-seconds / MEMORY_S), seconds / (self._seconds + seconds))
@@ -100,7 +105,7 @@ class StateFilter:
         )
 
     def filtered(self, state: State) -> State:
-        """Return what is believed of the last estimate."""
+        """Return the filtered state at the last estimate, or `state` if nothing is filtered."""
         if not self._follows:
             return state
         north, east, heading, surge, sway, yaw_rate = self._state.tolist()
@@ -109,8 +114,9 @@ class StateFilter:
 
 @machine_code
 def _learn(parameters, before, thrusts, after, seconds, substeps, share, known, surprises):
-    """Take what an estimate surprises by into the means `surprises` (3, 6), of which it is a
-    `share`, and no more than is not wild, where they are `known`; whether they tell of noise.
+    """Add the surprise of an estimate to the means `surprises` (3, 6) with weight `share`.
+
+    Outliers are clipped once the means are `known`. Returns whether they show noise.
     """
     predicted, noisy = np.empty(6), False
     advance(parameters, before, thrusts, seconds, substeps, predicted)
@@ -132,8 +138,9 @@ def _learn(parameters, before, thrusts, after, seconds, substeps, share, known, 
 def _weigh(
     parameters, state, covariance, thrusts, after, seconds, substeps, surprises, variances
 ):  # fmt: skip
-    """One step of the filter: `state` (6,), `covariance` (6, 6) and the `variances` (6,) of the
-    estimates' noise, in place; whether the estimate was one that could be expected.
+    """One step of the filter; returns False, without a correction, for an outlier.
+
+    Updates `state` (6,), `covariance` (6, 6) and the noise's `variances` (6,) in place.
     """
     predicted, slopes = np.empty(6), np.empty((6, 6))
     _predict(parameters, state, thrusts, seconds, substeps, predicted, slopes)
@@ -149,7 +156,7 @@ def _weigh(
         model = surprises[SQUARE, i] - of_noise - chance
         passed[i, i] += max(model, LEAST_SHARE * variances[i])
     for i in range(6):
-        # What is not a number is no more to be expected.
+        # Written so that a NaN is an outlier too.
         if not (after[i] - predicted[i]) ** 2 <= WILD**2 * (passed[i, i] + variances[i]):
             return False
     _correct(predicted, passed, after, variances)
@@ -176,9 +183,9 @@ def _carried(slopes, covariance):
 
 @part_of_kernels
 def _correct(state, covariance, after, variances):
-    """Weigh a predicted `state` (6,) of `covariance` (6, 6) against an estimate, in place."""
+    """Correct a predicted `state` (6,) with `covariance` (6, 6) by an estimate, in place."""
     spread = np.empty(6)
-    # One after the other, for their errors are independent.
+    # One measurement after the other, because their errors are independent.
     for k in range(6):
         surprise, variance = after[k] - state[k], covariance[k, k] + variances[k]
         for i in range(6):
@@ -191,8 +198,9 @@ def _correct(state, covariance, after, variances):
 
 @part_of_kernels
 def _predict(parameters, state, thrusts, seconds, substeps, predicted, slopes):
-    """The state after some time, and its derivatives (6, 6) by the one before. The boat moves alike
-    wherever it is.
+    """Predict the state after some time, and its derivatives (6, 6) by the one before.
+
+    The motion does not depend on the position.
     """
     advance(parameters, state, thrusts, seconds, substeps, predicted)
     moved, end = state.copy(), np.empty(6)

@@ -1,10 +1,10 @@
-"""Holding a place with two thrusters: how a boat stops, and how it stays where it is.
+"""Stopping, and holding a position with two thrusters.
 
-Both are feedback laws without memory, functions of a state: what is foreseen with them is what is
-done. `brake` takes the way off without turning. `keep` brakes where the boat is fast and not on
-its way to the place, unless it is carried off whatever it gives astern, then points its bow along
-the velocity through the water that brings it there, which in a current is against the current, and
-makes it.
+Both are feedback laws without memory, functions of a state, so that predictions made with them
+match what the boat does. `brake` stops the boat without turning. `keep` first brakes a boat that is
+fast and not on its way to the place, unless even full thrust astern could not hold it. It then
+points the bow along the velocity through the water that leads to the place, which in a current is
+against the current, and drives at that velocity.
 """
 
 from __future__ import annotations
@@ -19,36 +19,39 @@ from grebe.core.inner_loop import yaw_rate_max_radps
 from grebe.core.vessel import Vessel, steady_rate
 
 Thrusts = tuple[float, float]
-# Speed wanted for each metre off the place [1/s], and the most of it [m/s].
+# Wanted speed for each metre off the place [1/s], and its maximum [m/s].
 APPROACH_PER_S, APPROACH_MPS = 0.25, 0.6
-# A share of full thrust is left to steer with.
+# Share of full thrust counted for speed; the rest is left to steer with.
 STEER_SHARE = 0.9
-# So near is there [m]; a velocity through the water below this needs no heading [m/s].
+# Within this distance the boat is at the place [m]; a velocity through the water below this needs
+# no heading [m/s].
 THERE_M, IDLE_MPS = 0.75, 0.15
-# A boat goes astern where it is faster so than what carries it, by this much [m/s].
+# A boat goes astern only if its speed astern exceeds the drift by this much [m/s].
 SPARE_MPS = 0.2
-# Off by more than this the boat turns where it is [rad].
+# If the heading is off by more than this, the boat turns on the spot [rad].
 TURN_FIRST_RAD = math.radians(60)
-# What lies behind is turned to over starboard, from so much on the port side [rad].
+# A bearing within this angle of dead astern on the port side is turned to over starboard [rad].
 ASTERN_SIDE_RAD = math.pi / 6
-# Surge above which the boat is braked before it turns, and below which it turns with all it has
-# [m/s]; between the two it does some of both: a law that leaps from the one to the other keeps a
-# boat that is pushed ahead by its turning at the leap.
+# Surge above which the boat brakes before it turns, and below which it turns with full power [m/s].
+# Between them the law blends both: with a jump, a boat that is pushed ahead by its turning would
+# stay at the jump.
 FAST_MPS, SLOW_MPS = 0.35, 0.1
-# What is kept for turning of the span between full ahead and full astern.
+# Share of the span between full ahead and full astern that is reserved for turning.
 LEAST_TURN_SHARE = 0.15
-# How soon surge and turn are to follow, the least of it [s].
+# Shortest time constants of the feedback of surge and of yaw rate [s].
 SURGE_S, YAW_S = 0.6, 0.5
-# Time after which a heading error is to be gone [s].
+# Time in which a heading error should be corrected [s].
 HEADING_S = 1.2
 
 
 @dataclass(frozen=True, kw_only=True)
 class StationKeeper:
-    """Both laws for one boat. Of its full thrust the weaker thruster is trusted with
-    `weaker_share`. `by_motion`: an autopilot holds the speed and the yaw rate that the thrusts
-    lead to; they are then what holds the wanted motion, without a feedback of ours, which would
-    make the noise of the estimates an order.
+    """Both laws for one boat.
+
+    `weaker_share` is the share of full thrust that the weaker thruster is assumed to give.
+    `by_motion`: an autopilot holds the speed and the yaw rate that the thrusts lead to. The thrusts
+    are then those that maintain the wanted motion, without feedback, which would turn the
+    estimates' noise into orders.
     """
 
     vessel: Vessel
@@ -57,13 +60,14 @@ class StationKeeper:
 
     @cached_property
     def turn_s(self) -> float:
-        """Time [s] that half a turn takes."""
+        """Time [s] of half a turn."""
         return math.pi / self._fastest_radps
 
     @cached_property
     def _astern_mps(self) -> float:
-        """How fast the boat goes astern through the water; a boat that steers itself by its
-        thrusters turns instead.
+        """Speed astern through the water [m/s].
+
+        It is 0 without `by_motion`: a boat that is steered by its thrusters turns instead.
         """
         if not self.by_motion:
             return 0.0
@@ -77,13 +81,14 @@ class StationKeeper:
     def brake(self, state: Sequence[float], weather: Weather) -> Thrusts:
         """Return the thrusts (F_1, F_2) [N] that bring the surge over ground to rest.
 
-        Both thrusters give the same, so that the boat goes straight on: as much as the weaker one
-        has, `weaker_share` of its full thrust astern (or ahead, where the boat goes astern).
+        Both thrusters give the same thrust, so that the boat goes straight on. It is limited to
+        what the weaker one has, `weaker_share` of full thrust astern, or ahead if the boat goes
+        astern.
         """
         vessel, heading, surge = self.vessel, state[2], state[3]
         ahead = _along(weather.current_north_mps, weather.current_east_mps, heading)
         push = _along(weather.wind_force_north_n, weather.wind_force_east_n, heading)
-        # What holds the boat at rest over ground, and what takes the surge off within `SURGE_S`.
+        # Thrust that holds the boat at rest over ground, plus that which stops it in `SURGE_S`.
         wanted = vessel.surge_drag_n(-ahead) - push - vessel.m11_kg * surge / SURGE_S
         least, most = vessel.thrust_min_n, vessel.thrust_max_n
         each = min(max(wanted / 2, self.weaker_share * least), self.weaker_share * most)
@@ -92,11 +97,11 @@ class StationKeeper:
     def keep(self, state: Sequence[float], weather: Weather, place: tuple[float, float]) -> Thrusts:
         """Return the thrusts (F_1, F_2) [N] that bring the boat to a place and hold it there.
 
-        `state` (6,), `place` (north, east) [m]. Against a current the boat lies with its bow into
-        it; the law has no integral, so it holds at a small distance from the place.
+        `state` (6,), `place` (north, east) [m]. In a current the boat points its bow against it.
+        The law has no integral term, so the boat is held at a small distance from the place.
         """
         heading, surge, yaw_rate = state[2], state[3], state[5]
-        # With the wind's push taken as the current that would need as much thrust.
+        # The wind is treated as the current that would need as much thrust.
         drift = _with_wind(self.vessel, weather)
         through_north, through_east = _wanted_through(state, drift, place)
         speed = math.hypot(through_north, through_east)
@@ -104,7 +109,7 @@ class StationKeeper:
             return self.brake(state, weather)
         turn = _turn_to(math.atan2(through_east, through_north), heading)
         if abs(turn) > math.pi / 2 and self._astern_mps > math.hypot(*drift) + SPARE_MPS:
-            # As it came, so it goes: stern first, without the room and the time of half a turn.
+            # Go stern first, without the room and the time of half a turn.
             turn = math.remainder(turn - math.pi, 2 * math.pi)
             speed = -min(speed, self._astern_mps)
         if abs(turn) > TURN_FIRST_RAD:
@@ -115,9 +120,7 @@ class StationKeeper:
         return _allocated(self.vessel, push, moment)
 
     def _braked_turn(self, state: Sequence[float], weather: Weather, turn: float) -> Thrusts:
-        """Thrusts of a boat that is to turn far off: its way is taken off, and it turns the more
-        the slower it is.
-        """
+        """Thrusts for a large turn: the boat brakes, and turns faster the slower it is."""
         carried = self._carried(state[2], weather)
         each, _ = self.brake(state, weather)
         share = max((FAST_MPS - abs(state[3])) / (FAST_MPS - SLOW_MPS), carried)
@@ -127,8 +130,9 @@ class StationKeeper:
         )
 
     def _carried(self, heading: float, weather: Weather) -> float:
-        """How vain it is to brake against current and wind before the boat turns: 0 where half of
-        what it has holds it over ground, 1 where all does not.
+        """Futility of braking against current and wind before a turn, from 0 to 1.
+
+        0 if half of the available thrust holds the boat over ground, 1 if all of it does not.
         """
         vessel = self.vessel
         needed = vessel.surge_drag_n(-_along(*_with_wind(vessel, weather), heading))
@@ -138,22 +142,21 @@ class StationKeeper:
         return min(max(needed / has - 1, 0.0), 1.0)
 
     def _coupling(self, state: Sequence[float], weather: Weather) -> float:
-        """Moment [N m] of surge and sway through the water, Eq. (9), which turns a hull across
-        what it is driven against.
-        """
+        """Moment [N m] of surge and sway through the water, Eq. (9), which turns the hull broadside."""
         _, _, heading, surge, sway, _ = state
         north, east = weather.current_north_mps, weather.current_east_mps
         aside = math.cos(heading) * east - math.sin(heading) * north
         return self.vessel.yaw_coupling_kg * (surge - _along(north, east, heading)) * (sway - aside)
 
     def _push(self, wanted_mps: float, missing_mps: float) -> float:
-        """What each thruster gives [N] for a speed through the water, `missing_mps` from it."""
+        """Thrust of each thruster [N] for a speed through the water, `missing_mps` from it."""
         lag = 0.0 if self.by_motion else self.vessel.m11_kg / SURGE_S
         return 0.5 * (self.vessel.surge_drag_n(wanted_mps) + lag * missing_mps)
 
     def _moment(self, turn: float, yaw_rate: float, share: float = 1.0) -> float:
-        """Moment [N m] that turns the bow by `turn` [rad], at a share of the rate that the boat
-        could have, and then holds it.
+        """Moment [N m] that turns the bow by `turn` [rad] and then holds it.
+
+        `share` limits the yaw rate to a share of the boat's largest.
         """
         vessel, fastest = self.vessel, self._fastest_radps
         wanted = share * min(max(turn / HEADING_S, -fastest), fastest)
@@ -163,9 +166,7 @@ class StationKeeper:
 
 
 def reach_mps(vessel: Vessel, weather: Weather) -> float:
-    """Return how much faster [m/s] the boat is than what carries it; negative where it is carried
-    off whatever it does.
-    """
+    """Return the boat's speed in excess of the drift [m/s]; if negative, it is carried off."""
     full = STEER_SHARE * 2 * vessel.thrust_max_n
     return steady_rate(-vessel.x_u, -vessel.x_uu, full) - drift_mps(vessel, weather)
 
@@ -186,7 +187,7 @@ def _wanted_through(
 
 
 def _with_wind(vessel: Vessel, weather: Weather) -> tuple[float, float]:
-    """The current, and with it the speed through the water that wind alone would give."""
+    """Current plus the velocity through the water that the wind alone would cause."""
     force = math.hypot(weather.wind_force_north_n, weather.wind_force_east_n)
     north, east = weather.current_north_mps, weather.current_east_mps
     if force <= 0:
@@ -197,8 +198,9 @@ def _with_wind(vessel: Vessel, weather: Weather) -> tuple[float, float]:
 
 
 def _turn_to(bearing: float, heading: float) -> float:
-    """The turn [rad] to a bearing, from -5 pi / 6 to 7 pi / 6: a boat that the place lies behind
-    turns to starboard, whatever the noise says of the side.
+    """Turn [rad] to a bearing, from -5 pi / 6 to 7 pi / 6.
+
+    A boat turns to starboard if the place is behind it, whatever side noise would suggest.
     """
     return math.remainder(bearing - heading - ASTERN_SIDE_RAD, 2 * math.pi) + ASTERN_SIDE_RAD
 
@@ -208,10 +210,12 @@ def _along(north: float, east: float, heading: float) -> float:
 
 
 def _allocated(vessel: Vessel, common: float, moment: float) -> tuple[float, float]:
-    """Thrusts within their limits. The turn before a push ahead, for a hull that is driven against
-    a current with its bow off it is thrown across; the push before the turn where there is little
-    or none, but for a share of the thrust: a boat that turns with all it has is pushed ahead, for
-    it has less astern.
+    """Thrusts within their limits for a common thrust and a moment.
+
+    The turn has priority over a push ahead: a hull that is driven against a current with its bow
+    off it would be turned broadside. A push that is small, or astern, has priority over the turn,
+    except for `LEAST_TURN_SHARE`: a boat that turns with full power is pushed ahead, because it
+    has less thrust astern.
     """
     low, high = vessel.thrust_min_n, vessel.thrust_max_n
     span, push = high - low, min(max(common, low), high)

@@ -1,8 +1,8 @@
-"""What is known of the boat on its way: where it is now, the weather, and what it is itself like.
+"""Tracking of the boat during a mission: its present state, the weather, and its parameters.
 
-Orders and estimates go in; out come the state that the next order will meet, the weather that
-explains how the boat moves, and the boat as it has turned out to be. As long as estimates come
-at once and exact and the boat is as its model says, all of that is the observer's alone.
+The tracker takes orders and estimates. It returns the state at which the next order will act, the
+weather estimated from the motion, and the boat's corrected model. If estimates are exact and
+without delay, and the boat behaves as its model, only the observer is at work.
 """
 
 from __future__ import annotations
@@ -34,23 +34,22 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 Thrusts = tuple[float, float]
-# Roll-outs of the model that are done for the correction at one estimate: some 3 ms.
+# Simulations of the model that are run for the correction at each estimate: some 3 ms.
 WORK_PER_ESTIMATE = 12
-# The share of a lag within which thrusters respond.
+# Share of a lag within which thrusters should respond.
 HURRY = 0.2
-# What thrusters were told so many lags ago is forgotten; and the pieces in which what they give is
-# taken as constant [s].
+# Orders older than this many lags are ignored; thrust is constant in pieces of this length [s].
 FORGOTTEN_LAGS, LAG_PIECE_S = 6.0, 0.05
-# Ages below this are treated as zero: a link's clock is no better than that [s].
+# Ages below this are treated as zero, because a link's clock is no better [s].
 LEAST_AGE_S = 0.02
-# Longer gaps between estimates are not learned from [s].
+# Longest gap between two estimates from which anything is learned [s].
 LONGEST_GAP_S = 2.0
 MEMORY_S = WINDOW_S + 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Order:
-    """What was sent, when, and the integral of all orders until then [N s]."""
+    """An order: its time, its thrusts, and the integral of all orders until then [N s]."""
 
     time_s: float
     thrusts: Thrusts
@@ -58,9 +57,11 @@ class _Order:
 
 
 class Tracker:
-    """Follows one boat. `model` is the boat as it is said to be; `corrects`: whether that is
-    put to the test; `observes` whether current and wind are estimated; `holds_motion`: the boat's
-    autopilot holds the motion that it is told.
+    """Tracks one boat.
+
+    `model` is the boat's given model. `corrects`: the model is tested and corrected. `observes`:
+    current and wind are estimated. `holds_motion`: the boat's autopilot holds the motion that is
+    ordered.
     """
 
     def __init__(
@@ -72,12 +73,12 @@ class Tracker:
         holds_motion: bool = False,
     ) -> None:
         self.model = model
-        # An autopilot that holds a motion makes up for its thrusters itself.
+        # An autopilot that holds a motion compensates for its thrusters itself.
         self._modelled = AS_MODELLED if holds_motion else as_modelled(model)
         self.correction = self._modelled
         self._corrects = corrects
         self._observer = Observer(model, by_sway=holds_motion) if observes else None
-        # The thrusts that would predict a boat which holds a motion are not known.
+        # The thrusts of a boat that holds a motion are not known, so it cannot be predicted.
         self._filter = StateFilter() if observes and not holds_motion else None
         self._orders: deque[_Order] = deque()
         self._seen: deque[tuple[float, State]] = deque()
@@ -86,30 +87,31 @@ class Tracker:
 
     @property
     def vessel(self) -> Vessel:
-        """The boat that is to be planned for."""
+        """The boat to plan for: the corrected model."""
         correction = self.correction
         return self.model if correction is self._modelled else correction.vessel(self.model)
 
     @property
     def finding(self) -> str:
-        """What the boat has turned out to be, in a sentence."""
+        """The estimated difference between boat and model, as a sentence."""
         return str(AS_MODELLED if self.correction == self._modelled else self.correction)
 
     @property
     def weather(self) -> Weather:
-        """The weather that explains how the boat moves."""
+        """The weather estimated from the boat's motion."""
         return Weather() if self._observer is None else self._observer.weather
 
     @property
     def hurries(self) -> bool:
-        """Whether what the boat is told changes while what it is to do does not."""
+        """Whether a lag is compensated, so that orders change while the wanted thrusts do not."""
         return self.correction.lag_s > LEAST_LAG_S
 
     def told(self, time_s: float, thrusts: Thrusts) -> Thrusts:
-        """Return what the thrusters must be told now so that they soon give `thrusts` [N].
+        """Return the thrusts [N] to order now so that the thrusters soon give `thrusts` [N].
 
-        Thrusters with a lag are told more than they are to give until they give it (the lag's
-        inverse over `HURRY` of it); what they give is reckoned from what they were told.
+        Thrusters with a lag are ordered to give more than the wanted thrust until they give it (the
+        lag's inverse over a time of `HURRY` lags). Their present thrust is computed from past
+        orders.
         """
         correction = self.correction
         wanted = thrusts[0] / correction.port, thrusts[1] / correction.starboard
@@ -123,11 +125,11 @@ class Tracker:
         return min(max(told, self.model.thrust_min_n), self.model.thrust_max_n)
 
     def given(self, time_s: float, told: Thrusts) -> Thrusts:
-        """What the thrusters that were last told `told` give at a time, as far as it is known."""
+        """Estimated thrusts at a time, if the last order was `told`."""
         return self._gives(time_s) if self.hurries else told
 
     def thrusters(self, time_s: float) -> SlowThrusters | None:
-        """The thrusters as an order of that time will find them; None where they are quick."""
+        """State of the thrusters when an order of that time acts; None without a lag."""
         if not self.hurries:
             return None
         correction, boat = self.correction, self.vessel
@@ -141,7 +143,7 @@ class Tracker:
         )
 
     def _gives(self, time_s: float) -> Thrusts:
-        """What thrusters with a lag give at a time of what they were told, reckoned."""
+        """Thrusts of thrusters with a lag at a time, computed from past orders."""
         lag_s, dead_s = self.correction.lag_s, self.correction.dead_s
         port, starboard, since_s = 0.0, 0.0, -math.inf
         told: Thrusts = (0.0, 0.0)
@@ -157,7 +159,7 @@ class Tracker:
         return port + share * (told[0] - port), starboard + share * (told[1] - starboard)
 
     def sent(self, time_s: float, thrusts: Thrusts) -> None:
-        """Take note of thrusts [N] that the boat was told at a time [s]."""
+        """Record the thrusts [N] that were ordered at a time [s]."""
         impulse = (0.0, 0.0)
         if self._orders:
             last = self._orders[-1]
@@ -171,15 +173,13 @@ class Tracker:
             self._orders.popleft()
 
     def righted(self, state: State) -> State:
-        """Return an estimate with the compass put right."""
+        """Return an estimate with the compass's error removed."""
         if self.correction.heading_rad == 0.0:
             return state
         return _state(turned(np.array([state]), -self.correction.heading_rad)[0])
 
     def see(self, time_s: float, state: State) -> bool:
-        """Learn from an estimate of the state at a time [s], as it came; whether the boat is now
-        taken for another one than before.
-        """
+        """Update from a raw estimate of the state at a time [s]; whether the correction changed."""
         before = self._seen[-1] if self._seen else None
         if before is not None and not 0 < time_s - before[0] <= LONGEST_GAP_S:
             self._forget()
@@ -191,8 +191,9 @@ class Tracker:
         return self._corrects and self._advance_work(time_s)
 
     def ahead(self, time_s: float, now_s: float, state: State) -> State:
-        """Return the state that an order of now will meet, from the righted estimate at `time_s`,
-        the last that was seen.
+        """Return the predicted state at which an order sent at `now_s` will act.
+
+        `state` is the last estimate seen, at `time_s`, after `righted`.
         """
         until_s = now_s + self.correction.dead_s
         if self._filter is not None:
@@ -208,9 +209,7 @@ class Tracker:
         return _state(z)
 
     def _acting(self, from_s: float, until_s: float) -> list[tuple[float, float, Thrusts]]:
-        """The thrusts that act in a span, piece by piece: as they were sent so much earlier, or
-        what thrusters with a lag make of them.
-        """
+        """The thrusts that act in a time span, piece by piece, after dead time and lag."""
         if self.hurries:
             return self._acting_late(from_s, until_s)
         dead_s, share = self.correction.dead_s, (self.correction.port, self.correction.starboard)
@@ -235,7 +234,7 @@ class Tracker:
         return pieces
 
     def _orders_since(self, time_s: float) -> list[_Order]:
-        """The orders since a time, and the one that held then."""
+        """The orders since a time, and the one in effect then."""
         recent: list[_Order] = []
         for order in reversed(self._orders):
             recent.append(order)
@@ -257,25 +256,25 @@ class Tracker:
         pair = self.righted(start), thrusts, self.righted(end), seconds
         self._observer.update(*pair)
         if self._filter is not None:
-            # Predicted once more: in the weather that has just been learned, and in finer steps.
+            # Predict again, in the weather that has just been estimated and in finer steps.
             vessel = self.vessel
             per_second = max(SUBSTEPS_PER_S, vessel.fastest_rate_hz)
             substeps = max(2, math.ceil(seconds * per_second))
             self._filter.see(self._parameters(vessel), *pair, substeps)
 
     def _parameters(self, vessel: Vessel) -> Array:
-        """The numbers of the equations of motion, of a boat and the weather as it is known."""
+        """Parameters of the equations of motion for a boat in the estimated weather."""
         return parameter_vector(vessel, np.array(self.weather.as_tuple()))
 
     def _forget(self) -> None:
-        """After a gap nothing of before can be joined to what comes."""
+        """Drop the past after a gap, because it cannot be joined to what follows."""
         self._seen.clear()
         self._work = None
         if self._filter is not None:
             self._filter.forget()
 
     def _advance_work(self, time_s: float) -> bool:
-        """Go on with the search for a correction; whether it has ended with another one."""
+        """Continue the search for a correction; return whether the correction changed."""
         if self._work is None:
             full = self._seen[-1][0] - self._seen[0][0] >= LEAST_S
             if full and time_s >= self._next_fit_s and self._orders:
@@ -297,7 +296,7 @@ class Tracker:
         if self._observer is not None:
             self._observer = Observer(self.vessel, found[1])
         if self._filter is not None:
-            # It has followed a boat with another compass.
+            # Its state belongs to another compass error.
             self._filter.forget()
         return True
 

@@ -1,4 +1,4 @@
-"""What a plan is made with, and what came of it: both are kept whole with the survey."""
+"""The settings and the outcome of a plan; the survey stores both in full."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ Pattern = Literal["free", "rows", "columns"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
 
-# A window whose lower end needs more than this share of the top speed leaves no thrust to
-# steer with.
+# A window whose lower end exceeds this share of the top speed leaves no thrust to steer with.
 SPEED_RESERVE = 0.9
 MOST_BOATS = 50
-# A target must stay large enough to be entered by more than the controller's own margin.
+# A target must stay large enough to be entered by more than the controller's margin.
 SMALLEST_CORE = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
 class SortieSettings:
-    """How far one sortie may go: by what the battery holds [Wh], by time [min], or by both.
+    """Limits of one sortie: the battery's energy [Wh], the time [min], or both.
 
     `reserve` is the share of either that must be left when the boat is back. `harbours` are
-    the places (longitude, latitude) at which it can be launched and taken out again; without
-    any it is the survey's start. `batteries_wh` and `minutes_each` are those of a fleet's boats,
-    in their order, in place of the one for all.
+    the places (longitude, latitude) at which it can be launched and taken out again, by default
+    the survey's start. `batteries_wh` and `minutes_each` give each boat of a fleet its own limit,
+    in order, in place of the common one.
     """
 
     battery_wh: float | None = None
@@ -66,11 +65,11 @@ class SortieSettings:
 
     @property
     def are_unlike(self) -> bool:
-        """Whether the boats of a fleet have batteries or minutes of their own."""
+        """Whether each boat of a fleet has its own battery or minutes."""
         return bool(self.batteries_wh or self.minutes_each)
 
     def of_boat(self, boat: int) -> SortieSettings:
-        """What bounds a sortie of one boat by its number, from 1."""
+        """Limits of a sortie of boat number `boat`, from 1."""
         return replace(
             self,
             battery_wh=self.batteries_wh[boat - 1] if self.batteries_wh else self.battery_wh,
@@ -82,11 +81,11 @@ class SortieSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetSettings:
-    """How many boats share a survey, and how far apart they keep [m], from centre to centre.
+    """Number of boats that share a survey, and the distance they keep [m], centre to centre.
 
     `starts` are the places (longitude, latitude) at which they are launched, one for each boat;
-    without any each is launched where its part begins. `vessels` are their hulls, one for each
-    boat; without any all are the survey's.
+    by default each is launched where its part begins. `vessels` are their hulls, one for each
+    boat; by default all have the survey's.
     """
 
     boats: int
@@ -117,23 +116,23 @@ class FleetSettings:
             )
 
     def vessel(self, boat: int) -> Vessel | None:
-        """The vessel of a boat by its number, from 1; None where it is the survey's."""
+        """Vessel of boat number `boat`, from 1; None if it is the survey's."""
         return self.vessels[boat - 1] if self.vessels else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanSettings:
-    """What a plan is made with.
+    """Settings of a plan.
 
     `cell_m` is the side of a square of the cells' area, whatever their `shape`; None with a
-    budget of `minutes` or `energy_wh`. `core` is the share of its cell, about the middle, to
-    which a target is drawn in: less than 1 keeps the boat from cutting the cells' corners.
-    `angle_deg` is the direction of the rows (None: the best one is looked for). `returns`: the
-    way back to the start belongs to the survey. `weather` is what the plan reckons with.
-    `coast_tolerance_m`: within how far of the outline a coast of very many vertices may be drawn
-    with fewer, always on the water's side (0: never; None: by the cells' size). `sorties`: the
-    survey is cut into trips from a harbour and back; None where all of it is one mission. `fleet`:
-    several boats share it; None for one.
+    budget of `minutes` or `energy_wh`. `core` is the share of its cell to which a target is shrunk
+    about the middle: less than 1 keeps the boat from cutting the cells' corners. `angle_deg` is the
+    direction of the rows (None: the planner looks for the best one). `returns`: the survey includes
+    the return to the start. `weather` is the weather that the plan assumes.
+    `coast_tolerance_m`: a coast of very many vertices may be simplified by this much, always on
+    the water's side (0: never; None: by the cells' size). `sorties`: the survey is cut into trips
+    from a harbour and back; None if it is one mission. `fleet`: several boats share it; None for
+    one.
     """
 
     cell_m: float | None = 5.0
@@ -205,14 +204,14 @@ class PlanSettings:
         _check_one_each(self.sorties, self.fleet)
 
     def of_boat(self, boat: int) -> PlanSettings:
-        """The settings with the battery and the minutes of one boat by its number, from 1."""
+        """These settings with the battery and the minutes of boat number `boat`, from 1."""
         if self.sorties is None or not self.sorties.are_unlike:
             return self
         return replace(self, sorties=self.sorties.of_boat(boat))
 
 
 def _check_one_each(sorties: SortieSettings | None, fleet: FleetSettings | None) -> None:
-    """Refuse batteries or minutes that are not one for each boat."""
+    """Raise `UsageError` unless individual batteries or minutes are given for every boat."""
     if sorties is None:
         return
     boats = 1 if fleet is None else fleet.boats
@@ -231,12 +230,12 @@ def _check_one_each(sorties: SortieSettings | None, fleet: FleetSettings | None)
 
 @dataclass(frozen=True, kw_only=True)
 class PlanOutcome:
-    """What the planner made of its settings; `gap` is length over lower bound, less one.
+    """Results of the planner; `gap` is length over lower bound, less one.
 
-    `cell_m` and `angle_deg` as they were given or chosen. Length and turns are those of the
-    shortest way through the centres of all cells by way of the transits; time and energy are
-    those of the taut way, which is what a boat does that need only have been in each target.
-    `method` made the order.
+    `cell_m` and `angle_deg` are as given or chosen. Length and turns are those of the shortest
+    path through the centres of all cells by way of the transits. Time and energy are those of the
+    shortest (taut) path, which a boat follows if it only has to enter each target. `method` names
+    the method that made the order.
     """
 
     cell_m: float
@@ -251,7 +250,7 @@ class PlanOutcome:
 
 
 def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
-    """Refuse a speed window that the vessel cannot hold."""
+    """Raise `PlanError` if the vessel cannot hold the speed window."""
     if settings.speed_min_mps > SPEED_RESERVE * vessel.speed_max_mps:
         raise PlanError(
             f"The speed window {settings.speed_min_mps:g}:{settings.speed_max_mps:g} m/s is beyond "

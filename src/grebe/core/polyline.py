@@ -1,4 +1,4 @@
-"""A way through places, by how far along it one is."""
+"""Distances and positions along a polyline."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 
 def passed_m(way: Array) -> Array:
-    """How far along a way (n, 2) each of its places is, (n,) [m]."""
+    """Distance along a polyline (n, 2) at each of its vertices, (n,) [m]."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
 
 
 def places_at(way: Array, distances_m: Array) -> NDArray[np.float64]:
-    """The places (m, 2) at distances (m,) along a way (n, 2)."""
+    """Positions (m, 2) at distances (m,) along a polyline (n, 2)."""
     passed = passed_m(way)
     return np.column_stack([np.interp(distances_m, passed, column) for column in way.T])

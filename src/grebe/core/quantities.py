@@ -1,6 +1,6 @@
-"""The quantities that Grebe knows: one registry, read from `quantities.toml` beside this module.
+"""The registry of built-in quantities, read from `quantities.toml` beside this module.
 
-A user's own file has the same format; a survey file declares its own.
+A user's file has the same format. A survey file declares its own quantities.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def _builtin() -> Quantities:
 
 
 BUILTIN: Quantities = _builtin()
-# The five of remark 11, which every survey is planned for unless it says otherwise.
+# The five quantities of remark 11, the default of every survey.
 LIMNOLOGICAL: Quantities = BUILTIN.subset(
     ("temperature_degc", "dissolved_oxygen_mgl", "ph", "conductivity_uscm", "turbidity_ntu")
 )

@@ -1,7 +1,6 @@
 """The record of a quantity of the water, and a registry of such records.
 
-A `Quantity` says what it is called, measured in, and held to; `Quantities` is an immutable
-registry of them in their order.
+A `Quantity` holds its names, units and limits; `Quantities` is an immutable, ordered registry.
 """
 
 from __future__ import annotations
@@ -15,28 +14,27 @@ from typing import Any
 
 from grebe.core.errors import InputError
 
-# A key names a column of SQLite, a variable of NetCDF and files.
+# A key serves as a column name in SQLite, a variable name in NetCDF and part of file names.
 _KEY = re.compile(r"[a-z][a-z0-9_]{0,59}")
-# What the survey file's samples have besides quantities, or would clash with a flag's column.
+# Other columns of the survey file's samples.
 _RESERVED = frozenset({"fid", "geom", "time", "lat", "lon", "target_seq", "speed_mps"})
 Span = tuple[float, float]
 
 
 def inline(label: str) -> str:
-    """A name as it stands within a sentence: lower case, unless its first word has a spelling of
-    its own, such as pH or ORP.
-    """
+    """A name as written within a sentence: lower case, except for spellings like pH or ORP."""
     first = label.split(" ", 1)[0]
     return label[:1].lower() + label[1:] if first[1:].islower() else label
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What is possible and what is usual for one quantity, in its unit.
+    """Possible and usual values of one quantity, in its unit.
 
-    `fail_span`, `suspect_span`: gross range. `spike_suspect`, `spike_fail`: a value off both
-    neighbours to the same side. `rate_per_s`: steepest change. `flat_suspect_s`, `flat_fail_s`:
-    how long a value may stay within `flat_tolerance`. What is infinite is not tested.
+    `fail_span`, `suspect_span`: gross range. `spike_suspect`, `spike_fail`: largest deviation from
+    both neighbours to the same side. `rate_per_s`: steepest change. `flat_suspect_s`,
+    `flat_fail_s`: how long a value may stay within `flat_tolerance`. An infinite limit is not
+    tested.
     """
 
     fail_span: Span
@@ -58,8 +56,10 @@ class Limits:
 
 
 def usual_limits(span: Span, *, mapped: bool) -> Limits:
-    """The limits of a quantity of which no more is said than its span. How the sonde was, which is
-    not mapped, may stand still for as long as it likes: its depth, the voltage of its battery.
+    """Default limits of a quantity, from its span.
+
+    A quantity that is not mapped describes the sonde, such as its depth or battery voltage; it may
+    stay constant for any time.
     """
     if mapped:
         return Limits(fail_span=span, suspect_span=span)
@@ -69,8 +69,10 @@ def usual_limits(span: Span, *, mapped: bool) -> Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class LakeStatistics:
-    """How a quantity varies within a lake: mean, standard deviation, range of the variogram
-    over the lake's extent, and share of the variance that is correlated.
+    """Statistics of a quantity within a lake.
+
+    Mean, standard deviation, range of the variogram as a share of the lake's extent, and share of
+    the variance that is correlated.
     """
 
     mean: float
@@ -91,21 +93,22 @@ class LakeStatistics:
 class Quantity:
     """One measured quantity.
 
-    `key` is its column in the survey file and its variable in NetCDF; `labels` its name by
-    language, English at least; `unit` the unit of the column, `cf_unit` the same in UDUNITS;
-    `standard_name` that of the CF table, empty where none is right. `span` is the gross range in
-    which a value on a lake is possible at all (QARTOD's gross range test fails outside it);
-    `resolution` the step in which common sondes report it, below which nothing is known.
+    `key` is its column in the survey file and its variable in NetCDF. `labels` holds its name by
+    language, English at least. `unit` is the unit of the column, `cf_unit` the same in UDUNITS.
+    `standard_name` is its name in the CF table, empty if none is right. `span` is the gross range
+    of values that are possible on a lake (QARTOD's gross range test fails outside it).
+    `resolution` is the step in which common sondes report it; nothing is known below it.
 
-    `columns` are regular expressions that a track's column may match, the first match wins: in
-    lower-case letters, digits and the signs ° µ alone, or `before/this` with the name of the
-    column before it. `missing` are numbers that stand for no value there. `limits` are those of
-    quality control. `lake` is what a simulated lake has of it, None for nothing.
+    `columns` are regular expressions for the names of a track's columns; the first match wins.
+    They see only lower-case letters, digits and the signs ° µ, or `before/this` with the name of
+    the preceding column. `missing` are the numbers that stand for a missing value there. `limits`
+    are those of quality control. `lake` gives its statistics in a simulated lake, None if it has
+    none.
 
-    `air_share`: in the air the sensor reads less than this share of the record's median, None
-    where that tells nothing. `on_sonde`: it settles, and comes out of the water, with the sonde.
-    `mapped`: a property of the water, to be mapped; what is not may stand still. `colormap` is
-    matplotlib's.
+    `air_share`: in air the sensor reads less than this share of the record's median, None if that
+    shows nothing. `on_sonde`: it settles, and comes out of the water, with the sonde. `mapped`: it
+    is a property of the water and is mapped; any other quantity may stay constant. `colormap` is a
+    name from matplotlib.
     """
 
     key: str
@@ -147,7 +150,7 @@ class Quantity:
                 ) from None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle and copy with the labels as a plain table: a read-only mapping cannot be."""
+        """Pickle and copy the labels as a plain dict: a read-only mapping cannot be pickled."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
         return _of_values, (values | {"labels": dict(self.labels)},)
 
@@ -158,11 +161,11 @@ class Quantity:
 
     @property
     def inline(self) -> str:
-        """The English name as it stands within a sentence: `temperature`, but `pH`."""
+        """The English name as written within a sentence: `temperature`, but `pH`."""
         return inline(self.label)
 
     def label_in(self, language: str) -> str:
-        """The name in a language, in English where it has none."""
+        """The name in a language, or else in English."""
         return self.labels.get(language, self.label)
 
     def as_table(self) -> dict[str, Any]:
@@ -175,7 +178,7 @@ class Quantity:
             if isinstance(value, LakeStatistics):
                 value = {part.name: getattr(value, part.name) for part in fields(value)}
             elif isinstance(value, Limits):
-                # What is usual is left out, and so what is infinite: JSON has no word for it.
+                # Defaults are left out, and infinities with them, which JSON cannot hold.
                 usual = usual_limits(self.span, mapped=self.mapped)
                 value = {
                     part.name: _plain(getattr(value, part.name))
@@ -188,7 +191,7 @@ class Quantity:
 
 
 class Quantities(Mapping[str, Quantity]):
-    """An immutable registry: quantities by key, in their order."""
+    """An immutable, ordered registry of quantities by key."""
 
     def __init__(self, entries: Iterable[Quantity] = ()) -> None:
         table: dict[str, Quantity] = {}
@@ -222,13 +225,13 @@ class Quantities(Mapping[str, Quantity]):
         return ", ".join(self._table)
 
     def known(self, key: str) -> Quantity:
-        """The quantity of a key; `InputError` where there is none."""
+        """The quantity with this key; raises `InputError` if there is none."""
         if key not in self._table:
             raise InputError(f"There is no quantity {key!r}; one of {self.keys_text}.")
         return self._table[key]
 
     def extended(self, more: Iterable[Quantity] | Mapping[str, Quantity]) -> Quantities:
-        """These and more; an entry of a key that is there takes its place."""
+        """These quantities and more; a new entry replaces one with the same key."""
         added = more.values() if isinstance(more, Mapping) else more
         table = dict(self._table)
         for one in added:
@@ -236,12 +239,15 @@ class Quantities(Mapping[str, Quantity]):
         return Quantities(table.values())
 
     def subset(self, keys: Iterable[str]) -> Quantities:
-        """Those of some keys, in this registry's order; `InputError` for a key that is not here."""
+        """The quantities with these keys, in this registry's order.
+
+        Raises `InputError` for an unknown key.
+        """
         wanted = {self.known(key).key for key in keys}
         return Quantities(one for one in self.values() if one.key in wanted)
 
     def with_limits(self, limits: Mapping[str, Mapping[str, Any]]) -> Quantities:
-        """The same with some limits replaced: by key, tables of the fields of `Limits`."""
+        """The same quantities with some limits replaced: fields of `Limits`, by key."""
         return self.extended(
             replace(self.known(key), limits=replace(self.known(key).limits, **given))
             for key, given in limits.items()
@@ -249,7 +255,7 @@ class Quantities(Mapping[str, Quantity]):
 
 
 def check_span(name: str, span: Span) -> None:
-    """Refuse two numbers that do not ascend."""
+    """Raise `InputError` unless a span is two finite, ascending numbers."""
     if not (all(map(isfinite, span)) and span[0] < span[1]):
         raise InputError(f"{name} is {list(span)}; give two ascending numbers, [low, high].")
 

@@ -1,4 +1,4 @@
-"""Quantities from tables, as TOML or JSON gives them: one format for ours and a user's own."""
+"""Quantities read from tables of TOML or JSON: one format for built-in and user quantities."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from grebe.core.quantity import (
 def quantities_of(
     tables: Mapping[str, object], base: Mapping[str, Quantity], source: str
 ) -> Quantities:
-    """Read entries from tables by key, as TOML or JSON gives them.
+    """Read quantities from tables by key, as TOML or JSON gives them.
 
-    A table of a key that `base` has changes what it says and leaves the rest; any other must be
-    complete. `InputError` names the `source` and what is wrong with it.
+    A table whose key is in `base` changes only the fields that it gives; any other must be
+    complete. Raises `InputError` with the `source` and the error in it.
     """
     entries: list[Quantity] = []
     for key, table in tables.items():
@@ -92,7 +92,7 @@ def _read_lake(name: str, value: object) -> LakeStatistics:
 
 
 def read_limit_table(value: object, name: str = "limits") -> dict[str, float | Span]:
-    """The fields of `Limits` that a table gives; `InputError` says what is wrong with it."""
+    """The fields of `Limits` that a table gives; raises `InputError` if it is invalid."""
     known = {one.name for one in fields(Limits)}
     if not isinstance(value, Mapping):
         raise InputError(f"{name} is a table, not {value!r}.")

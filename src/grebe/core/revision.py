@@ -1,9 +1,8 @@
-"""Revisions of a plan: an order of the targets, cut into sorties, and why it replaced another.
+"""Revisions of a plan: an order of the targets, cut into sorties, and the reason for it.
 
-Targets are never edited in place, and a number that a target has been given means that target for
-good. What changes is the order: a revision says which targets are visited, in which order, by which
-corridors and in which sorties. A new one comes from an old one by a pure function, and a survey
-file keeps them all.
+Targets are never edited in place, and a target's number is never reused. Only the order changes: a
+revision lists the targets to visit, their order, their corridors and the sorties. A pure function
+makes a new revision from an old one, and a survey file stores them all.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from grebe.core.errors import InputError, UsageError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Pose, Survey, Target
 
-# Why an order was made: planned; cells shared out among boats; other weather; slower or faster
-# than predicted; an area closed; a target out of reach; a boat lost; where the map is unsure; a
-# boat that goes on from elsewhere.
+# Reasons for an order, as listed: first plan; cells shared out among boats; other weather; progress
+# slower or faster than predicted; area closed; target out of reach; boat lost; uncertain places of
+# the map; boat that resumes from elsewhere.
 Reason = Literal[
     "planned", "shared", "weather", "progress", "closed", "unreachable", "boat_lost", "adaptive",
     "resumed",
@@ -34,8 +33,8 @@ REASONS: tuple[Reason, ...] = get_args(Reason)
 class Sortie:
     """One trip of one boat: the targets at places `first` to `last` of its revision's order.
 
-    Places are counted from 1, both ends included. `start` is where the boat is launched and where
-    it comes back to; `time_s` and `energy_wh` are predicted, the ways out and home included.
+    Places are counted from 1, both ends included. The boat is launched at `start` and returns
+    there. `time_s` and `energy_wh` are predictions that include the trips out and home.
     """
 
     number: int
@@ -63,11 +62,11 @@ class Sortie:
 class PlanRevision:
     """One order of a survey's targets; `number` counts from 1.
 
-    `corridors` are empty or as many as the targets. `sorties` are empty, where all is one
-    mission, or follow each other without gap. `highest_seq` is the highest number that any
-    target of the survey has had so far, in whichever revision. `note` is a sentence for people.
-    `settings` are what holds from this order on, for a later one may be for other boats or another
-    battery than the first; None of a survey that was not planned.
+    `corridors` are empty or as many as the targets. `sorties` are empty for a single mission, or
+    follow each other without a gap. `highest_seq` is the highest number given to any target of the
+    survey so far, in any revision. `note` is a sentence for people. `settings` apply from this
+    order on, since a later one may be for other boats or another battery than the first; None for
+    a survey that was not planned.
     """
 
     number: int
@@ -90,7 +89,7 @@ class PlanRevision:
         _check_sorties(self.sorties, len(self.targets))
 
     def sortie(self, number: int) -> Sortie:
-        """Return a sortie by its number; `UsageError` where there is none of it."""
+        """Return a sortie by its number; raises `UsageError` if there is none."""
         for one in self.sorties:
             if one.number == number:
                 return one
@@ -162,12 +161,12 @@ def revised(
 
 
 def as_planned(revisions: Sequence[PlanRevision]) -> PlanRevision:
-    """Return the last revision that no mission has made: what is sailed by who begins anew."""
+    """Return the last revision that no mission has made, which a fresh start sails."""
     return next(one for one in reversed(revisions) if one.reason in ("planned", "shared"))
 
 
 def begun_anew(revisions: Sequence[PlanRevision]) -> PlanRevision | None:
-    """Return the revision that goes back to the order as it was planned; None where it is that."""
+    """Return the revision that restores the planned order; None if it is the current one."""
     last, planned = revisions[-1], as_planned(revisions)
     if last.number == planned.number:
         return None
@@ -183,19 +182,20 @@ def begun_anew(revisions: Sequence[PlanRevision]) -> PlanRevision | None:
 
 
 def numbered_on(old: PlanRevision, new: Sequence[Target]) -> tuple[Target, ...]:
-    """Return new targets with the numbers that follow all that were given before."""
+    """Return new targets, numbered on from the highest number given so far."""
     return tuple(replace(target, seq=old.highest_seq + i) for i, target in enumerate(new, 1))
 
 
 def left_out(old: PlanRevision, new: PlanRevision) -> tuple[int, ...]:
-    """Return the numbers of the cells that an old order visits and a new one does not."""
+    """Return the numbers of the cells that the old order visits and the new one does not."""
     kept = {target.seq for target in new.targets}
     return tuple(t.seq for t in old.targets if t.kind == "cell" and t.seq not in kept)
 
 
 def survey_of(survey: Survey, revision: PlanRevision, sortie: Sortie | None = None) -> Survey:
-    """Return a survey in the order of a revision: all of it, or one of its sorties, with the
-    vessel, the battery and the minutes of the boat that sails it.
+    """Return a survey in the order of a revision, all of it or one sortie.
+
+    With a sortie, the survey has the vessel, the battery and the minutes of its boat.
     """
     survey = replace(survey, settings=revision.settings or survey.settings)
     if sortie is None:

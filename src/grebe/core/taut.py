@@ -1,9 +1,9 @@
-"""The taut way: the shortest path that touches every target in turn.
+"""The shortest (taut) path that touches every target in turn.
 
-A target is reached when the boat has been in it, so a flown way leads through the targets' corners
-rather than their centres. How long it takes is predicted from the shortest such way (a touring
-polygons problem; Dror et al. 2003), which is a convex problem solved by sweeps: each place moves
-to where the way between its two neighbours is shortest.
+A target is reached once the boat has been in it, so a boat cuts the targets' corners instead of
+visiting their centres. The time of a mission is predicted from the shortest such path (a touring
+polygons problem; Dror et al. 2003). This convex problem is solved by sweeps: each point moves to
+where the path between its two neighbours is shortest.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from grebe.core.survey import Survey
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# The controller enters a set by more than a hair: sets are drawn this much towards their centres.
+# The controller enters a set by some margin, so footprints are shrunk by this share.
 DRAWN_IN = 0.05
 MOST_SWEEPS = 200
-# Sweeps end when none of them moves a place by more than this share of the mean leg. A rough way is
-# longer by up to 5 in 100,000.
+# Sweeps end when one moves no point by more than this share of the mean leg. A rough path is up to
+# 5 in 100,000 longer.
 STEADY, ROUGHLY = 1e-3, 1e-2
 
 
 def way_through(survey: Survey) -> NDArray[np.float64]:
-    """Return the taut way (n + 1, 2) [m] of a planned survey, from its start on."""
+    """Return the taut path (n + 1, 2) [m] of a planned survey, from its start on."""
     assert survey.start is not None
     return taut_way((survey.start.north_m, survey.start.east_m), footprints_of(survey.sets))
 
@@ -42,16 +42,16 @@ def taut_way(
     footprints: Sequence[shapely.Polygon] | NDArray[np.object_],
     centred: Sequence[bool] | None = None,
 ) -> NDArray[np.float64]:
-    """Return the shortest way from `start` that touches convex footprints in turn, (n + 1, 2) [m].
+    """Return the shortest path from `start` that touches convex footprints in turn.
 
-    Where `centred` says so it leads through the footprint's centroid instead.
+    (n + 1, 2) [m]. It leads through the centroids of the footprints that are `centred`.
     """
     held = np.zeros(len(footprints), dtype=bool) if centred is None else np.array(centred)
     return TautWays(footprints).through(start, np.arange(len(footprints)), held)
 
 
 class TautWays:
-    """Taut ways through the same convex footprints in one order and another."""
+    """Taut paths through the same convex footprints in different orders."""
 
     def __init__(self, footprints: Sequence[shapely.Polygon] | NDArray[np.object_]) -> None:
         shapes = np.array(footprints, dtype=object)
@@ -69,8 +69,9 @@ class TautWays:
         *,
         steady: float = STEADY,
     ) -> NDArray[np.float64]:
-        """Return the shortest way from `start` that touches the footprints in an order (n,), or
-        leads through the centroids of those that are `held`, (n + 1, 2) [m].
+        """Return the shortest path from `start` that touches the footprints in an order (n,).
+
+        (n + 1, 2) [m]. It leads through the centroids of the footprints that are `held`.
         """
         held = np.zeros(len(order), dtype=bool) if held is None else held
         way = np.vstack([start, self._centroids[order]])
@@ -89,9 +90,10 @@ def _tighten(
     held: NDArray[np.bool_],
     steady: float,
 ) -> None:
-    """Move each place that is not held to where it lengthens the way least, there and back,
-    until nothing moves; the ring of place i + 1 is corners[firsts[i]:lasts[i]], closed and
-    anticlockwise.
+    """Move each point that is not held to where the path is shortest, until nothing moves.
+
+    Sweeps alternate in direction. The ring of point i + 1 is corners[firsts[i]:lasts[i]], closed
+    and anticlockwise.
     """
     n = way.shape[0]
     for sweep in range(MOST_SWEEPS):
@@ -111,16 +113,14 @@ def _tighten(
 def _settle(
     way: NDArray[np.float64], i: int, ring: NDArray[np.float64], first: int, last: int
 ) -> None:
-    """Put place i on the inside of its ring[first : last + 1], or its edge, where the way by it is
-    shortest.
-    """
+    """Put point i where the path by it is shortest, in ring[first : last + 1] or on its edge."""
     ax, ay = way[i - 1, 0], way[i - 1, 1]
-    # The last place has nobody behind it: it comes as near to the one before as it may.
+    # The last point has no successor: it moves as near to its predecessor as it may.
     behind = i + 1 if i + 1 < way.shape[0] else i - 1
     bx, by = way[behind, 0], way[behind, 1]
     enter, leave = crossing(ax, ay, bx, by, ring, first, last, 0.0)
     if enter <= leave:
-        # Anywhere between is as good: half-way between where it stands and the middle.
+        # Any point between is as good; take the one half-way from the present one to the middle.
         dx, dy = bx - ax, by - ay
         square = dx * dx + dy * dy
         along = ((way[i, 0] - ax) * dx + (way[i, 1] - ay) * dy) / square if square > 0 else 0.0
@@ -138,9 +138,7 @@ def _settle(
 
 @inlined_machine_code
 def _length(x: float, y: float) -> float:
-    """Of a leg. The library's own minds overflow, which no lake is near, at several times the
-    price.
-    """
+    """Length of a leg. `math.hypot` also guards against overflow, at several times the cost."""
     return math.sqrt(x * x + y * y)
 
 
@@ -148,8 +146,9 @@ def _length(x: float, y: float) -> float:
 def _beside(
     ax: float, ay: float, bx: float, by: float, ring: NDArray[np.float64], k: int
 ) -> tuple[float, float]:
-    """The place on the edge behind a ring's corner k from which the ways to a and to b are shortest
-    together: where the way from a to b's mirror image crosses it.
+    """Point on the edge after corner k of a ring with the least sum of distances to a and b.
+
+    The straight line from a to b's mirror image crosses the edge there.
     """
     px, py = ring[k, 0], ring[k, 1]
     ex, ey = ring[k + 1, 0] - px, ring[k + 1, 1] - py

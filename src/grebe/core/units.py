@@ -1,6 +1,6 @@
-"""Units as loggers write them in the names of columns, and what turns one into another.
+"""Units in the column names that loggers write, and conversions between them.
 
-What is hard about units here is their spelling, not their arithmetic: `uS/cm`, `µS/cm@25`,
+The difficulty with these units is their spelling, not their arithmetic: `uS/cm`, `µS/cm@25`,
 `% sat`, `degC`, `(F)`. So the spellings are a table, and a conversion is a factor and an offset.
 """
 
@@ -16,8 +16,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Each unit by the name that the registry of quantities gives it, and how else it is spelled once
-# letters are small, micro is u, and spaces, dots, carets and underscores are gone.
+# Each unit by its name in the registry of quantities, with its spellings in lower case, with u for
+# micro and without spaces, dots, carets and underscores.
 SPELLINGS: dict[str, tuple[str, ...]] = {
     "°C": ("°c", "degc", "c", "degreesc", "celsius", "degreecelsius", "degcelsius"),
     "°F": ("°f", "degf", "f", "degreesf", "fahrenheit", "degfahrenheit"),
@@ -51,9 +51,9 @@ SPELLINGS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 _NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
 
-# An oxygen molecule [g/mol]: the only substance that loggers give in moles here.
+# Molar mass of oxygen [g/mol], the only substance that loggers give in moles here.
 OXYGEN_G_PER_MOL = 31.9988
-# A millilitre of oxygen as a gas at 0 °C and 1013.25 hPa [mg], as Sea-Bird and ICES take it.
+# Mass of a millilitre of oxygen gas at 0 °C and 1013.25 hPa [mg], as used by Sea-Bird and ICES.
 OXYGEN_MG_PER_ML = 1.42903
 
 
@@ -65,7 +65,7 @@ class Conversion:
     offset: float = 0.0
 
     def __call__(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values (n,) in the other unit."""
+        """Convert values (n,) to the other unit."""
         return self.factor * values + self.offset
 
 
@@ -87,7 +87,7 @@ _CONVERSIONS: dict[tuple[str, str], Conversion] = {
     ("mS/cm", "µS/cm"): Conversion(factor=1000.0),
     ("S/m", "µS/cm"): Conversion(factor=10_000.0),
     ("mS/m", "µS/cm"): Conversion(factor=10.0),
-    # Both are calibrated with formazin, by light of another colour.
+    # All are calibrated with formazin, but measured with light of different colours.
     ("FNU", "NTU"): SAME,
     ("FTU", "NTU"): SAME,
     ("V", "mV"): Conversion(factor=1000.0),
@@ -95,22 +95,22 @@ _CONVERSIONS: dict[tuple[str, str], Conversion] = {
     ("mm", "m"): Conversion(factor=0.001),
     ("ft", "m"): Conversion(factor=0.3048),
 }
-# Moles and volumes are turned into masses for oxygen alone.
+# Moles and volumes are converted to masses for oxygen only.
 _OF_OXYGEN_ALONE = ("µmol/L", "µmol/kg", "ml/L")
 
-# A unit in brackets, or behind the first comma: `Temp, °C (LGR S/N: 1)`.
+# A unit is in brackets, or follows the first comma: `Temp, °C (LGR S/N: 1)`.
 _BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]")
 
 
 def unit_of(text: str) -> str | None:
-    """The unit that a text is, by the registry's name; None where it is none."""
+    """The registry's name of the unit that a text spells; None if it is no unit."""
     return _NAMES.get(_plain(text))
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
-    """A column's name without its unit, and the unit, None where the name tells none.
+    """A column's name without its unit, and the unit, None if the name has none.
 
-    The unit stands in brackets, behind a comma, or as the last words: `DO (%)`, `Temp, °C`,
+    The unit is in brackets, after a comma, or the last words: `DO (%)`, `Temp, °C`,
     `SpCond mS/cm`, `ODO % sat`.
     """
     for found in _BRACKETS.finditer(name):
@@ -122,7 +122,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
     if comma and unit_of(rest) is not None:
         return stem.strip(), unit_of(rest)
     words = re.split(r"[\s_]+", bare)
-    # The longest ending that is a unit: `% sat` before `sat`.
+    # Take the longest ending that is a unit: `% sat` before `sat`.
     for first in range(1, len(words)):
         unit = unit_of(" ".join(words[first:])) or unit_of("/".join(words[first:]))
         if unit is not None:
@@ -131,7 +131,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
 
 def conversion(given: str, wanted: str, key: str = "") -> Conversion | None:
-    """What turns values of one unit into those of another; None where nothing does."""
+    """The conversion of one unit to another; None if there is none."""
     if given == wanted:
         return SAME
     if given in _OF_OXYGEN_ALONE and "oxygen" not in key:

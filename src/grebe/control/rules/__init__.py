@@ -1,1 +1,1 @@
-"""Rules: from where the boat is and what lies ahead to the stages of a horizon."""
+"""Rules: they turn the boat's state and the sets ahead into the stages of a horizon."""

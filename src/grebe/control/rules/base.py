@@ -1,8 +1,8 @@
-"""What every rule shares: what it is asked, what it answers, and how progress is told.
+"""The interface of rules: their input, their result, and the measure of progress.
 
-A rule is a frozen value: its own settings, the stages of its horizon, and `propose`, a pure
-function of a `Situation`. It solves nothing. `Single`, `Dual` and `Lookahead` are built in;
-whatever has the members of `Rule` steers as well (docs/how-to/add-a-rule.md).
+A rule is a frozen value: its settings, the stages of its horizon, and `propose`, a pure function
+of a `Situation`. It solves nothing. `Single`, `Dual` and `Lookahead` are built in; any object with
+the members of `Rule` can steer (docs/how-to/add-a-rule.md).
 """
 
 from __future__ import annotations
@@ -21,19 +21,18 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# A step that brings the boat less than this nearer counts as none: creeping is stalling too.
+# A step that brings the boat nearer by less than this is no progress: creeping is stalling too.
 LEAST_PROGRESS = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """What a rule decided in a step.
+    """The decision of a rule in a step.
 
-    `target` is the index of Omega_x and `split` the stage N_x at which it is to be entered.
-    `entries` are the nodes at which the plan has to be in the sets from the target on; where it
-    is not in the first of them, the controller also tries a plan made afresh (empty: the rule
-    asks for no such check). `memory` is the rule's own: it comes back with the next situation
-    and nobody else reads it.
+    `target` is the index of Omega_x and `split` the stage N_x at which the plan should enter it.
+    `entries` are the nodes at which the plan must be in the sets from the target on. If it misses
+    the first, the controller also tries a fresh plan; if `entries` is empty, there is no such
+    check. `memory` is private to the rule, which gets it back with the next situation.
     """
 
     target: int
@@ -44,14 +43,14 @@ class Decision:
 
 @dataclass(frozen=True, kw_only=True)
 class Situation:
-    """What a rule may look at.
+    """The input of a rule.
 
     `state` (6,); `target` the index of Omega_x; `ahead` the sets from Omega_x on, at least
     one; `aims` the same sets shrunk by the margins, which the controller aims at;
     `last` and `plan` the decision and the plan of the last step, which was `elapsed_s` ago;
-    `cruise_thrust_n` what each thruster gives at the pace of the window; `corridors` for each
-    of the sets ahead the half-space rows of the polygon to stay in on the way to it, empty where
-    all is open water.
+    `cruise_thrust_n` the thrust of each thruster at the middle of the speed window; `corridors`
+    for each of the sets ahead the half-space rows of the polygon to stay in on the way to it,
+    empty in open water.
     """
 
     state: Sequence[float]
@@ -66,21 +65,19 @@ class Situation:
 
     @property
     def distance(self) -> float:
-        """d(x, Omega_x), on the set itself and not on the aim."""
+        """d(x, Omega_x), to the set itself and not to the aim."""
         return self.ahead[0].distance(self.state)
 
     @property
     def memory(self) -> object:
-        """What the rule left in its last decision, if that was about the same target."""
+        """Memory of the rule's last decision, if that had the same target; else None."""
         last = self.last
         return last.memory if last is not None and last.target == self.target else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """What a rule answers: the horizon to solve, what it decided, and where to start from
-    (None: the rule has no plan to start from).
-    """
+    """The result of a rule: the horizon to solve, its decision, and a starting plan or None."""
 
     horizon: Horizon
     decision: Decision
@@ -88,15 +85,15 @@ class Proposal:
 
 
 class Rule(Protocol):
-    """What a controller needs of a rule: the sizes of its horizon, and `propose`.
+    """Interface of a rule: the sizes of its horizon, and `propose`.
 
-    `stages` is N; `step_s` is T, the time between two solves; no stage that the rule proposes
-    lasts longer than `longest_stage_s`, for which the model's integration is made.
+    `stages` is N; `step_s` is T, the time between two solves. No stage that the rule proposes
+    lasts longer than `longest_stage_s`, which sets the model's integration step.
     """
 
     @property
     def stages(self) -> int:
-        """N, how many stages the horizon has."""
+        """N, the number of stages of the horizon."""
         ...
 
     @property
@@ -106,18 +103,20 @@ class Rule(Protocol):
 
     @property
     def longest_stage_s(self) -> float:
-        """What a stage may last at most [s]."""
+        """Longest duration of a stage [s]."""
         ...
 
     def propose(self, situation: Situation, shape: HorizonShape) -> Proposal:
-        """Return the parameters of every stage; pure, and nothing of `situation` is changed."""
+        """Return the parameters of every stage; a pure function that does not modify its input."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How near the boat has been to the current target (d, Definition 2) since it became the
-    current one, and for how many steps it has not come nearer.
+    """Progress towards the current target.
+
+    `nearest` is the least distance to it so far (d, Definition 2), `idle` the number of steps
+    since the boat last came nearer.
     """
 
     nearest: float
@@ -125,7 +124,7 @@ class Progress:
 
 
 def progress(situation: Situation, before: Progress | None) -> Progress:
-    """Return the progress after a step; `before` is None when the target is new."""
+    """Return the progress after a step; `before` is None for a new target."""
     distance = situation.distance
     if before is None or distance < before.nearest - LEAST_PROGRESS:
         return Progress(nearest=distance)
@@ -133,9 +132,9 @@ def progress(situation: Situation, before: Progress | None) -> Progress:
 
 
 def reached_count(targets: Sequence[TargetSet], reached: int, state: Sequence[float]) -> int:
-    """Return how many sets are reached once the boat has been in `state`. Definition 5.
+    """Return the number of sets reached once the boat has been in `state`. Definition 5.
 
-    Overlapping or repeated sets may be reached by one and the same state.
+    One state may reach several sets that overlap or repeat.
     """
     while reached < len(targets) and targets[reached].contains(state):
         reached += 1
@@ -152,13 +151,13 @@ def confine(horizon: Horizon, situation: Situation, entries: Sequence[int]) -> N
 
 
 def shifted(situation: Situation) -> Plan | None:
-    """Return the last plan as it looks now, to start from; None where there is none."""
+    """Return the last plan, shifted to the present, to start from; None if there is none."""
     return None if situation.plan is None else situation.plan.shifted(situation.elapsed_s)
 
 
 def check_stages(stages: int, step_s: float) -> None:
-    """Raise `UsageError` for a horizon that no boat can be steered with."""
-    # Not even 15.0: it counts rows.
+    """Raise `UsageError` unless the horizon has 2 to 100 stages and a step of 0.05 to 10 s."""
+    # Even 15.0 is refused, because `stages` is the size of arrays.
     if not isinstance(stages, Integral) or not 2 <= stages <= 100:
         raise UsageError(f"The horizon is {stages!r} stages; give a whole number from 2 to 100.")
     if not 0.05 <= step_s <= 10.0:

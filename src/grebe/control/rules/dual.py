@@ -1,4 +1,4 @@
-"""The rule `Dual`: problem (8) with cost (7), the paper's controller of two modes."""
+"""The rule `Dual`: problem (8) with cost (7), the paper's controller with two modes."""
 
 from __future__ import annotations
 
@@ -25,16 +25,15 @@ if TYPE_CHECKING:
 class Dual:
     """Problem (8): N_x stages for Omega_x, the others for its successor.
 
-    Departures: the last target has no successor, so nothing is asked after N_x; with
-    N_x = N node N is asked to lie in Omega_x alone; a split that has stalled is counted
-    down from N.
+    Departures: the last target has no successor, so nothing is required after N_x; if N_x = N,
+    node N is required to be in Omega_x only; a split that has stalled is counted down from N.
 
     `epsilon` fattens the current target (Definition 8; metres beside metres per second),
-    `alpha` weighs distance and `beta` effort (Eq. 2), `p` and `q` the current and the next
-    target (Eq. 7); `entry_penalty` is the price of a unit of slack on the current set and
-    `successor_penalty` on the next one (docs/theory.md says why they suffice, and why the second
-    must be far below the first). `stages` is N and `step_s` T, which is also the duration of a
-    stage; the defaults are those of section 6.3. Raises `UsageError`.
+    `alpha` weights distance and `beta` effort (Eq. 2), `p` and `q` the current and the next
+    target (Eq. 7). `entry_penalty` is the price of a unit of slack on the current set,
+    `successor_penalty` on the next one; docs/theory.md explains why they suffice, and why the
+    second must be far below the first. `stages` is N and `step_s` T, which is also the duration of
+    a stage; the defaults are those of section 6.3. Raises `UsageError` for an invalid setting.
     """
 
     epsilon: float = 15.0

@@ -1,9 +1,9 @@
-"""The rule `Lookahead`: a horizon of legs to the next sets, their durations free.
+"""The rule `Lookahead`: a horizon of legs to the next sets, with free durations.
 
-Problem (8) plans to sit in the second set; here the horizon's stages are dealt out to the
-legs to as many of the next sets as they can resolve, each leg ends with the entry into its
-set, and the total time is minimised. docs/theory.md says why it cannot lock up: a plan that
-reaches its sets stays feasible as time passes, and its cost falls by the time that passed.
+Problem (8) plans to stay in the second set. Here the horizon's stages are divided among legs to as
+many of the next sets as they can resolve. Each leg ends with the entry into its set, and the total
+time is minimised. The boat cannot stall, as docs/theory.md explains: a plan that reaches its sets
+stays feasible as time passes, and its cost falls by the time that has passed.
 """
 
 from __future__ import annotations
@@ -35,54 +35,57 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# What a stage should at most span when stages are dealt out, and what it may span [s].
+# Longest stage when stages are divided among legs [s]; the solver may stretch it to
+# `LONGEST_STAGE_S`.
 STAGE_S = 0.9
-# A leg must be able to end well before the next solve: one that cannot lets the plan put off
-# what could be done at once, and each solve puts it off again.
+# A leg must be able to end well before the next solve [s]. Otherwise each solve postpones what
+# could be done at once.
 SHORTEST_LEG_S = 0.06
 LONGEST_STAGE_S = 1.2
 FEWEST_STAGES = 2
-# Cost of a second is 1; a unit of slack costs more than any second it could save.
+# A second costs 1; a unit of slack costs more than the seconds it could save.
 ENTRY_PENALTY = 100.0
-# Of a set that lies beyond the horizon the slack is way that is still to come. A metre of it is
-# worth so many times what it takes at the window's upper end, so that the boat goes on against a
-# current; and the surge is held so dearly that it does not race for it by more than this [m/s].
+# The slack of a set beyond the horizon is distance still to travel. The price of a metre is
+# `FAR_WORTH` times the seconds that it takes at the window's upper end, so that the boat goes on
+# against a current. The surge is held at such a price that it exceeds the window by no more than
+# `FAR_EXCESS_MPS` [m/s].
 FAR_WORTH, FAR_EXCESS_MPS = 10.0, 0.01
-# Of a set at the horizon's end: how many sets the taut way leads through that says where it is
-# entered, how near to that place it is asked to be, as a share of the set's side, and how large
-# the side must be, as a share of the horizon, for the boat to be told.
+# A large set at the horizon's end is entered where the shortest path touches it. `SEEN_BEYOND` is
+# the number of sets on that path. `ENTRY_ROOM` is the largest distance of the entry from that
+# point, as a share of the set's side. A side is large from `LARGE_SHARE` of the horizon on.
 SEEN_BEYOND, ENTRY_ROOM, LARGE_SHARE = 6, 0.015, 0.25
-# A place, unlike a whole set, may be reached only after a turn: to be safe it counts as so many
-# times as far, for the boat races for what the horizon just does not hold.
+# A point, unlike a large set, may be reached only after a turn, and the boat would race for an
+# entry just beyond the horizon. For safety the point counts as this many times as far.
 TURN_ROOM = 2.0
-# The largest price of thrust: beyond it boats were taken for held by weeds.
+# The largest price of thrust; above it, the boats' slowness was taken for weeds that held them.
 MOST_THRIFT = 4.0
-# Land is worse than a missed set; another boat is, but does not drive the boat ashore.
+# Land is worse than a missed set. So is another boat, but avoiding it must not drive the boat
+# ashore.
 CORRIDOR_PENALTY, APART_PENALTY = 1000.0, 300.0
 EFFORT = 0.005
 HALF_TURN_S = 4.0
-# Steps without coming nearer after which the last plan is dropped: a loop takes less, a solver
-# that is caught in a plan which pays its slack takes for ever.
+# Steps without progress after which the last plan is dropped. A loop takes fewer; a solver caught
+# in a plan that pays for its slack never ends.
 STALL_STEPS = 24
-# How far below the window's upper end the boat is held: the price of `hold` yields a little.
+# The boat is held this far below the window's upper end, because the price `hold` yields a little.
 HOLD_MARGIN_MPS = 0.02
-# Backing out of a corner is seamanship; backing all the way to the next set is not.
+# Largest speed astern: backing out of a corner is seamanship, backing to the next set is not.
 BACKWARDS_MPS = 0.4
-# Price of a stage's squared departure from the last plan's pace [1/s^2]. Stages of one leg
-# would otherwise trade time among each other at no cost; at rest it costs nothing.
+# Price of a stage's squared deviation from its duration in the last plan [1/s^2]. Without it the
+# stages of one leg could trade time at no cost; at convergence it costs nothing.
 PACING = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lookahead:
-    """Legs to the next sets in minimum time, each entry held by an L1 slack.
+    """Legs to the next sets in minimum time, each entry softened by an L1 slack.
 
     The upper end of the window also bounds the surge on the way, so that the boat does not race
-    between sets: `hold` is the price of the squared surge above it. The lower end is asked at
-    entry alone, for turns are slow. `thrift` is what a second of one thruster at full thrust costs
-    beside the second itself [s], and of less thrust by its square: energy is saved first where the
-    boat turns, for there it buys the least time, then by speed. `stages` is N; `step_s` is T, the
-    time between two solves; the durations of the stages are free. Raises `UsageError`.
+    between sets: `hold` is the price of the squared surge above it. The lower end is required only
+    at entry, because turns are slow. `thrift` is the extra cost [s] of a second of one thruster at
+    full thrust; at less thrust it falls with the square. It saves energy first in turns, where
+    energy buys the least time, then by speed. `stages` is N; `step_s` is T, the time between two
+    solves; the durations of the stages are free. Raises `UsageError` for an invalid setting.
     """
 
     hold: float = 50.0
@@ -101,8 +104,10 @@ class Lookahead:
 
     @property
     def _dearest(self) -> float:
-        """What a second costs with both thrusters at full thrust; what is worth a second, a missed
-        set or land, must be worth that.
+        """Cost of a second with both thrusters at full thrust.
+
+        The penalties of a missed set, of land and of others are multiplied by it, because a second
+        can cost this much.
         """
         return 1.0 + 2.0 * self.thrift
 
@@ -133,7 +138,7 @@ class Lookahead:
         return Proposal(horizon=horizon, decision=decision, start=start)
 
     def _legs(self, situation: Situation, shape: HorizonShape, stages: Sequence[int]) -> Horizon:
-        """The stages of each leg, and the set that it ends in."""
+        """The horizon with the stages of each leg and the set at its end."""
         horizon = Horizon(shape=shape)
         horizon.duration_bounds[:, 1] = LONGEST_STAGE_S
         horizon.time_weights[:] = 1.0
@@ -151,8 +156,9 @@ class Lookahead:
         return horizon
 
     def _prices(self, aim: TargetSet, within: bool) -> tuple[float, float]:
-        """Prices of a unit of slack at an entry, and of the squared surge above the window, where
-        the entry is within the horizon or beyond it.
+        """Prices of a unit of slack at an entry, and of the squared surge above the window.
+
+        They depend on whether the entry is `within` the horizon.
         """
         if within:
             return self._dearest * ENTRY_PENALTY, self.hold
@@ -161,17 +167,17 @@ class Lookahead:
 
 
 def _entries(situation: Situation, legs: int, spans_m: float) -> tuple[list[Array], float]:
-    """Half-spaces of the sets that the legs end in, and how far away the first of them is [m].
+    """Half-spaces of the sets at the ends of the legs, and the distance of the first of them [m].
 
-    Where the horizon of `spans_m` ends at the first set, the boat would come in where it is nearest
-    and only then turn to the next. Of a large set it is told where the way through the sets beyond
-    lies instead: it is asked about the place where the taut way touches it.
+    If the horizon of `spans_m` ends at the first set, the boat would enter that at the nearest
+    point and only then turn to the next. A large set is therefore narrowed to the surroundings of
+    the point where the shortest path through it and the sets beyond touches it.
     """
     aims = situation.aims
     north, east = situation.state[0], situation.state[1]
     away_m = aims[0].footprint_distance(north, east)
     as_they_are = [aim.halfspaces for aim in aims[:legs]], away_m
-    # A boat that is in the set already lacks the speed alone, and may find it anywhere.
+    # A boat inside the set lacks only the speed, and may reach it anywhere.
     if legs > 1 or len(aims) == 1 or away_m == 0.0:
         return as_they_are
     shapes = footprints_of(aims[:SEEN_BEYOND])
@@ -188,13 +194,13 @@ def _entries(situation: Situation, legs: int, spans_m: float) -> tuple[list[Arra
 
 
 def pace_rows(target: TargetSet) -> Array:
-    """Half-spaces of the surge on the way: not above the window, and hardly backwards."""
+    """Half-spaces of the surge on the way: not above the window, and only slowly astern."""
     ceiling = target.speed_max_mps - HOLD_MARGIN_MPS
     return np.array([[0.0, 0.0, 1.0, ceiling], [0.0, 0.0, -1.0, BACKWARDS_MPS]])
 
 
 def _arrivals(situation: Situation) -> list[float]:
-    """When each set ahead will be entered [s from now]: as last planned, else estimated."""
+    """Entry time of each set ahead [s from now]: as last planned, else estimated."""
     planned = _planned_arrivals(situation)
     arrivals: list[float] = []
     now = 0.0
@@ -235,7 +241,7 @@ def _pace(target: TargetSet) -> float:
 
 
 def _deal_out(arrivals: Sequence[float], total: int) -> list[int]:
-    """Stages for each leg, `STAGE_S` each at most; the last leg takes what is left over."""
+    """Number of stages of each leg, of at most `STAGE_S` each; the last leg takes the rest."""
     stages: list[int] = []
     before = 0.0
     for arrival in arrivals:
@@ -252,7 +258,7 @@ def _deal_out(arrivals: Sequence[float], total: int) -> list[int]:
 
 
 def _start(situation: Situation, arrivals: Sequence[float], stages: Sequence[int]) -> Plan:
-    """A starting plan on the new stages: the last plan resampled, then along the centres."""
+    """Starting plan on the new stages: the last plan resampled, then along the centres."""
     times = [0.0]
     for end, count in zip(arrivals, stages, strict=True):
         begin = times[-1]
@@ -284,7 +290,7 @@ def _sample(situation: Situation, moments: Array, ends: Array) -> tuple[Array, A
 def _along_centres(
     situation: Situation, begin: Sequence[float], since: float, moments: Array, ends: Array
 ) -> tuple[Array, Array]:
-    """Straight ways from `begin` at time `since` to the centres of the sets still ahead."""
+    """Straight lines from `begin` at time `since` to the centres of the sets still ahead."""
     later = [i for i in range(1, len(ends)) if ends[i] > since + 1e-9]
     corners = np.array([begin[:2], *(situation.aims[i - 1].centre for i in later)])
     when = np.concatenate([[since], ends[later]])

@@ -18,15 +18,15 @@ from grebe.control.rules.split import decide, fixed_steps
 
 @dataclass(frozen=True, kw_only=True)
 class Single:
-    """Problem (5): every stage is drawn to Omega_x, the last node must lie in it.
+    """Problem (5): every stage is drawn to Omega_x, and the last node must be in it.
 
     Departure: after a stall within `epsilon` of the set (metres beside metres per second) the
-    node that must lie in it is counted down from the last.
+    node that must be in it is counted down from the last.
 
-    `alpha` weighs distance and `beta` effort (Eq. 2), `entry_penalty` is the price of a unit of
-    slack on the set. This rule knows no next set: an effort that weighs more than a small
-    distance would let the boat hover just below the window, so `beta` is smaller than in `Dual`.
-    `stages` is N and `step_s` T, which is also the duration of a stage. Raises `UsageError`.
+    `alpha` weights distance and `beta` effort (Eq. 2); `entry_penalty` is the price of a unit of
+    slack on the set. Without a next set, effort that outweighs a small distance would let the boat
+    hover just below the window, so `beta` is smaller than in `Dual`. `stages` is N and `step_s` T,
+    which is also the duration of a stage. Raises `UsageError` for an invalid setting.
     """
 
     epsilon: float = 15.0

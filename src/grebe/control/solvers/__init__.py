@@ -1,1 +1,1 @@
-"""Solvers of the optimal control problem behind one small interface."""
+"""Solvers of the optimal control problem, behind one small interface."""

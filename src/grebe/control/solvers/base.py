@@ -1,8 +1,8 @@
-"""Solvers of the optimal control problem, behind one small interface.
+"""The interface of the solvers of the optimal control problem.
 
-`Solver.solve` takes what a rule wrote and a starting plan and returns a `Solution`; whether
-it converged is a value, the caller decides what to do about it. A `SolverBuilder` makes the
-solver for a vessel and a shape: `Fast`, `Fatrop` and `Ipopt` in `builders` are such values.
+`Solver.solve` takes a rule's horizon and a starting plan and returns a `Solution`. Its status says
+whether it converged; the caller decides what to do if not. A `SolverBuilder` makes the solver for
+a vessel and a shape: `Fast`, `Fatrop` and `Ipopt` in `builders` are such values.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Status(enum.Enum):
-    """How a solve ended; a feasible plan keeps the dynamics but is not the best one."""
+    """Outcome of a solve; a feasible plan satisfies the dynamics but is not optimal."""
 
     SOLVED = "solved"
     FEASIBLE = "feasible"
@@ -29,7 +29,7 @@ class Status(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """A plan, the status it comes with, its cost and the iterations spent."""
+    """A plan, its status, its cost and the number of iterations."""
 
     plan: Plan
     status: Status
@@ -43,7 +43,7 @@ class Solution:
 
 
 class Solver(Protocol):
-    """What a controller needs of a solver."""
+    """Interface of a solver."""
 
     def solve(
         self,
@@ -57,19 +57,19 @@ class Solver(Protocol):
 
 
 class SolverBuilder(Protocol):
-    """Makes a solver for a vessel and the sizes of a problem."""
+    """Interface of a builder, which makes a solver for a vessel and the sizes of a problem."""
 
     def build(self, vessel: Vessel, shape: HorizonShape) -> Solver:
-        """Return a solver of problems of this shape; called once for each controller."""
+        """Return a solver for problems of this shape."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class Built:
-    """A solver that is there already, shared by controllers of one vessel and one shape."""
+    """A builder that returns an existing solver, shared by controllers of one vessel and shape."""
 
     solver: Solver
 
     def build(self, vessel: Vessel, shape: HorizonShape) -> Solver:  # noqa: ARG002
-        """Return it; see `SolverBuilder`."""
+        """Return the solver; see `SolverBuilder`."""
         return self.solver

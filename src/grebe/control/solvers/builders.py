@@ -1,6 +1,7 @@
-"""The solvers to choose from, as values: each imports what it needs when it builds.
+"""The available solvers, as values that build them.
 
-So a boat that is steered by `Fast` never loads CasADi.
+Each imports its solver only when it builds it, so a boat that is steered by `Fast` never loads
+CasADi.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Fast:
 
 @dataclass(frozen=True, kw_only=True)
 class Fatrop:
-    """FATROP by way of CasADi, an interior point that uses the structure of the stages."""
+    """FATROP through CasADi, an interior point that exploits the structure of the stages."""
 
     most_iterations: int = 120
 
@@ -41,7 +42,7 @@ class Fatrop:
 
 @dataclass(frozen=True, kw_only=True)
 class Ipopt:
-    """IPOPT by way of CasADi: slow and sure, the oracle that the others are held to."""
+    """IPOPT through CasADi: slow and reliable, the reference for the other solvers."""
 
     most_iterations: int = 200
 

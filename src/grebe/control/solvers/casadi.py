@@ -1,4 +1,4 @@
-"""The solvers in CasADi's wheel; CasADi is imported only by those who use them."""
+"""The solvers in CasADi's wheel; only their users import CasADi."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 
 
 def fatrop_solver(problem: Problem, most_iterations: int) -> CasadiSolver:
-    """Return FATROP, which uses the structure of the stages."""
+    """Return FATROP, which exploits the structure of the stages."""
     own = {"mu_init": 1e-2, "tol": 1e-5, "max_iter": most_iterations, "print_level": 0}
     structure = {"structure_detection": "auto", "equality": problem.equality}
     return CasadiSolver(problem, "fatrop", structure | {"fatrop": own})
 
 
 def ipopt_solver(problem: Problem, most_iterations: int) -> CasadiSolver:
-    """Return IPOPT, the slow and sure one."""
+    """Return IPOPT, slow and reliable."""
     own = {"print_level": 0, "sb": "yes", "tol": 1e-8, "max_iter": most_iterations}
     return CasadiSolver(problem, "ipopt", {"ipopt": own})
 
 
 class CasadiSolver:
-    """A problem handed to one of CasADi's solvers: `plugin` names it, `options` are its own."""
+    """A problem with one of CasADi's solvers, named by `plugin`, with its `options`."""
 
     def __init__(self, problem: Problem, plugin: str, options: dict[str, Any]) -> None:
         self._problem = problem

@@ -1,9 +1,9 @@
-"""The solver's kernels compiled part by part, so that two processes can share the work.
+"""Compilation of the solver's kernels in parts, so that two processes can share the work.
 
-A kernel that calls others takes them from disk where it finds them. `optimise` calls all of the
-solver's: `compile_horizon` and `compile_quadratic` are two halves of them, and may be compiled at
-once. Both only say which arguments the kernels are to be compiled for: one that `optimise` calls
-otherwise is compiled with it, later.
+A kernel loads the kernels that it calls from disk if they are there. `optimise` calls all the
+others: `compile_horizon` and `compile_quadratic` compile two halves of them and can run at the same
+time. Both only list the argument types to compile for. A kernel that `optimise` calls with other
+types is compiled later, together with `optimise`.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from grebe.control.solvers.fast import interior, sqp
 _NUMBER, _COUNT, _TRUTH = types.float64, types.int64, types.boolean
 _LIST, _ROWS, _STAGES = (types.Array(_NUMBER, axes, "C") for axes in (1, 2, 3))
 _COUNTS = types.Array(_COUNT, 1, "C")
-# One column of what numpy found, rows by columns.
+# A column of the result of `numpy.nonzero`, which is not contiguous.
 _NODES = types.Array(_COUNT, 1, "A")
 
 
 def compile_quadratic() -> None:
-    """Compile the interior point, where it starts, and what it calls."""
+    """Compile the interior point, its starting values, and the kernels that they call."""
     hess, grad, sens, gap = _STAGES, _ROWS, _STAGES, _ROWS
     families = _ROWS, _COUNTS, _NODES, _LIST, _LIST
     base, box, pairs, slacks = _LIST, (_ROWS, _ROWS), (_LIST, _LIST), (_LIST, _LIST)
@@ -36,7 +36,7 @@ def compile_quadratic() -> None:
 
 
 def compile_horizon() -> None:
-    """Compile what `optimise` asks of a horizon: the model's derivatives, the cost and the step."""
+    """Compile the kernels of a horizon: the model's derivatives, the cost and the step."""
     inner, outer = types.Array(_NUMBER, 4, "C"), _STAGES
     shooting = _named(sqp.Shooting, sens=_STAGES, gap=_ROWS, points=inner, slopes=outer, jacs=inner)
     terms, states = _terms(), _ROWS
@@ -52,7 +52,7 @@ def compile_horizon() -> None:
 
 
 def compile_optimise() -> None:
-    """Compile the solver, of the two halves that are on disk by now, or else with them."""
+    """Compile the solver, with the two halves from disk or else together with them."""
     states = inputs = costate = _ROWS
     _compile(sqp.optimise, _terms(), states, inputs, costate, _COUNT, _NUMBER)
 
@@ -67,11 +67,11 @@ def _terms() -> Any:
 
 
 def _named(kind: Any, **members: Any) -> Any:
-    """What a named tuple is to numba."""
+    """Numba type of a named tuple."""
     return types.NamedTuple([members[name] for name in kind._fields], kind)
 
 
 def _compile(kernel: Any, *arguments: Any) -> None:
-    # Run by Python, without a compiler, a kernel is a function.
+    # In plain Python, without a compiler, a kernel is a function.
     if hasattr(kernel, "compile"):
         kernel.compile(arguments)

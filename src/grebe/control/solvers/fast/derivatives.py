@@ -1,8 +1,8 @@
 """First and second derivatives of Eq. (9) over one stage, written out and compiled.
 
-Positions enter no right-hand side, so sensitivities are taken in the seven directions
-p = (psi, u, v, r, F_1, F_2, T) only. Duration is handled by integrating T f over unit time, which
-makes T a parameter like the thrusts.
+Positions enter no right-hand side, so sensitivities are taken only in the seven directions
+p = (psi, u, v, r, F_1, F_2, T). T f is integrated over unit time, which makes the duration T a
+parameter like the thrusts.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -34,8 +34,9 @@ from grebe.core.motion import (
 
 @part_of_kernels
 def evaluate(p, psi, u, v, r, port, starboard, f, jac):
-    """Right-hand side `f` (6,) and its Jacobian `jac` (6, 8) in (psi, u, v, r, F_1, F_2),
-    with two columns of zeros.
+    """Compute the right-hand side `f` (6,) and its Jacobian `jac` (6, 8), in place.
+
+    The Jacobian's columns are (psi, u, v, r, F_1, F_2), then two of zeros.
     """
     f[0], f[1], f[2], f[3], f[4], f[5] = motion(p, psi, u, v, r, port, starboard)
     c, s, u_c, v_c, wind_x, wind_y = in_hull_axes(p, psi)
@@ -47,7 +48,7 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
     jac[0, 0], jac[0, 1], jac[0, 2] = -f[1], c, -s
     jac[1, 0], jac[1, 1], jac[1, 2] = f[0], s, c
     jac[2, 3] = 1.0
-    # d u_r / d psi = -v_c and d v_r / d psi = u_c: the current turns against the hull.
+    # d u_r / d psi = -v_c and d v_r / d psi = u_c: the current turns relative to the hull.
     jac[3, 0] = (wind_y + m22 * r * u_c - slope_u * v_c) / m11 - r * u_c
     jac[3, 1] = slope_u / m11
     jac[3, 2] = m22 * r / m11
@@ -67,7 +68,7 @@ def evaluate(p, psi, u, v, r, port, starboard, f, jac):
 
 @part_of_kernels
 def curvature(p, psi, u, v, r, mu, hess):
-    """Hessian `hess` (4, 4) of mu f in (psi, u, v, r); f is linear in the thrusts."""
+    """Compute the Hessian `hess` (4, 4) of mu f in (psi, u, v, r); f is linear in the thrusts."""
     c, s, u_c, v_c, wind_x, wind_y = in_hull_axes(p, psi)
     u_r, v_r = u - u_c, v - v_c
     a4, a5, a6 = mu[3] / p[M11], mu[4] / p[M22], mu[5] / p[M33]
@@ -105,8 +106,9 @@ def curvature(p, psi, u, v, r, mu, hess):
 
 @inlined_machine_code
 def _sensed(row, f, duration, psi, u, v, r):
-    """How a number f of the right-hand side, times the duration, depends on p: by its `row` of the
-    Jacobian, and by how (psi, u, v, r) depend on p.
+    """Sensitivity to p of an element f of the right-hand side, times the duration.
+
+    `row` is its row of the Jacobian; `psi`, `u`, `v`, `r` are the sensitivities of the point.
     """
     along = (row[0] * psi + row[1] * u) + (row[2] * v + row[3] * r)
     direct = eight(0.0, 0.0, 0.0, 0.0, duration * row[4], duration * row[5], f, 0.0)
@@ -117,9 +119,10 @@ def _sensed(row, f, duration, psi, u, v, r):
 def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs):
     """Integrate one stage and its sensitivities.
 
-    `out` (6,) the next state; `sens` (6, 8) its derivative in p, and a column of zeros. `points`
-    (evals, 4, 8) are the sensitivities of (psi, u, v, r) where f was evaluated, `slopes` (evals, 4)
-    those four values and `jacs` (evals, 6, 8) the Jacobians there: what `second_order` needs.
+    `out` (6,) is the next state, `sens` (6, 8) its derivative in p and a column of zeros. The rest
+    is for `second_order`: `points` (evals, 4, 8) are the sensitivities of (psi, u, v, r) at the
+    points where f was evaluated, `slopes` (evals, 4) the values of these four, and `jacs`
+    (evals, 6, 8) the Jacobians there.
     """
     h = 1.0 / substeps
     f, point, total = np.empty(6), np.empty(6), np.empty(6)
@@ -177,16 +180,16 @@ def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs
 
 @machine_code
 def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
-    """Hessian `hess` (7, 8) of costate * (next state) in p, by the discrete adjoint of RK4; its
-    last column is zero.
+    """Compute the Hessian `hess` (7, 8) of costate * (next state) in p, in place.
 
-    Each evaluation of f contributes S^T (T mu d2f) S plus the cross terms of T, where S is the
-    sensitivity of the point and mu the adjoint of that evaluation.
+    It is found by the discrete adjoint of RK4; its last column is zero. Each evaluation of f
+    contributes S^T (T mu d2f) S plus the cross terms of T, where S is the sensitivity of the point
+    and mu the adjoint of that evaluation.
     """
     h = 1.0 / substeps
     lam = costate.copy()
     bar = np.empty(6)
-    # Adjoint of each evaluation's point, before the duration: in (psi, u, v, r), then in thrusts.
+    # Adjoint of each evaluation's point, without the factor T: in (psi, u, v, r), then in thrusts.
     back = np.empty((4, WIDTH))
     curve = np.empty((4, 4))
     half = np.empty((4, WIDTH))
@@ -218,7 +221,7 @@ def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
         for i in range(4):
             for stage in range(4):
                 lam[2 + i] += duration * back[stage, i]
-    # The duration's row: T f changes with T as f does with the point and with the thrusts.
+    # The duration's row: the derivative of T f by T is f, which depends on point and thrusts.
     stored(loaded(hess, 6, 0) + cross, hess, 6, 0)
     stored(cross, half, 0, 0)
     hess[6, 6] += half[0, 6]

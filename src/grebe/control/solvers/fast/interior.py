@@ -1,16 +1,16 @@
 """A primal-dual interior point for the quadratic problem of a horizon (Mehrotra 1992).
 
-Half-space rows a (x, y, u) <= b live at the nodes, beside the box of the inputs. They come in
-families, the rows of one set at one node:
+The nodes have half-space rows a (x, y, u) <= b, and the inputs have box bounds. The rows of one set
+at one node form a family. There are two kinds:
 
-- of the sets of the cost: w max(0, a z - b)^2 is a row softened by a slack e at price w e^2, which
-  eliminates to e = lambda / (2 w): a row with compliance 1 / (2 w);
-- of the sets that must hold a node, and of its corridor: rows that share one slack s >= 0 at a
-  price linear in s.
+- sets of the cost: w max(0, a z - b)^2 is a row softened by a slack e at price w e^2. Eliminating
+  e = lambda / (2 w) gives a row with compliance 1 / (2 w);
+- sets that must contain a node, and corridors: their rows share one slack s >= 0 at a price linear
+  in s.
 
-Everything local to a node is eliminated, so that each iteration is one Riccati recursion. Slacks
-t and multipliers of all rows stand in one vector, and those of the box behind them: the lower
-bounds of all inputs, then the upper ones.
+Everything local to a node is eliminated, so each iteration is one Riccati recursion. One vector
+holds the slacks t of all rows, then those of the box: the lower bounds of all inputs, then the
+upper ones. Another holds their multipliers in the same order.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -28,16 +28,16 @@ from grebe.core.kernels import inlined_machine_code, part_of_kernels
 
 MOST_ITERATIONS = 40
 TO_THE_BOUNDARY = 0.995
-# Of a row's slack and multiplier when a solve starts.
+# Least initial slack and multiplier of a row.
 FLOOR = 1e-2
 
 
 @part_of_kernels
 def start_rows(first, compliance, price, base, t, lam, s, nu):
-    """Place slacks and multipliers inside, as near to complementary as the last solve left them.
+    """Initialise slacks and multipliers in the interior, near those of the last solve.
 
-    `first` (J + 1,) where the rows of each family begin, `base` (M,) a z - b at the current
-    iterate. Softened rows begin on their own constraint, which keeps the first residuals at zero.
+    `first` (J + 1,) is where the rows of each family begin, `base` (M,) is a z - b at the current
+    iterate. Softened rows begin on their constraint, which keeps the first residuals at zero.
     """
     for j in range(len(price)):
         if price[j] > 0.0:
@@ -53,7 +53,7 @@ def start_rows(first, compliance, price, base, t, lam, s, nu):
 
 @inlined_machine_code
 def _start_shared(begin, end, j, price, base, t, lam, s, nu):
-    """The same for rows that share a slack."""
+    """Do the same for rows that share a slack."""
     worst, total = 0.0, 0.0
     for i in range(begin, end):
         worst = max(worst, base[i])
@@ -72,7 +72,7 @@ def _start_shared(begin, end, j, price, base, t, lam, s, nu):
 
 @part_of_kernels
 def start_box(low, high, t, lam):
-    """Place the box's slacks inside: `low`, `high` (N, 3) relative to the iterate."""
+    """Initialise the box's slacks in the interior; `low`, `high` (N, 3) relative to the iterate."""
     half = low.size
     for k in range(low.shape[0]):
         for i in range(NW):
@@ -88,14 +88,14 @@ def minimise(
     hess, grad, sens, c, rows, first, node, compliance, price, base, low, high,
     t, lam, s, nu, dx, dw, costate, gain, tolerance,
 ):  # fmt: skip
-    """Solve the quadratic problem; returns the iterations, negative where it failed.
+    """Solve the quadratic problem; return the number of iterations, negative if it failed.
 
     In: `hess` (N, 9, 10) positive semidefinite, `grad` (N, 10), dynamics `sens` and `c`; `rows`
-    (M, 4), and their value `base` (M,) at the iterate; of each family (J,) where its rows begin,
-    `first` (J + 1,), its `node`, in rising order, its `compliance`, and the `price` of its slack,
-    zero where it shares none; the box `low`, `high` (N, 3) of dw. In and out: slacks `t` and
-    multipliers `lam` (M + 6 N,), `s` and `nu` (J,). Out: `dx`, `dw`, `costate`, and `gain`
-    (N, 3, 8), by which the inputs answer a departure of the state from the solution.
+    (M, 4), and their value `base` (M,) at the iterate; for each family (J,) the index of its first
+    row, `first` (J + 1,), its `node`, in ascending order, its `compliance`, and the `price` of its
+    slack, zero if its rows share none; the box `low`, `high` (N, 3) of dw. In and out: slacks `t`
+    and multipliers `lam` (M + 6 N,), `s` and `nu` (J,). Out: `dx`, `dw`, `costate`, and `gain`
+    (N, 3, 8), the feedback of the inputs to a deviation of the state from the solution.
     """
     n, m = hess.shape[0], len(base)
     full, full_grad = np.empty((n, NY, ROW)), np.empty((n, ROW))
@@ -153,7 +153,7 @@ def minimise(
 
 @part_of_kernels
 def _complementarity(alpha, t, lam, s, nu, d_t, d_lam, d_s, d_nu):
-    """The sum of slacks times multipliers, a share of a step ahead."""
+    """Sum of slacks times multipliers after a share `alpha` of a step."""
     total = 0.0
     for i in range(len(t)):
         total += (t[i] + alpha * d_t[i]) * (lam[i] + alpha * d_lam[i])
@@ -164,7 +164,7 @@ def _complementarity(alpha, t, lam, s, nu, d_t, d_lam, d_s, d_nu):
 
 @part_of_kernels
 def _residuals(rows, first, node, compliance, base, dx, t, lam, s, residual):
-    """By how much each row misses its own equation, and the largest of it."""
+    """Compute the residual of each row's equation; return the largest magnitude."""
     worst = 0.0
     for j in range(len(node)):
         x, y, u = dx[node[j], 0], dx[node[j], 1], dx[node[j], 3]
@@ -211,7 +211,7 @@ def _assemble(
     """Add rows and box to the Hessian and gradient of every node, in terms of the new point."""
     n, j = hess.shape[0], 0
     for k in range(n + 1):
-        # Of a position (x, y) and a surge u: the lower half of the curvature, and the slope.
+        # Lower half of the curvature in position (x, y) and surge u, then the slope.
         xx = yx = yy = ux = uy = uu = 0.0
         x = y = u = 0.0
         while j < len(node) and node[j] == k:
@@ -255,7 +255,7 @@ def _assemble(
 
 @inlined_machine_code
 def _add_curvature(hess, xx, yx, yy, ux, uy, uu):
-    """Add the lower half of a curvature in (x, y, u), and its mirror image."""
+    """Add a curvature in (x, y, u), given by its lower half, and its mirror image."""
     hess[0, 0] += xx
     hess[1, 0] += yx
     hess[0, 1] += yx
@@ -330,7 +330,7 @@ def _box_steps(low, high, dw, new_dw, t, lam, aim, corrector, d_t, d_lam):
 
 @part_of_kernels
 def _longest_step(t, lam, d_t, d_lam):
-    """The longest step, beyond which a slack or a multiplier would be negative."""
+    """Longest step that keeps all slacks and multipliers non-negative."""
     steepest = TO_THE_BOUNDARY
     for i in range(len(t)):
         if d_t[i] < 0.0:

@@ -1,4 +1,4 @@
-"""Where the boat can be one step on, for many inputs at once; compiled."""
+"""The boat's excess over a set after one step, for many inputs; compiled."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def excesses(
     rows: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> np.intp:
-    """For each of `inputs` (m, 2): the largest a z - b over `rows` (n, 4) after one step.
+    """Compute the largest a z - b over `rows` (n, 4) after one step, for each of `inputs` (m, 2).
 
-    Negative: strictly inside. Writes `out` (m,) and returns the index of the least.
+    A negative value means strictly inside. Writes `out` (m,) and returns the index of the least.
     """
     after = np.empty(6)
     for k in range(inputs.shape[0]):

@@ -4,12 +4,11 @@
     s.t. dx_0 = 0,  dx_{k+1} = E (x, y)_k + M_k q_k + c_k,  q = (psi, u, v, r, F_1, F_2, share)
 
 with nine variables a stage: six states and three inputs (F_1, F_2, share of duration). Nothing
-depends on the position but itself: E is the first two columns of the unit matrix, and M, the
-stage's sensitivities, the other seven of its derivative. `factorise` depends on the matrices
-alone, so that one factorisation serves several vectors.
+depends on the position except the next position, so E is the first two columns of the identity
+matrix. M, the stage's sensitivities, is the other seven columns of its derivative. `factorise`
+depends only on the matrices, so one factorisation serves several vectors.
 
-Rows are as wide as what works them out at once: of eight numbers for a state or for q, with one or
-two that mean nothing behind them, and of `ROW` for y.
+Rows are padded for the vector registers: to eight numbers for a state or for q, and to `ROW` for y.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -23,16 +22,16 @@ from grebe.core.eights import WIDTH, loaded, stored, sum_of_six
 from grebe.core.kernels import inlined_machine_code, machine_code
 
 NX, NW, NY = 6, 3, 9
-# The position, and where q begins in y; and the numbers in a row of y, with one to spare.
+# The number of positions, after which q begins in y; and the length of a row of y, one for padding.
 PLACE, ROW = 2, 10
 
 
 @machine_code
 def factorise(hess, terminal, sens, p, gain, chol):
-    """Backward pass of the matrices; false where a reduced Hessian is not positive definite.
+    """Backward pass of the matrices; return False if a reduced Hessian is not positive definite.
 
-    `hess` (N, 9, 10), `terminal` (6, 6), `sens` (N, 6, 8), whose last column is zero, in; `p`
-    (N + 1, 6, 8), `gain` (N, 3, 8), `chol` (N, 3, 3), its diagonals inverted, out.
+    In: `hess` (N, 9, 10), `terminal` (6, 6), `sens` (N, 6, 8), whose last column is zero. Out: `p`
+    (N + 1, 6, 8), `gain` (N, 3, 8), `chol` (N, 3, 3), with inverted diagonals.
     """
     n = hess.shape[0]
     ahead = np.empty((NX, WIDTH))
@@ -50,7 +49,7 @@ def factorise(hess, terminal, sens, p, gain, chol):
 
 @inlined_machine_code
 def _propagate(hess, sens, p, ahead, whole):
-    """Set `whole` to the Hessian of a stage with what comes after it: H + (E, M)' P (E, M)."""
+    """Set `whole` to the Hessian of a stage and all that follow: H + (E, M)' P (E, M)."""
     for i in range(NX):
         row = sum_of_six(sens, p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5])
         stored(row, ahead, i, 0)
@@ -69,8 +68,9 @@ def _propagate(hess, sens, p, ahead, whole):
 
 @inlined_machine_code
 def _decompose(whole, lower):
-    """Cholesky factor of the inputs' block, its diagonal inverted: a division takes as long as ten
-    products.
+    """Cholesky factor of the inputs' block; return False if it is not positive definite.
+
+    The diagonal is inverted, because a division takes as long as ten products.
     """
     for i in range(NW):
         for j in range(i + 1):
@@ -88,7 +88,7 @@ def _decompose(whole, lower):
 
 @inlined_machine_code
 def _eliminate(whole, lower, p, gain):
-    """Take the inputs out of `whole`: the cost to go `p` of the states alone, and their gains."""
+    """Eliminate the inputs from `whole`: compute the cost to go `p` of the states, and the gains."""
     first = lower[0, 0] * loaded(whole, NX, 0)
     second = lower[1, 1] * (loaded(whole, NX + 1, 0) - lower[1, 0] * first)
     third = loaded(whole, NX + 2, 0) - lower[2, 0] * first - lower[2, 1] * second
@@ -99,7 +99,7 @@ def _eliminate(whole, lower, p, gain):
     for i in range(NX):
         taken = gain[0, i] * first + gain[1, i] * second + gain[2, i] * third
         stored(loaded(whole, i, 0) - taken, p, i, 0)
-    # Rounding must not make it less symmetric stage by stage.
+    # Restore symmetry, which rounding would otherwise degrade stage by stage.
     for i in range(NX):
         for j in range(i):
             p[j, i] = p[i, j]
@@ -113,14 +113,15 @@ def _eliminate(whole, lower, p, gain):
 
 @machine_code
 def solve(grad, terminal, sens, c, p, gain, chol, dx, dw, costate):
-    """Vector pass: minimiser `dx` (N + 1, 6), `dw` (N, 3), and `costate` (N + 1, 6), the
-    multiplier of the dynamics into each node.
+    """Vector pass: compute the minimiser and the costates, in place.
 
-    `grad` (N, 10), `terminal` (6,), `c` (N, 6); the rest as `factorise` left it.
+    In: `grad` (N, 10), `terminal` (6,), `c` (N, 6), and the results of `factorise`. Out: `dx`
+    (N + 1, 6), `dw` (N, 3), and `costate` (N + 1, 6), the multiplier of the dynamics into each
+    node.
     """
     n = grad.shape[0]
     feed = np.empty((n, NW))
-    # The gradient of the cost to go at each node, and of a stage with what comes after it.
+    # The gradient of the cost to go at each node, and of a stage and all that follow.
     slope, whole, after = np.zeros((n + 1, WIDTH)), np.empty((1, ROW)), np.empty((1, WIDTH))
     for i in range(NX):
         slope[n, i] = terminal[i]
@@ -148,7 +149,7 @@ def solve(grad, terminal, sens, c, p, gain, chol, dx, dw, costate):
 
 @inlined_machine_code
 def _back_substituted(whole, lower, feed):
-    """The inputs' answer where the state does not depart, with the sign turned."""
+    """The inputs' feed-forward, with its sign reversed."""
     for i in range(NW):
         value = whole[0, NX + i]
         for m in range(i):
@@ -163,7 +164,7 @@ def _back_substituted(whole, lower, feed):
 
 @inlined_machine_code
 def _forward(sens, c, gain, feed, dx, dw):
-    """Follow the gains from the first node on."""
+    """Apply feed-forward and gains from the first node on."""
     for i in range(NX):
         dx[0, i] = 0.0
     for k in range(dw.shape[0]):

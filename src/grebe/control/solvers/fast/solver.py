@@ -1,4 +1,4 @@
-"""The fast path behind the solvers' common interface."""
+"""The fast solver, behind the common interface of solvers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _STATUS = {
 
 
 class FastSolver:
-    """Structured SQP with compiled derivatives; needs no compiler, numba brings one."""
+    """Structured SQP with compiled derivatives; numba brings the compiler."""
 
     def __init__(self, vessel: Vessel, shape: HorizonShape, most_iterations: int) -> None:
         self._vessel = vessel
@@ -85,9 +85,10 @@ class FastSolver:
     def _optimised(
         self, terms: sqp.Terms, start: Array, inputs: Array, guess: Plan
     ) -> tuple[int, int, float, Array, Array, Array]:
-        """How the better of two optimisations ended, with its iterations, cost, states, inputs and
-        costates: the costates of another problem may mislead, and where it does not converge with
-        them it is solved as if nothing were known.
+        """The better of two optimisations: its end, iterations, cost, states, inputs and costates.
+
+        The first starts from the guess's costates, if known. They belong to another problem and may
+        mislead; if the first does not converge, the second starts from zero costates.
         """
         best: tuple[int, int, float, Array, Array, Array] | None = None
         for known in (guess.costates, None) if guess.costates is not None else (None,):
@@ -105,8 +106,9 @@ class FastSolver:
 
 
 def _rows(horizon: Horizon) -> dict[str, Any]:
-    """Gather cost sets, entry sets, corridors and what keeps apart, node by node; rows that always
-    hold are left out, and sets that weigh nothing.
+    """Gather the rows of cost sets, entry sets, corridors and separation, node by node.
+
+    Rows that always hold are left out, and sets without weight or price.
     """
     n = horizon.shape.stages
     groups = (horizon.cost_sets, horizon.entry_sets, horizon.corridors, horizon.apart)

@@ -1,9 +1,9 @@
 """Sequential quadratic programming for one horizon (Nocedal and Wright 2006, ch. 18).
 
-Multiple shooting: the iterate holds states and inputs, the quadratic problem closes the gaps
-between them. The Hessian is that of the Lagrangian, with the curvature of the dynamics taken
-in full where the reduced problem stays convex; where it does not it is left out (Gauss-Newton), or
-mirrored where durations are free.
+Multiple shooting: the iterate holds states and inputs, and the quadratic problem closes the gaps
+between them. The Hessian is that of the Lagrangian, with the full curvature of the dynamics if the
+reduced problem stays convex. Otherwise the curvature is left out (Gauss-Newton), or mirrored if
+durations are free.
 Steps are accepted by an exact penalty function that may rise for a few steps.
 """
 
@@ -40,21 +40,21 @@ COST_SHARE = 1e-2
 SUFFICIENT = 1e-4
 QP_TOLERANCE = 1e-5
 SMALL_GAP = 0.05
-# Where steps shrink at least so much the next is foreseen from the last two, and not taken where
-# it would be so small a share of the tolerance.
+# If a step shrinks to this share of the one before, the next is predicted from both, and not taken
+# if it would be below this share of the tolerance.
 SHRINKING, NEGLIGIBLE = 0.25, 0.1
 
 
 class Terms(NamedTuple):
     """The numbers of one optimisation, constant while it runs.
 
-    `p` the model's parameters and `substeps` of its integration; `rows` (M, 4) half-spaces in
-    families (see `interior`), of each of which (J,) `first` (J + 1,) says where its rows begin,
-    `node` where they hold, `weight` what the squared distance costs, or `price` what their slack
-    does; `effort` (2, N) of a squared newton and of one for a second; `timing` (5, N): shortest
-    duration, span of durations, price of a second, nominal duration, price of its square; `limits`
-    (2,) of a thrust, and `bounds` (2, N, 2), least and largest, of each stage's thrusts within
-    them; `regularisation` of the shares.
+    `p` are the model's parameters, `substeps` those of its integration; `rows` (M, 4) half-spaces
+    in families (see `interior`). For each family (J,), `first` (J + 1,) is where its rows begin,
+    `node` where they hold, `weight` the price of the squared distance, or `price` that of the
+    slack. `effort` (2, N) is the price of a squared newton, and of one for a second. `timing`
+    (5, N): shortest duration, span of durations, price of a second, nominal duration, price of the
+    squared deviation from it. `limits` (2,) are those of a thrust, and `bounds` (2, N, 2) the least
+    and largest thrusts of each stage within them; `regularisation` is that of the shares.
     """
 
     p: NDArray[np.float64]
@@ -72,8 +72,9 @@ class Terms(NamedTuple):
 
 
 class Shooting(NamedTuple):
-    """The dynamics along an iterate: their sensitivities (N, 6, 8) and gaps (N, 6), see `riccati`,
-    and what curvature needs.
+    """The dynamics along an iterate.
+
+    Sensitivities (N, 6, 8) and gaps (N, 6), see `riccati`; the rest is for the curvature.
     """
 
     sens: NDArray[np.float64]
@@ -85,10 +86,10 @@ class Shooting(NamedTuple):
 
 @machine_code
 def optimise(terms, states, inputs, costate, most_iterations, tolerance):
-    """Improve `states` (N + 1, 6), `inputs` (N, 3) and `costate` (N + 1, 6), the multipliers of the
-    dynamics into each node, in place.
+    """Improve `states` (N + 1, 6), `inputs` (N, 3) and `costate` (N + 1, 6) in place.
 
-    Returns how it ended (CONVERGED, FEASIBLE or FAILED), the iterations, and the cost.
+    The costates are the multipliers of the dynamics into each node. Returns the outcome (CONVERGED,
+    FEASIBLE or FAILED), the number of iterations, and the cost.
     """
     n, families = inputs.shape[0], len(terms.node)
     evals = 4 * terms.substeps
@@ -114,7 +115,7 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
     history = np.full(MEMORY, -np.inf)
     penalty, damping, step = 1.0, 0.0, np.inf
     first_cost, first_gaps = -np.inf, 0.0
-    # Without curvature a problem of minimum time is linear: Gauss-Newton would not do.
+    # Without curvature a minimum-time problem is linear, and Gauss-Newton would fail.
     free = np.max(terms.timing[1]) > 0.0
     for iteration in range(most_iterations):
         shoot(terms, states, inputs, shooting)
@@ -137,7 +138,7 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
             break
         before, step = step, _step_size(dx, dw, terms.limits, terms.timing)
         if damping == 0.0 and step < tolerance:
-            # The solution, but for what no penalty function resolves.
+            # The step is too small for the penalty function to resolve.
             states += dx
             inputs += dw
             put_rows(costate, new_costate)
@@ -178,7 +179,7 @@ def _next_is_negligible(before, step, tolerance):
 
 @part_of_kernels
 def unfinished(terms, gain, states, inputs, first, iterations):
-    """End an optimisation that has not converged: drive its plan, and judge what comes of it."""
+    """End an optimisation that has not converged: drive its plan, and check the resulting cost."""
     driven_x, driven_w = states.copy(), inputs.copy()
     _drive(terms, gain, driven_x, driven_w)
     cost = _cost(terms, driven_x, driven_w)
@@ -223,10 +224,10 @@ def _box(terms, inputs, low, high):
 def search(
     terms, states, inputs, dx, dw, gain, closed, reference, promise, penalty, trial_x, trial_w
 ):
-    """Halve the step until the penalty function is low enough; 0 where it never is.
+    """Halve the step until the penalty function is low enough; return 0 if it never is.
 
-    The straight step is tried first. Where the boat turns fast its small gaps in the dynamics grow
-    without bound along the horizon; then the step is driven, with the problem's own feedback.
+    The straight step is tried first. If the boat turns fast, its small gaps in the dynamics grow
+    without bound along the horizon. Then the step is driven, with the problem's feedback gains.
     """
     ways = 2 if closed else 1
     for driven in range(ways):
@@ -245,7 +246,7 @@ def search(
 
 @part_of_kernels
 def _drive(terms, gain, states, inputs):
-    """Replace a trial by what the boat does when it follows it with the gains: no gaps."""
+    """Replace a trial by the motion of a boat that follows it with the gains, without gaps."""
     off, following = np.zeros(NX), np.empty(NX)
     low, high = terms.bounds[0], terms.bounds[1]
     for k in range(inputs.shape[0]):
@@ -304,7 +305,7 @@ def quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess,
                 curve[i, 6] *= span
             for i in range(7):
                 curve[6, i] *= span
-            # From a hopeless iterate the curvature may overflow: it then has nothing to say.
+            # Far from any solution the curvature may overflow; it is then ignored.
             if not np.all(np.isfinite(curve)):
                 curve[:] = 0.0
             elif mirrored:
@@ -328,7 +329,7 @@ def quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess,
 
 @part_of_kernels
 def _cost(terms, states, inputs):
-    """Cost with its L1 slacks: of a family the squares, or the worst of its rows."""
+    """Cost with its L1 slacks: a family adds the squares, or the largest, of its violations."""
     total = 0.0
     timing = terms.timing
     for k in range(inputs.shape[0]):
@@ -366,7 +367,7 @@ def _gaps(terms, states, inputs):
 
 @part_of_kernels
 def _promise(hess, dx, dw, gap, penalty):
-    """A decrease that the step may be asked for: curvature along it, and the gaps it closes."""
+    """Decrease that a step should achieve: the curvature along it, and the gaps that it closes."""
     total = 0.0
     y = np.empty(NY)
     for k in range(dw.shape[0]):
@@ -382,7 +383,7 @@ def _promise(hess, dx, dw, gap, penalty):
 
 @part_of_kernels
 def _step_size(dx, dw, limits, timing):
-    """The largest change: states in SI units, thrusts as a share of their range."""
+    """Largest change: states in SI units, thrusts as a share of their range."""
     worst = 0.0
     reach = limits[1] - limits[0]
     for k in range(dw.shape[0]):
