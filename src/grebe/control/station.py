@@ -142,7 +142,7 @@ class StationKeeper:
         return min(max(needed / has - 1, 0.0), 1.0)
 
     def _coupling(self, state: Sequence[float], weather: Weather) -> float:
-        """Moment [N m] of surge and sway through the water, Eq. (9), which turns the hull broadside."""
+        """Moment [N m] of surge and sway through the water, Eq. (9); it turns a hull broadside."""
         _, _, heading, surge, sway, _ = state
         north, east = weather.current_north_mps, weather.current_east_mps
         aside = math.cos(heading) * east - math.sin(heading) * north

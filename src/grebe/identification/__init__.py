@@ -1,1 +1,1 @@
-"""Know your boat: masses, drags and thrusters from a drive with commands, and the drive for it."""
+"""Identification of a boat's masses, drags and thrusters from a drive, and the drive for it."""

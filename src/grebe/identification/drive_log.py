@@ -1,4 +1,4 @@
-"""A drive on record: where the boat was and how it moved, and what its thrusters were told."""
+"""The log of a drive: the boat's positions and motion, and the commands of its thrusters."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 CommandUnit = Literal["newton", "throttle"]
 SHORTEST_S = 30.0
-# Rows with a heading each second, at least: a turn must not pass between two of them.
+# Least number of rows with a heading each second, so that no turn is missed between two of them.
 SPARSEST_HZ = 1.0
-# A throttle that never leaves a band this narrow excites nothing.
+# Commands must vary by more than this share of the largest; otherwise they excite nothing.
 LEAST_SPREAD = 0.05
 LARGEST_SPEED_MPS = 20.0
 
@@ -28,10 +28,10 @@ LARGEST_SPEED_MPS = 20.0
 class DriveLog:
     """States and commands of one drive, on one clock.
 
-    `times` (n,) [s] increase; `states` (n, 6) as in `grebe.core.dynamics`, NaN for what was not
-    measured at an instant, heading unwrapped, velocities over ground. `commands` (m, 2), port and
-    starboard, hold from `command_times` (m,) [s] to the next: newtons, or throttles from -1 to 1.
-    Raises `InputError` for a log from which no boat can be known.
+    `times` (n,) [s] do not decrease. `states` (n, 6) are as in `grebe.core.dynamics`, heading
+    unwrapped, velocities over ground, NaN for values that were not measured at a time. `commands`
+    (m, 2), port and starboard, hold from `command_times` (m,) [s] to the next; they are newtons, or
+    throttles from -1 to 1. Raises `InputError` for a log from which no boat can be identified.
     """
 
     name: str
@@ -108,7 +108,7 @@ class DriveLog:
         return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
 
     def in_throttles(self, vessel: Vessel) -> DriveLog:
-        """The same with commands as shares of full; newtons as the vessel's curve turns them."""
+        """The same log with throttles as commands; newtons are converted by the vessel's curve."""
         if self.unit == "throttle":
             return self
         shares = [[vessel.throttle_of(float(f)) for f in row] for row in self.commands]
@@ -122,7 +122,7 @@ class DriveLog:
 
 
 def unwrapped(heading: Array) -> Array:
-    """Headings (n,) [rad] without turns between neighbours; NaN stays where it was."""
+    """Unwrap headings (n,) [rad]; NaN values stay in place."""
     known = np.isfinite(heading)
     out = heading.copy()
     out[known] = np.unwrap(heading[known])

@@ -1,13 +1,13 @@
-"""Gauss-Newton on a drive in pieces: theta (p,) of the boat and the day, and every piece's start.
+"""Gauss-Newton on a drive in pieces: theta (p,) of the boat and the day, and each piece's start.
 
-The cost is that of the prediction's errors in each channel's own standard deviation, which is
-told as well, under Huber's loss for the odd glitch, and of the distance from the preset in
-standard deviations of what it is trusted to:
+The cost has two terms. The first is Huber's loss, against occasional glitches, of the prediction's
+errors in units of each channel's standard deviation, which is estimated too. The second is the
+squared distance from the preset, in standard deviations of the prior:
 
     sum_i rho((y_i - h_i(theta, x_s)) / sigma_c) + sum_j ((theta_j - theta_0j) / prior_j)^2
 
-The starts x_s of the pieces touch their own piece alone, so they are eliminated from each step
-(Schur's complement), and the damping is Levenberg's and Marquardt's. Source: Ljung, System
+The start x_s of a piece affects only its own piece, so the starts are eliminated from each step
+(Schur complement). The damping is Levenberg's and Marquardt's. Source: Ljung, System
 Identification (1999), chapters 7 and 9; Bock's multiple shooting.
 """
 
@@ -28,28 +28,28 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# First guesses at the noise of (north, east, heading, surge, sway, yaw rate), and its floor.
+# First guess of the noise of (north, east, heading, surge, sway, yaw rate), and its lower limit.
 FIRST_NOISE = np.array([0.5, 0.5, 0.05, 0.1, 0.1, 0.05])
 LEAST_NOISE = np.array([1e-3, 1e-3, 2e-4, 1e-3, 1e-3, 5e-4])
-# A piece's start is anywhere within this of what was smoothed.
+# Prior standard deviations of a piece's start about the smoothed state.
 START_SD = np.array([30.0, 30.0, 1.0, 1.0, 1.0, 1.0])
 HUBER = 3.0
 STEPS_AT_MOST = 40
-# The rounds of a descent, after each of which the noise is estimated again: the share of every
-# piece that is looked at, and the share of the cost that a step must gain to be followed by
-# another. A boat may be unstable in yaw, and a start that is a little off is then far off after
-# ten seconds: so pieces are taken in from their beginnings.
+# The rounds of a descent: the share of each piece that is used, from its beginning, and the share
+# of the cost that a step must gain to be followed by another. The noise is estimated again after
+# each round. A boat may be unstable in yaw, and a small error of the start is then large after ten
+# seconds; so the first rounds use only the beginnings.
 ROUNDS = ((0.25, 1e-3), (0.5, 1e-3), (1.0, 1e-3), (1.0, 1e-5))
 PROBE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """Where the descent ended.
+    """Result of a descent.
 
     `theta` (p,), `starts` (s, 6), `noise` (6,) the channels' standard deviations, `residuals`
     (n, 6) measured less predicted, NaN where nothing was measured; `cost` as above.
-    `information` (6, p, p) what each channel tells of theta once the starts are told too.
+    `information` (6, p, p) is that of each channel on theta if the starts are estimated too.
     """
 
     model: Model
@@ -63,7 +63,7 @@ class Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class _Point:
-    """A place of the descent, with its residuals (n, 6) and its cost."""
+    """An iterate of the descent, with its residuals (n, 6) and its cost."""
 
     theta: Array
     starts: Array
@@ -72,7 +72,7 @@ class _Point:
 
 
 class Descent:
-    """Tells theta from some pieces of a log whose commands are throttles."""
+    """Estimates theta from some pieces of a log whose commands are throttles."""
 
     def __init__(self, log: DriveLog, segments: Segments, model: Model) -> None:
         self._log = log
@@ -83,17 +83,16 @@ class Descent:
         self._look_at(1.0)
 
     def _look_at(self, share: float) -> None:
-        """Look at the first `share` of every piece."""
+        """Use the first `share` of every piece from now on."""
         self._segments = some = self._whole.first(share)
         self._measured = self._log.states[some.rows]
-        # Rows of the log are in order, so those of a piece stand together.
+        # Rows of the log are in order, so those of a piece are contiguous.
         self._slices = np.searchsorted(some.piece, np.arange(len(some.used) + 1))
 
     def run(self, theta: Array | None = None, like: Fit | None = None) -> Fit:
-        """Descend from `theta` (the preset's where None), telling the noise on the way.
+        """Descend from `theta` (None: the preset's), and estimate the noise on the way.
 
-        `like` a fit of much the same model before; where it is of the same pieces as well, its
-        starts are near already.
+        `like` is an earlier fit of a similar model; if it has the same pieces, its starts are used.
         """
         self._noise = FIRST_NOISE if like is None else like.noise
         theta, starts = self._model.start if theta is None else theta, self._smoothed
@@ -146,7 +145,7 @@ class Descent:
                 if new.cost < point.cost:
                     break
                 damping *= 8.0
-                # Where a step of Gauss and Newton gains nothing, there is no more to gain.
+                # A Gauss-Newton step that gains nothing shows that there is nothing left to gain.
                 if new.cost - point.cost < enough * point.cost or damping > 1e6:
                     return point
             gained = point.cost - new.cost
@@ -156,7 +155,7 @@ class Descent:
         return point
 
     def _slopes(self, point: _Point) -> tuple[Array, Array]:
-        """Derivatives of the predictions, (n, 6, p) in theta and (n, 6, 6) in their starts."""
+        """Derivatives of the predictions, (n, 6, p) in theta and (n, 6, 6) in the starts."""
         theta, starts = point.theta, point.starts
         p, count = len(theta), 1 + len(theta) + 6
         probes = np.where([one.log for one in self._model.parameters], PROBE, PROBE * 10)
@@ -192,7 +191,7 @@ class Descent:
         return self._point(theta + change, starts + moved)
 
     def _free(self, point: _Point, of_theta: Array) -> NDArray[np.bool_]:
-        """Coordinates that are not held at a bound by what pulls them out of it."""
+        """Coordinates that are not at a bound with a pull beyond it."""
         scaled = np.nan_to_num(point.residuals / self._noise)
         pull = np.einsum("ncp,nc->p", of_theta / self._noise[:, None], _weights(scaled) * scaled)
         outwards = self._model.clipped(point.theta + 1e-9 * np.sign(pull)) == point.theta
@@ -201,7 +200,7 @@ class Descent:
     def _pieces(
         self, point: _Point, of_theta: Array, of_starts: Array
     ) -> list[tuple[Array, Array, Array]]:
-        """For each piece the scaled slopes (rows, p), (rows, 6) and residuals (rows,)."""
+        """Scaled slopes (rows, p), (rows, 6) and residuals (rows,) of each piece."""
         scaled = point.residuals / self._noise
         known = np.isfinite(scaled)
         scaled = np.nan_to_num(scaled)
@@ -215,9 +214,9 @@ class Descent:
         ]
 
     def _spread(self, residuals: Array, *, first: bool) -> Array:
-        """Standard deviations (6,) of the channels' errors, glitches held down.
+        """Standard deviations (6,) of the channels' errors, with glitches clipped.
 
-        At `first` large errors may be the model's, and are let stand.
+        At `first`, large errors may be the model's, and are not clipped.
         """
         out = self._noise.copy()
         for channel in range(6):
@@ -227,13 +226,13 @@ class Descent:
             middle = 1.4826 * float(np.median(np.abs(errors))) + LEAST_NOISE[channel]
             bound = np.inf if first else HUBER * middle
             bounded = np.clip(errors, -bound, bound)
-            # Every piece's start takes up one number of each channel.
+            # Each piece's start takes one degree of freedom from each channel.
             left = max(len(errors) - len(self._segments.used), 1)
             out[channel] = max(float(np.sqrt(np.sum(bounded**2) / left)), LEAST_NOISE[channel])
         return out
 
     def _information(self, point: _Point) -> Array:
-        """What each channel tells of theta, (6, p, p), once the starts are told by all."""
+        """Information of each channel on theta, (6, p, p), if all channels give the starts."""
         apart = self._point(self._model.told_apart(point.theta), point.starts)
         of_theta, of_starts = self._slopes(apart)
         p = len(point.theta)

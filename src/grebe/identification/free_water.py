@@ -1,4 +1,4 @@
-"""Where a manoeuvre can be driven: the free circle that is nearest to the boat."""
+"""Free water for a manoeuvre: the nearest free circle to the boat."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from grebe.core.errors import PlanError
 from grebe.core.survey import Survey
 from grebe.identification.manoeuvre import Circle
 
-# Circles that are tried where none is asked for, largest first [m].
+# Radii to try if none is given, largest first [m].
 RADII_M = (60.0, 50.0, 40.0, 35.0, 30.0, 25.0, 20.0, 15.0, 12.0, 10.0, 8.0, 6.0)
-# So far from the water a boat may lie, at a jetty.
+# A boat at a jetty may be this far from the water.
 ASHORE_M = 5.0
 
 
 def circle_in(survey: Survey, place: tuple[float, float], radius_m: float | None = None) -> Circle:
     """Return a circle of free water that a boat at `place` (north, east) reaches straight.
 
-    The largest of some where no radius is given. Raises `PlanError` where there is none.
+    Without a radius it is the largest of `RADII_M` that fits. Raises `PlanError` if there is none.
     """
     water = shapely.difference(survey.water, shapely.union_all(list(survey.no_go)))
     boat = shapely.Point(place)

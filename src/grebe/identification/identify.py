@@ -1,4 +1,4 @@
-"""Know a boat from a drive: fit, hold out, fit again with all, and say how sure all of it is."""
+"""Identification of a boat from a drive: fit, test on held-out pieces, refit, standard errors."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 # Every fourth piece is held out.
 HELD_OUT_EVERY = 4
-# Of longer logs this many pieces are used, spread evenly.
+# Longer logs are thinned evenly to this many pieces.
 MOST_PIECES = 240
-# A drag that the preset has none of is believed beyond so many standard errors.
+# A drag that the preset lacks is kept if it exceeds this many standard errors.
 BELIEVED_SD = 3.0
 # A thruster that is stronger than the other by this share is reported.
 UNEVEN = 0.03
@@ -36,8 +36,10 @@ UNEVEN = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifySettings:
-    """`piece_s`: how long each piece is predicted. `bollard_n`: the pull of one thruster at full
-    command ahead where it was measured; the preset's `thrust_max_n` otherwise.
+    """Settings of an identification.
+
+    `piece_s`: time for which each piece is predicted. `bollard_n`: measured pull of one thruster at
+    full command ahead, by default the preset's `thrust_max_n`.
     """
 
     piece_s: float = 10.0
@@ -60,11 +62,11 @@ DEFAULT = IdentifySettings()
 
 
 def identify(log: DriveLog, preset: Vessel, settings: IdentifySettings = DEFAULT) -> Identification:
-    """Estimate a boat's parameters from a drive; where the drive says nothing, the preset
-    stands, and is named.
+    """Estimate a boat's parameters from a drive.
 
-    Commands in newtons are read as `preset` gave them. Raises `InputError` for a log that tells
-    nothing.
+    A parameter that the drive does not determine stays at the preset's value, and a note names it.
+    Commands in newtons are converted to throttles by the preset's curve. Raises `InputError` for a
+    log without information.
     """
     log = log.in_throttles(preset)
     base = _pulling(preset, settings.bollard_n)
@@ -92,7 +94,7 @@ def identify(log: DriveLog, preset: Vessel, settings: IdentifySettings = DEFAULT
 
 
 def _pulling(preset: Vessel, bollard_n: float | None) -> Vessel:
-    """The preset with another thrust; astern in proportion."""
+    """The preset with another thrust, scaled astern in proportion."""
     if bollard_n is None:
         return preset
     factor = bollard_n / preset.thrust_max_n
@@ -114,7 +116,7 @@ def _at_most(pieces: Segments) -> Segments:
 
 
 def _fit(log: DriveLog, pieces: Segments, model: Model) -> Fit:
-    """Fit, with those of the drags that the preset has none of that the log asks for."""
+    """Fit, and add those drags missing from the preset that the log shows."""
     first = Descent(log, pieces, model).run()
     wide = first.model.with_missing_drags()
     if len(wide.parameters) == len(model.parameters):
@@ -132,7 +134,7 @@ def _fit(log: DriveLog, pieces: Segments, model: Model) -> Fit:
 
 
 def _as_believed(preset: Vessel, fit: Fit) -> Candidate:
-    """The preset's boat on the day that the fit tells: what a plan would have reckoned with."""
+    """The preset's boat on the fitted day, which a plan would have assumed."""
     known = fit.model.candidate(fit.theta)
     thrusters = replace(
         known.thrusters,
@@ -157,7 +159,7 @@ def _parameters(fit: Fit, spread: Array) -> tuple[Told, ...]:
     for one, theta, error in zip(fit.model.parameters, fit.theta, sd, strict=True):
         value = one.value(float(theta))
         own = float(error) * (value if one.log else 1.0)
-        # A lag of nothing is known as well as one of a second.
+        # A lag of zero counts as determined just as one of a second does.
         is_told = float(error) < TOLD_SHARE * (1.0 if one.log else one.prior_sd)
         out.append(
             Told(
@@ -174,7 +176,7 @@ def _parameters(fit: Fit, spread: Array) -> tuple[Told, ...]:
 
 
 def _derived(fit: Fit, spread: Array, log: DriveLog) -> tuple[Told, ...]:
-    """Drags at the velocities of the log, and the top speed: what pairs of drags tell together."""
+    """Drags at the velocities of the log, and the top speed, which depend on pairs of drags."""
     moving = np.abs(log.states[:, 3:])
     usual = [
         float(np.nanpercentile(one, 90)) if np.isfinite(one).any() else 0.5 for one in moving.T
@@ -201,7 +203,7 @@ def _derived(fit: Fit, spread: Array, log: DriveLog) -> tuple[Told, ...]:
 def _delta(
     fit: Fit, spread: Array, name: str, unit: str, number: Callable[[Vessel], float]
 ) -> Told:
-    """A number of the boat with its standard error, by the delta method."""
+    """A function of the boat's parameters with its standard error, by the delta method."""
 
     def of(theta: Array) -> float:
         return number(fit.model.candidate(theta).vessel)

@@ -1,9 +1,10 @@
-"""A short drive that shows what a boat is like, within a circle of free water.
+"""A short drive for identifying a boat, within a circle of free water.
 
 The programme is a list of throttles with their durations: coasting, steps ahead and astern, turns
 on either side, a zigzag, and random steps of each thruster, drawn once from a seed. Two guards
-stand above it. *The circle*: where the boat could not stop any more before the rim, it turns back
-to the middle, and the programme waits. *The speed*: above the limit the boat gets no thrust ahead.
+override it. *The circle*: when the boat would no longer stop before the rim, it turns back to the
+middle, and the programme waits. *The speed*: above the limit the boat gets no more thrust in its
+direction of motion.
 """
 
 from __future__ import annotations
@@ -19,21 +20,21 @@ from grebe.core.vessel import Vessel
 
 Throttles = tuple[float, float]
 DURATION_S = 180.0
-# Coming back: over when this near the middle, as a share of the radius.
+# The return ends this near the middle, as a share of the radius.
 BACK_SHARE = 0.35
-# Smallest circle, in distances that the boat needs to stop from its speed limit.
+# Smallest radius, in stopping distances from the speed limit.
 ROOM = 4.0
-# Throttles of the way back.
+# Throttles of the return.
 BACK_AHEAD, BACK_TURN = 0.5, 0.6
 NUDGE_S = 2.0
-# Thrust that pushes on ends at the first share of the speed limit, for thrusters lag, and may come
-# again at the second.
+# Thrust that speeds the boat up ends at the first share of the speed limit, because thrusters lag,
+# and is allowed again at the second.
 EARLY, AGAIN = 0.85, 0.7
 
 
 @dataclass(frozen=True, kw_only=True)
 class Circle:
-    """Free water about a middle (north, east) [m]."""
+    """A circle of free water about a middle (north, east) [m]."""
 
     north_m: float
     east_m: float
@@ -56,7 +57,7 @@ class Leg:
 
 
 def programme(duration_s: float = DURATION_S, seed: int = 0) -> tuple[Leg, ...]:
-    """The legs of a manoeuvre, which fill `duration_s` [s]."""
+    """The legs of a manoeuvre, filled up to `duration_s` [s] with random steps."""
     legs = [
         *_legs((0.0, 0.0, 4.0), (0.6, 0.6, 6.0), (0.0, 0.0, 4.0), (1.0, 1.0, 5.0)),
         *_legs((-1.0, -1.0, 4.0), (0.0, 0.0, 3.0)),
@@ -81,22 +82,23 @@ def _legs(*numbers: tuple[float, float, float]) -> list[Leg]:
 
 
 def stopping_m(vessel: Vessel, speed_mps: float) -> float:
-    """How far a boat still goes that brakes with full thrust astern from a speed [m], rounded up
-    by what a boat of twice the mass would need, for the vessel is not known yet.
+    """Stopping distance [m] with full thrust astern, for a boat of twice the mass.
+
+    The factor of two is a margin, because the vessel is not known yet.
     """
     if speed_mps <= 0:
         return 0.0
-    # Astern thrust alone: drag only helps.
+    # The larger of full thrust astern and half the drag at this speed, and not their sum.
     brake = max(-2 * vessel.thrust_min_n, vessel.surge_drag_n(speed_mps) / 2, 1e-9)
     return vessel.m11_kg * speed_mps**2 / brake
 
 
 class Manoeuvre:
-    """The programme under its guards: asked with time and state, it answers with thrusts.
+    """The programme under its guards: a controller from time and state to thrusts.
 
-    Pure but for how far it has come. It begins once the boat is in the circle, and is over after
-    the time of its programme, ways back to the middle included: they show what the boat is like
-    as well.
+    Its only memory is its progress. It begins once the boat is in the circle and ends after the
+    time of its programme. Returns to the middle count towards that time: they show the boat's
+    behaviour as well.
     """
 
     def __init__(
@@ -133,7 +135,7 @@ class Manoeuvre:
 
     @property
     def is_over(self) -> bool:
-        """Whether there is nothing left to drive."""
+        """Whether the programme's time is over."""
         if self._began_s is None or self._before_s is None:
             return False
         return self._before_s - self._began_s >= self.duration_s - 1e-9
@@ -178,7 +180,7 @@ class Manoeuvre:
         return (north * north_speed + east * east_speed) / max(away, 1e-9)
 
     def _way_back(self, state: Sequence[float]) -> Throttles:
-        """Towards the middle: turn first, astern while still going outwards fast."""
+        """Throttles towards the middle: turn first, and go astern while still fast outwards."""
         bearing = math.atan2(self.circle.east_m - state[1], self.circle.north_m - state[0])
         off = math.remainder(bearing - state[2], 2 * math.pi)
         turn = BACK_TURN * min(max(1.2 * off - 0.8 * state[5], -1.0), 1.0)
@@ -188,7 +190,7 @@ class Manoeuvre:
         return _held(ahead + turn), _held(ahead - turn)
 
     def _slowed(self, throttles: Throttles, surge_mps: float) -> Throttles:
-        """Without what pushes on beyond the speed limit, in either direction; turns stay."""
+        """Remove the mean throttle if it would exceed the speed limit either way; keep turns."""
         port, starboard = throttles
         mean = (port + starboard) / 2
         limit = (AGAIN if self._is_fast else EARLY) * self._speed_max_mps

@@ -1,6 +1,4 @@
-"""Predictions that never see the measurements: the test that counts, since a plan
-looks ahead in the same way.
-"""
+"""Open-loop predictions, without the measurements: the relevant test, as a plan does the same."""
 
 from __future__ import annotations
 
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 HORIZON_S = 5.0
-# The end of a piece, over which its drift is taken [s].
+# Length of the end of a piece, over which its drift is measured [s].
 END_S = 0.5
 
 
@@ -61,7 +59,7 @@ def course_of(log: DriveLog, pieces: Segments, held: NDArray[np.bool_], fit: Fit
 
 
 def _windows(log: DriveLog, pieces: Segments, held: NDArray[np.bool_]) -> Segments:
-    """Pieces of one horizon that lie whole within what is held out."""
+    """Pieces of one horizon that are entirely within the held-out pieces, if there are any."""
     windows = segments_of(log, HORIZON_S)
     edge = 1e-3
     first = _within(windows.begins + edge, pieces, held)
@@ -78,7 +76,7 @@ def _within(times: Array, pieces: Segments, held: NDArray[np.bool_]) -> NDArray[
 
 
 def _shown(log: DriveLog, windows: Segments, one: Candidate) -> Array:
-    """Predicted measurements (n, 6) from smoothed starts, as the boat has them."""
+    """Predicted measurements (n, 6) from smoothed starts, corrected for the compass."""
     starts = smoothed_states(log, windows.begins)
     turn = one.compass_rad
     surge, sway = starts[:, 3].copy(), starts[:, 4].copy()

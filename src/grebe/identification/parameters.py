@@ -1,11 +1,11 @@
-"""What is estimated of a boat, and in which coordinates: positive numbers by their logarithm.
+"""The estimated parameters of a boat and their coordinates: logarithms of positive numbers.
 
-Motion alone tells masses, drags and thrusts up to one common factor, so the thrust at full command
-ahead is taken as known (the vessel's `thrust_max_n`, or a pull measured at a bollard). In yaw
-the same would hold for arm, moment of inertia and drag, but for the moment (m11 - m22) u v, which
-has the scale of surge and sway: the arm is believed as a tape has it, to a few per cent, and told
-where a boat sways enough. Beside the boat's own numbers there are those of the day: current, wind,
-a compass that is off; they are told so that the boat's are not blamed for them.
+Motion determines masses, drags and thrusts only up to a common factor, so the thrust at full
+command ahead is taken as known (the vessel's `thrust_max_n`, or a pull measured at a bollard). In
+yaw the same would hold for arm, moment of inertia and drag, except that the moment (m11 - m22) u v
+has the scale of surge and sway. The arm's prior is its measured length, to a few per cent; the log
+determines it if the boat sways enough. The boat's parameters are estimated together with those of
+the day, such as current, wind and the compass's error, so that these do not distort the boat's.
 """
 
 from __future__ import annotations
@@ -27,19 +27,22 @@ if TYPE_CHECKING:
 
 MASSES = ("m11_kg", "m22_kg", "m33_kgm2")
 DRAGS = ("x_u", "x_uu", "y_v", "y_vv", "n_r", "n_rr")
-# What a preset is trusted to, as a standard deviation of the logarithm: a factor of e.
+# Prior standard deviation of a preset's logarithms: a factor of e.
 PRIOR_LOG_SD = 1.0
-# An arm is taken with a tape; only a wake on the hull makes it act as another.
+# Prior standard deviation of the logarithm of the arm, which is measured with a tape; only a wake
+# on the hull changes its effect.
 ARM_LOG_SD = 0.03
-# A first guess at a lag where the vessel has none [s].
+# First guess of the lag if the vessel has none [s].
 FIRST_LAG_S = 0.15
 LEAST_TOLD_LAG_S = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One parameter that is estimated: `start` and `prior_sd` in its own coordinate, the
-    logarithm where `log`. `unit` of the number itself; `of_the_day` where it is not the boat's own.
+    """One estimated parameter.
+
+    `start` and `prior_sd` are in its coordinate, the logarithm if `log`; `unit` is that of the
+    value itself. `of_the_day`: it belongs to the day and not to the boat.
     """
 
     name: str
@@ -52,13 +55,13 @@ class Parameter:
     of_the_day: bool = False
 
     def value(self, coordinate: float) -> float:
-        """The number itself."""
+        """The value for a coordinate."""
         return math.exp(coordinate) if self.log else coordinate
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A boat and a day that may be the true ones.
+    """A possible boat and day.
 
     `weather` is (current north, current east [m/s], force north, force east [N]).
     """
@@ -71,9 +74,9 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """The coordinates theta (p,) of what is estimated, and what they stand for.
+    """The coordinates theta (p,) of the estimated parameters, and their meaning.
 
-    `base` says what is not estimated, and which drags there are.
+    `base` is the preset, which holds everything that is not estimated.
     """
 
     base: Vessel
@@ -86,16 +89,16 @@ class Model:
 
     @property
     def start(self) -> Array:
-        """Coordinates (p,) to begin from, which are the preset's."""
+        """Initial coordinates (p,), those of the preset."""
         return np.array([one.start for one in self.parameters])
 
     @property
     def prior_sd(self) -> Array:
-        """Standard deviations (p,) of the coordinates about `start` before any log is seen."""
+        """Prior standard deviations (p,) of the coordinates about `start`."""
         return np.array([one.prior_sd for one in self.parameters])
 
     def clipped(self, theta: Array) -> Array:
-        """Coordinates within their bounds."""
+        """Coordinates clipped to their bounds."""
         low = [one.low for one in self.parameters]
         high = [one.high for one in self.parameters]
         return np.clip(theta, low, high)
@@ -103,7 +106,7 @@ class Model:
     def told_apart(self, theta: Array) -> Array:
         """Coordinates at which lag and latency can be distinguished.
 
-        Where there is no lag, a little of it is to first order the same as as much latency.
+        If there is no lag, a small lag has to first order the effect of an equal latency.
         """
         out = theta.copy()
         lag, latency = self.names.index("thruster_lag_s"), self.names.index("latency_s")
@@ -113,18 +116,18 @@ class Model:
         return out
 
     def before(self, name: str) -> float | None:
-        """What the preset says of a parameter; None where it says nothing."""
+        """The preset's value of a parameter; None if it has none."""
         known = getattr(self.base, name, None)
         return None if known is None else abs(float(known))
 
     def values(self, theta: Array) -> dict[str, float]:
-        """The numbers by name; drags as positive sizes."""
+        """The values by name; drags as positive sizes."""
         return {
             one.name: one.value(float(t)) for one, t in zip(self.parameters, theta, strict=True)
         }
 
     def candidate(self, theta: Array) -> Candidate:
-        """The boat and the day that coordinates stand for."""
+        """The boat and the day for some coordinates."""
         told = self.values(theta)
         astern = told["thrust_min_n"]
         vessel = replace(
@@ -156,19 +159,19 @@ class Model:
         )
 
     def with_missing_drags(self) -> Model:
-        """The same with every drag that the preset has none of, from nothing upwards."""
+        """The same model with the drags that the preset lacks, starting at zero."""
         missing = [name for name in DRAGS if name not in self.names]
         more = [_missing_drag(self.base, name) for name in missing]
         return Model(base=self.base, parameters=(*self.parameters, *more))
 
     def without(self, names: Container[str]) -> Model:
-        """The same without some coordinates."""
+        """The same model without some coordinates."""
         left = tuple(one for one in self.parameters if one.name not in names)
         return Model(base=self.base, parameters=left)
 
 
 def model_of(preset: Vessel) -> Model:
-    """The coordinates about a preset: its drags alone, others are added where a log asks."""
+    """The model about a preset, with its drags only; `with_missing_drags` adds the others."""
     boat = [
         Parameter(
             name=name,
@@ -196,14 +199,14 @@ def _drag(name: str, size: float) -> Parameter:
 
 
 def _missing_drag(preset: Vessel, name: str) -> Parameter:
-    """A drag of which nothing is known but the size of its partner, linear or quadratic."""
+    """A missing drag; its prior has the size of its linear or quadratic partner."""
     partner = name[:3] if len(name) == 4 else name + name[-1]
     size = -getattr(preset, partner)
     return Parameter(name=name, unit=_DRAG_UNITS[name], start=0.0, prior_sd=3.0 * size, low=0.0)
 
 
 def _drive(preset: Vessel) -> list[Parameter]:
-    """The thrusters and the time that passes until they act."""
+    """Parameters of the thrusters and of their delay."""
     astern = max(-preset.thrust_min_n, 0.05 * preset.thrust_max_n)
     return [
         Parameter(

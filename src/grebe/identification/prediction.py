@@ -1,6 +1,6 @@
-"""What a drive would have shown if a boat and a day were such: many candidates at once.
+"""Prediction of a drive's measurements for many candidate boats and days at once.
 
-The equations are those of `grebe.core.dynamics`, on arrays (candidates, pieces) for numbers.
+The equations are those of `grebe.core.dynamics`, on arrays (candidates, pieces).
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 def predict(
     log: DriveLog, segments: Segments, candidates: Sequence[Candidate], starts: Array
 ) -> Array:
-    """Predicted measurements (c, n, 6) of the rows in `segments`; the log's commands are throttles.
+    """Predict the measurements (c, n, 6) of the rows in `segments`; commands are throttles.
 
-    `starts` (c, s, 6) are the states at which the used pieces begin, as the boat has them; what
-    the compass adds is in what is returned alone.
+    `starts` (c, s, 6) are the true states at which the used pieces begin. Only the result contains
+    the compass's error.
     """
     # Substeps that keep the fastest decay of the stiffest candidate stable.
     fastest = max(one.vessel.fastest_rate_hz for one in candidates)
@@ -55,9 +55,9 @@ def predict(
 
 
 def _side_by_side(candidates: Sequence[Candidate]) -> Vessel:
-    """The candidates' numbers as columns (c, 1) under a vessel's names.
+    """The candidates' parameters as columns (c, 1) under a vessel's names.
 
-    It stands in for a `Vessel` in equations that only multiply and add.
+    The result replaces a `Vessel` in equations that only multiply and add.
     """
     names = (*MASSES, *DRAGS, "arm_m", "yaw_coupling_kg")
     columns = {
@@ -78,7 +78,7 @@ def _thrusts(log: DriveLog, segments: Segments, candidates: Sequence[Candidate])
 
 
 def _at_rows(course: Array, segments: Segments) -> Array:
-    """States (c, n, 6) at the times of the rows, on lines between the steps (k + 1, 6, c, s)."""
+    """States (c, n, 6) at the times of the rows, interpolated between steps (k + 1, 6, c, s)."""
     before = course[segments.step, :, :, segments.piece]
     after = course[np.minimum(segments.step + 1, segments.steps), :, :, segments.piece]
     share = segments.share[:, None, None]
@@ -86,7 +86,7 @@ def _at_rows(course: Array, segments: Segments) -> Array:
 
 
 def _as_measured(states: Array, compass_rad: Array) -> Array:
-    """What instruments show whose compass is off: heading, surge and sway turn with it."""
+    """States as measured with the compass's error, which rotates heading, surge and sway."""
     out = states.copy()
     turn = compass_rad[:, None]
     out[..., 2] += turn

@@ -1,4 +1,4 @@
-"""What is known of a boat after a drive: numbers with standard errors, and how they predict."""
+"""Result of an identification: parameters with standard errors, and tests of their predictions."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# A number counts as determined where its standard error is below this share of it.
+# A value counts as determined if its standard error is below this share of it.
 TOLD_SHARE = 0.25
 CHANNELS = ("surge", "sway", "yaw rate")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """One number with its standard error `sd`, in `unit`; `before` is the preset's.
+    """One value with its standard error `sd`, in `unit`; `before` is the preset's value.
 
-    `is_told`: whether the log says it, rather than the preset.
+    `is_told`: whether the log determines it, rather than the preset.
     """
 
     name: str
@@ -38,18 +38,18 @@ class Told:
     def text(self) -> str:
         """Value, standard error to two digits, and unit."""
         digits = max(0, 1 - math.floor(math.log10(self.sd))) if self.sd > 0 else 3
-        # No minus before what rounds to nothing.
+        # Adding 0.0 avoids a negative zero.
         value = round(self.value, digits) + 0.0
         return f"{value:.{digits}f} ± {self.sd:.{digits}f} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """Pieces predicted without a look at what came, for a picture.
+    """Open-loop predictions of all pieces, for a plot.
 
     `times` (n,) [s] since the log's first row, `measured` and `predicted` (n, 3) surge, sway and
-    yaw rate; `begins` (n,) marks the first row of a piece, `held_out` (n,) rows the fit had not
-    seen.
+    yaw rate; `begins` (n,) marks the first row of a piece, `held_out` (n,) the rows that the fit
+    had not seen.
     """
 
     times: Array
@@ -61,10 +61,11 @@ class Course:
 
 @dataclass(frozen=True, kw_only=True)
 class HoldOut:
-    """How a model that had not seen some pieces predicts them, `horizon_s` ahead at a time.
+    """Errors of the model's predictions, `horizon_s` ahead, of pieces that it had not seen.
 
-    Root mean squares: `fitted` and `preset` (3,) of the velocities' errors [m/s, m/s, rad/s], and
-    of the positions' at the end [m]; all hold the noise of the measurements, `noise` (3,).
+    Root mean squares: `fitted` and `preset` (3,) are those of the velocities' errors [m/s, m/s,
+    rad/s], the drifts those of the positions' at the end [m]. All include the noise of the
+    measurements, `noise` (3,).
     """
 
     horizon_s: float
@@ -78,11 +79,12 @@ class HoldOut:
 
 @dataclass(frozen=True, kw_only=True)
 class Identification:
-    """A boat that is known, and how well.
+    """An identified boat, with its accuracy.
 
-    `vessel` is ready to plan with; `latency_s` from a command to its thrust, as the log's clock
-    has it, beside the thrusters' own lag. `parameters` are all that was told, `derived` what
-    follows from them together; `noise` (6,) standard deviations of the log's channels.
+    `vessel` is ready to plan with. `latency_s` is the time from a command to its thrust by the
+    log's clock, in addition to the thrusters' lag. `parameters` are all estimated parameters,
+    `derived` quantities computed from several of them; `noise` (6,) are the standard deviations of
+    the log's channels.
     """
 
     vessel: Vessel
@@ -95,5 +97,5 @@ class Identification:
     notes: tuple[str, ...]
 
     def __getitem__(self, name: str) -> Told:
-        """The parameter of a name."""
+        """The parameter or derived quantity with this name."""
         return next(one for one in (*self.parameters, *self.derived) if one.name == name)

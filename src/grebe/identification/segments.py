@@ -1,7 +1,7 @@
-"""A drive in pieces of a few seconds, each of which is predicted from a start of its own.
+"""A drive in pieces of a few seconds, each predicted from its own start.
 
-Over a few seconds a model's prediction has not yet drifted off with every gust, and its errors
-still tell of all that the model says: that is multiple shooting, whose starts are estimated too.
+This is multiple shooting; the starts are estimated too. Over a few seconds gusts do not yet carry
+the prediction away, and its errors still depend on all of the model's parameters.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 GRID_S = 0.05
-# Half of the time about an instant over which a line is laid through what was measured [s].
+# Half width of the time window in which a line is fitted to the measurements [s].
 SMOOTHING_S = 0.4
 FEWEST_ROWS = 8
-# Before the first piece: time in which the thrusters forget what they were told before the log [s].
+# Time before the first piece, in which the effect of commands before the log decays [s].
 LEAD_IN_S = 3.0
 
 
@@ -31,11 +31,12 @@ LEAD_IN_S = 3.0
 class Segments:
     """Pieces of equal length on one uniform grid.
 
-    `grid` (lead + k s + 1,) [s] begins with the log, with a lead of some steps, and reaches over
-    all pieces, used or not, k = `stride` steps each; `used` (s,) numbers of the pieces that hold
-    enough; `steps` of each are predicted. Row i of the log that lies in
-    a used piece: `rows` its number there, `piece` its place in `used`, `step` the grid step it lies
-    in and `share` how far along.
+    `grid` (lead + stride n + 1,) [s] begins with the log and has `lead` steps, then `stride` steps
+    for each of n pieces, used or not. `used` (s,) are the numbers of the pieces with enough rows;
+    `steps` of each are predicted.
+    For each row of the log in a used piece, `rows` is its number in the log, `piece` the index of
+    its piece in `used`, `step` its grid step within the piece, and `share` its position in the
+    step, from 0 to 1.
     """
 
     grid: Array
@@ -49,7 +50,7 @@ class Segments:
     share: Array
 
     def choose(self, keep: NDArray[np.bool_]) -> Segments:
-        """Some of the used pieces, those marked in `keep` (len(used),)."""
+        """The used pieces marked in `keep` (len(used),)."""
         place = np.cumsum(keep) - 1
         rows = keep[self.piece]
         return replace(
@@ -76,7 +77,7 @@ class Segments:
 
     @property
     def begins(self) -> Array:
-        """Times (len(used),) at which the used pieces begin [s]."""
+        """Start times (len(used),) of the used pieces [s]."""
         return self.grid[self.lead + self.used * self.stride]
 
 
@@ -118,9 +119,9 @@ def segments_of(log: DriveLog, length_s: float) -> Segments:
 
 
 def smoothed_states(log: DriveLog, instants: Array) -> Array:
-    """States (s, 6) at some instants: lines through what was measured about them.
+    """States (s, 6) at some times, by lines fitted to the measurements around each.
 
-    Velocities that were not measured follow from the positions' and headings' slopes.
+    Velocities that were not measured follow from the slopes of positions and headings.
     """
     out = np.zeros((len(instants), 6))
     for i, instant in enumerate(instants.tolist()):
@@ -139,7 +140,7 @@ def smoothed_states(log: DriveLog, instants: Array) -> Array:
 def _line(
     log: DriveLog, near: NDArray[np.bool_], channel: int, instant: float
 ) -> tuple[float, float]:
-    """Level and slope at an instant of a line through a channel; NaN and 0 where there is none."""
+    """Level and slope of a line through a channel at a time; NaN and 0 if it has no values."""
     values = log.states[near, channel]
     known = np.isfinite(values)
     if not known.any():

@@ -1,9 +1,10 @@
-"""From commands to the thrust that the hull feels: latency, thrust curve, lag.
+"""From commands to the thrust on the hull: latency, thrust curve, lag.
 
-A throttle c becomes the thrust that `Vessel.thrust_of` says, `latency_s` later, and the thrust
-follows it with the time constant T = `lag_s`: f' = (s - f) / T. What a step of the integration
-sees is the *mean* of f over it, s_mean - T (f_end - f_begin) / h, and the mean of a signal that
-jumps within a step moves with the jump: so everything is continuous in the latency.
+A throttle is converted to a steady thrust s by the curve of `Vessel.thrust_of`, `latency_s` later.
+The thrust f follows s with the time constant T = `lag_s`: f' = (s - f) / T. A step of the
+integration uses the *mean* of f over the step, s_mean - T (f_end - f_begin) / h. If s jumps within
+a step, its mean changes continuously with the time of the jump, so everything is continuous in the
+latency.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Lags below this are treated as zero: their exponential would only add rounding errors.
+# Lags below this are treated as zero, because their exponential would only add rounding errors.
 SHORTEST_LAG_S = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
 class Thrusters:
-    """How commands become thrust.
+    """Parameters from command to thrust.
 
-    `full_ahead_n` and `full_astern_n` (both positive) are thrusts at full command, `exponent`
-    that of the curve; `trim` is the logarithm of the port thruster's thrust over the starboard's
-    at the same command.
+    `full_ahead_n` and `full_astern_n` (both positive) are the thrusts at full command, `exponent`
+    is that of the curve. `trim` is the logarithm of the ratio of the port thruster's thrust to the
+    starboard's at the same command.
     """
 
     full_ahead_n: float
@@ -41,7 +42,7 @@ class Thrusters:
     trim: float = 0.0
 
     def steady(self, throttles: Array) -> Array:
-        """Thrusts (m, 2) [N] that throttles (m, 2) lead to in the end."""
+        """Steady thrusts (m, 2) [N] for throttles (m, 2)."""
         full = np.where(throttles >= 0, self.full_ahead_n, self.full_astern_n)
         thrust = np.sign(throttles) * full * np.abs(throttles) ** self.exponent
         return thrust * np.exp(np.array([0.5, -0.5]) * self.trim)
@@ -49,7 +50,7 @@ class Thrusters:
     def mean_thrusts(self, command_times: Array, throttles: Array, grid: Array) -> Array:
         """Mean thrusts (k, 2) [N] over the steps of a uniform `grid` (k + 1,) [s].
 
-        Before the first command the first one holds.
+        The first command also holds before its time.
         """
         step = float(grid[1] - grid[0])
         thrusts = self.steady(throttles)

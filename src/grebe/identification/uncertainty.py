@@ -1,13 +1,14 @@
-"""Standard errors that hold up when residuals are correlated.
+"""Standard errors that account for correlated residuals.
 
-The inverse of the information treats every row as independent. Errors of a filter last for seconds,
-so many rows are one; and gusts leave errors that last, too. With tau_c = 1 + 2 sum_k rho_k, the
-integrated autocorrelation of channel c's residuals, the covariance is the sandwich
+The inverse of the information treats every row as independent. But errors of a filter last for
+seconds, so many rows count as one, and gusts also leave errors that last. With
+tau_c = 1 + 2 sum_k rho_k, the integrated autocorrelation of channel c's residuals, the covariance
+is the sandwich
 
-    A^-1 (sum_c tau_c A_c + P) A^-1,    A = sum_c A_c + P,
+    A^-1 (sum_c tau_c A_c + P) A^-1,    A = sum_c A_c + P.
 
-which is exact where what a parameter does to the predictions changes slowly against the errors,
-and too large, not too small, elsewhere. P is the preset's precision.
+It is exact if the effect of a parameter on the predictions changes slowly compared with the errors,
+and otherwise too large, never too small. P is the preset's precision.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Correlations below this are taken for none, and end the sum.
+# Correlations below this are treated as zero and end the sum.
 LEAST_CORRELATION = 0.05
 LONGEST_ROWS = 50
 
 
 def covariance(fit: Fit, segments: Segments) -> Array:
-    """Covariance (p, p) of the coordinates."""
+    """Covariance (p, p) of the estimated coordinates."""
     prior = np.diag(1.0 / fit.model.prior_sd**2)
     times = correlation_factors(fit.residuals, segments.piece)
     bread = np.linalg.inv(fit.information.sum(axis=0) + prior)
@@ -38,7 +39,7 @@ def covariance(fit: Fit, segments: Segments) -> Array:
 
 
 def correlation_factors(residuals: Array, piece: NDArray[np.int64]) -> Array:
-    """tau_c (6,) of the channels' residuals (n, 6), 1 or more; pieces (n,) are apart."""
+    """tau_c (6,) of the channels' residuals (n, 6), 1 or more; only rows of one piece correlate."""
     out = np.ones(6)
     for channel in range(6):
         known = np.isfinite(residuals[:, channel])

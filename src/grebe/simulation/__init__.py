@@ -1,1 +1,1 @@
-"""The true world of a simulation: boat, water, sonde."""
+"""The true world of a simulation: boat, water and sonde."""

@@ -1,10 +1,10 @@
-"""A stand-in for a boat's autopilot: modes, an inner loop, fail-safes, and a hull of ours below.
+"""A stand-in for a boat's autopilot: modes, an inner loop and fail-safes, over a simulated hull.
 
-It behaves as ArduRover 4.x was measured to behave where a survey depends on it: commands of speed
-and yaw rate are followed in GUIDED alone, clamped to WP_SPEED, and forgotten after three seconds
-of silence; sticks are followed in MANUAL; the position is good only some time after the start; a
-breach of the fence, a position that is lost and an empty battery make it hold. It knows nothing of
-MAVLink: `grebe.links.mavlink.standin` gives it its voice.
+Where a survey depends on it, it behaves as measured on ArduRover 4.x. Commands of speed and yaw
+rate are followed only in GUIDED, clamped to WP_SPEED, and dropped after three seconds of silence;
+sticks are followed in MANUAL. The position is good only some time after the start. A breach of the
+fence, a lost position and an empty battery make the autopilot hold. It does not speak MAVLink:
+`grebe.links.mavlink.standin` adds that.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ from grebe.core.vessel import Vessel
 from grebe.simulation.plant import Plant
 
 STEP_S = 0.02
-# Gains of the inner loops: their time constants [s], and the share of the error that is
-# integrated each second.
+# Time constants of the inner loops [s], and the share of the error that is integrated each second.
 SPEED_LOOP_S, YAW_LOOP_S, INTEGRAL_PER_S = 0.8, 0.3, 0.4
 
 
 class Mode(enum.IntEnum):
-    """ArduRover's modes that matter here, by their MAVLink numbers."""
+    """The ArduRover modes used here, by their MAVLink numbers."""
 
     MANUAL = 0
     HOLD = 4
@@ -41,11 +40,11 @@ class Mode(enum.IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Faults:
-    """What goes wrong, and when, in seconds since the start; None or an empty span is never.
+    """Faults of the autopilot and their times, in seconds since the start; infinity is never.
 
-    `gps_lost` from when to when there is no fix; `stuck_in_hold` refuses every other mode;
-    `pilot_takes_at` the pilot's switch goes to MANUAL; `reboots_at` the autopilot starts afresh;
-    `battery_empty_at` its battery fail-safe acts.
+    `gps_lost`: begin and end of a time without a fix. `stuck_in_hold`: every other mode is refused.
+    `pilot_takes_at`: the pilot switches to MANUAL. `reboots_at`: the autopilot restarts.
+    `battery_empty_at`: its battery fail-safe acts.
     """
 
     gps_lost: tuple[float, float] = (math.inf, math.inf)
@@ -62,9 +61,9 @@ NO_FAULTS = Faults()
 class AutopilotSettings:
     """The stand-in's parameters, in SI units.
 
-    `ready_s`: how long after a start the position becomes good. `blind_s`: how long the position
-    stays good without a fix. `fence` in local metres (north, east), None without one; the errors
-    of the estimates are standard deviations.
+    `ready_s`: time from a start until the position is good. `blind_s`: time for which the position
+    stays good without a fix. `fence`: in local metres (north, east), None for none. The errors of
+    the estimates are standard deviations.
     """
 
     speed_max_mps: float = 2.0
@@ -87,7 +86,7 @@ class AutopilotSettings:
 
 @dataclass
 class _Asked:
-    """The last order, and when it came."""
+    """The last order and its time."""
 
     at_s: float = -math.inf
     surge_mps: float = 0.0
@@ -97,9 +96,9 @@ class _Asked:
 
 @dataclass
 class Autopilot:
-    """A boat with an autopilot; `advance` lets time pass, all else happens at once.
+    """A boat with an autopilot; only `advance` takes simulated time.
 
-    `time_s` counts since the stand-in was made, `boot_s` since the autopilot's last start.
+    `time_s` counts from the creation of the stand-in, `boot_s` from the autopilot's last start.
     """
 
     plant: Plant
@@ -134,7 +133,7 @@ class Autopilot:
 
     @property
     def knows_position(self) -> bool:
-        """Whether the filter's flag of an absolute horizontal position is up."""
+        """Whether the filter's flag for an absolute horizontal position is set."""
         return (
             self.boot_s >= self.settings.ready_s
             and self.time_s - self._fix_s < self.settings.blind_s
@@ -142,7 +141,7 @@ class Autopilot:
 
     @property
     def battery_share(self) -> float:
-        """What is left of the battery, 0 to 1."""
+        """Remaining share of the battery, 0 to 1."""
         return max(0.0, 1.0 - self.time_s / self.settings.battery_s)
 
     @property
@@ -151,14 +150,14 @@ class Autopilot:
         return self._breached
 
     def arm(self, *, arms: bool) -> str:
-        """Arm or disarm; returns why it will not, or an empty text."""
+        """Arm or disarm; return the reason for a refusal, or an empty text."""
         if arms and not self.knows_position:
             return "PreArm: waiting for the position"
         self.armed = arms
         return ""
 
     def set_mode(self, number: int) -> bool:
-        """Change the mode, as a ground station asks; whether that was done."""
+        """Change the mode, as requested by a ground station; return whether it was accepted."""
         if number not in set(Mode) or number == Mode.INITIALISING:
             return False
         mode = Mode(number)
@@ -169,7 +168,7 @@ class Autopilot:
         return True
 
     def follow(self, surge_mps: float, yaw_rate_radps: float) -> None:
-        """Take a command of speed and yaw rate; it counts in GUIDED alone."""
+        """Take a command of speed and yaw rate, which is followed only in GUIDED."""
         limit = self.settings.speed_max_mps
         self._asked = _Asked(
             at_s=self.time_s,
@@ -178,11 +177,11 @@ class Autopilot:
         )
 
     def take_sticks(self, steering: float, throttle: float) -> None:
-        """Take the sticks' places, -1 to 1; they count in MANUAL alone."""
+        """Take the sticks' positions, -1 to 1, which are followed only in MANUAL."""
         self._asked = _Asked(at_s=self.time_s, sticks=(steering, throttle))
 
     def estimate(self) -> tuple[float, ...]:
-        """The filter's estimate of the state (6,), with its errors."""
+        """The filter's estimate of the state (6,), with random errors."""
         s = self.settings
         scale = [s.position_error_m] * 2 + [s.heading_error_rad] + [s.velocity_error_mps] * 3
         errors = self._random.normal(size=6) * scale
@@ -190,7 +189,7 @@ class Autopilot:
         return tuple((np.array(self.plant.state) + errors).tolist())
 
     def advance(self, duration_s: float) -> None:
-        """Let time pass, in steps of `STEP_S`."""
+        """Advance the simulation, in steps of `STEP_S`."""
         for _ in range(max(1, round(duration_s / STEP_S))):
             self._events()
             self.plant.command(self._thrusts())
@@ -206,7 +205,7 @@ class Autopilot:
         self._asked = _Asked()
 
     def _events(self) -> None:
-        """Faults that are due, and the fail-safes that answer them."""
+        """Apply the faults that are due, and the fail-safes that respond to them."""
         if self.time_s >= self.faults.reboots_at and not self._rebooted:
             self._rebooted = True
             self.started_s, self.armed = self.time_s, False
@@ -253,7 +252,7 @@ class Autopilot:
         return self._held(0.0, 0.0)
 
     def _held(self, surge_mps: float, yaw_rate_radps: float) -> tuple[float, float]:
-        """Thrusts of the two inner loops; where they cannot have both, turning comes first."""
+        """Thrusts of the two inner loops; turning has priority over speed."""
         vessel = self.plant.vessel
         _, _, _, surge, _, yaw_rate = self.plant.state
         ramp = self.settings.accel_max_mps2 * STEP_S
@@ -275,7 +274,7 @@ class Autopilot:
 
 
 def _allocated(vessel: Vessel, push_n: float, moment_nm: float) -> tuple[float, float]:
-    """Thrusts of port and starboard for a push and a moment, the moment before the push."""
+    """Thrusts of port and starboard for a push and a moment; the moment has priority."""
     low, high = vessel.thrust_min_n, vessel.thrust_max_n
     half = min(max(moment_nm / (2 * vessel.arm_m), -(high - low) / 2), (high - low) / 2)
     middle = min(max(push_n / 2, low + abs(half)), high - abs(half))

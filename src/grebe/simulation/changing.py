@@ -1,4 +1,4 @@
-"""Weather that changes while the boat sails: a tide that turns, gusts."""
+"""Weather that changes while the boat sails: tides and gusts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LONGEST_S = 7200.0
 
 @dataclass(frozen=True, kw_only=True)
 class Tide:
-    """A current [m/s] that swings to and fro along one bearing [rad] in a period [s]."""
+    """A current [m/s] that oscillates along one bearing [rad] with a period [s]."""
 
     current_mps: float
     period_s: float
@@ -35,7 +35,7 @@ class Tide:
             raise UsageError(f"A tide turns in more than 0 s, not in {self.period_s:g}.")
 
     def __call__(self, time_s: float) -> Weather:
-        """The current at a time; it starts at its strongest."""
+        """The current at a time [s]; it is strongest at 0."""
         now = self.current_mps * math.cos(2 * math.pi * time_s / self.period_s)
         return Weather(
             current_north_mps=now * math.cos(self.bearing_rad),
@@ -45,9 +45,9 @@ class Tide:
 
 @dataclass(frozen=True, kw_only=True)
 class Gusts:
-    """A wind force [N] about a mean, its gusts an Ornstein-Uhlenbeck process of either component.
+    """A mean wind force [N] with gusts, an Ornstein-Uhlenbeck process in each component.
 
-    `sd_n` its standard deviation, `memory_s` its time constant.
+    `sd_n` is the gusts' standard deviation, `memory_s` their time constant.
     """
 
     mean_north_n: float = 0.0
@@ -72,7 +72,7 @@ class Gusts:
         return path
 
     def __call__(self, time_s: float) -> Weather:
-        """The force at a time; after two hours the same gusts come again."""
+        """The force at a time [s]; the gusts repeat after two hours."""
         north, east = self._path[int(time_s / GUST_STEP_S) % len(self._path)].tolist()
         return Weather(
             wind_force_north_n=self.mean_north_n + north, wind_force_east_n=self.mean_east_n + east

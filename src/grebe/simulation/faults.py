@@ -1,7 +1,7 @@
-"""What goes wrong with a simulated boat: thrusters, weeds, shoals, currents, batteries, blindness.
+"""Faults of a simulated boat: thrusters, weeds, shoals, currents, batteries, blindness.
 
-`Faults` say what and when, `FaultyPlant` is the boat that suffers it. What a boat says of itself
-and what it measures is the link's business.
+`Faults` lists them with their times, `FaultyPlant` is the boat that has them. The boat's reports
+and measurements are made by the link.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from grebe.core.vessel import Vessel
 from grebe.simulation.plant import PLANT_STEP_S, Plant
 
 NEVER = math.inf
-# How much more weeds hold a boat back that goes ahead in them; astern it slips out.
+# Factor on the drag of a boat that goes ahead in weeds; astern it slips out.
 WEEDS_DRAG = 40.0
 
 
@@ -28,9 +28,9 @@ class Faults:
 
     `dead` is the side whose thruster gives nothing from `dead_at_s` on. In `weeds` (a local
     polygon) the boat is held until `weeds_until_s`. Over `shoal` the water is `shoal_depth_m`
-    deep, elsewhere `depth_m`; None: no sonar. `rising` (north, east) [m/s per s] is added to the
-    current from `rises_at_s` to `rises_until_s`. A battery that lasts `battery_s` from full begins
-    at `battery_share`; None: it does not say. In the spells `blind` estimates are not numbers.
+    deep, elsewhere `depth_m` (None: no sonar). The current rises by `rising` (north, east) [m/s per
+    s] from `rises_at_s` to `rises_until_s`. A battery that lasts `battery_s` from full begins at
+    `battery_share` (None: it is not reported). In the time spans `blind`, estimates are NaN.
     """
 
     dead: Literal["port", "starboard"] | None = None
@@ -54,17 +54,17 @@ class Faults:
             raise UsageError(f"A battery lasts more than {self.battery_s:g} s.")
 
     def is_blind(self, time_s: float) -> bool:
-        """Whether the boat does not know where it is."""
+        """Whether the boat does not know its position at a time."""
         return any(begin <= time_s < end for begin, end in self.blind)
 
     def share_left(self, time_s: float) -> float | None:
-        """What is left of the battery, 0 to 1."""
+        """Remaining share of the battery, 0 to 1; None if it is not reported."""
         if self.battery_share is None:
             return None
         return max(0.0, self.battery_share - time_s / self.battery_s)
 
     def depth_at(self, north_m: float, east_m: float) -> float | None:
-        """How much water there is below the boat [m]."""
+        """Depth of the water at a position [m]; None without a sonar."""
         if self.shoal is not None and shapely.intersects_xy(self.shoal, north_m, east_m):
             return self.shoal_depth_m
         return self.depth_m
@@ -91,7 +91,7 @@ class FaultyPlant(Plant):
         )
 
     def advance(self, duration_s: float) -> None:
-        """See `Plant`; what is wrong is looked at before each step."""
+        """Advance as `Plant` does, with the faults checked before each step."""
         steps = max(1, math.ceil(duration_s / PLANT_STEP_S - 1e-9))
         for _ in range(steps):
             self.vessel = self._held if self._in_weeds else self._whole

@@ -1,10 +1,10 @@
-"""Our hull as the physics under ArduPilot's real firmware: its JSON interface, without a socket.
+"""The physics for ArduPilot's real firmware: its JSON interface, without a socket.
 
-The firmware (its model being `JSON:HOST`) sends its servo outputs as one binary packet and waits;
-the answer is the boat's motion as one line of JSON, and the next packet comes only then. So time
-passes in lock-step, at whatever speed the firmware asks for. Packet and answer are those of
-ArduPilot's `libraries/SITL/examples/JSON/readme.md`; the frame is north, east, down, and the boat
-floats level: no roll, pitch or heave.
+The firmware (with model `JSON:HOST`) sends its servo outputs as one binary packet and waits. The
+answer is the boat's motion as one line of JSON, and only then comes the next packet. So both run in
+lock-step, at the speed that the firmware requests. Packet and answer are those of ArduPilot's
+`libraries/SITL/examples/JSON/readme.md`. The frame is north, east, down, and the boat floats level:
+no roll, pitch or heave.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from grebe.core.events import State
 from grebe.core.vessel import Vessel
 from grebe.simulation.plant import PLANT_STEP_S, Plant
 
-# The magic number that says how many channels follow.
+# Number of channels in a packet, by its magic number.
 CHANNELS = {18458: 16, 29569: 32}
 HEADER = struct.Struct("<HHI")
 GRAVITY_MPS2 = 9.80665
-# A pulse that leaves an actuator in its middle, and how far full command is from it [us].
+# The neutral pulse of an actuator, and the distance of full command from it [us].
 TRIM_US, SPAN_US = 1500, 400
-# What is no pulse at all: outputs that are off are 0, and no servo is asked for more.
+# Range of valid pulses [us]; an output that is off sends 0.
 PULSES_US = (800, 2200)
-# A frame that is older than the last by less than this is a late copy, not another start.
+# A frame older than the last by fewer than this is a late copy; an older one is a restart.
 LATE_FRAMES = 100
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServoPacket:
-    """What the firmware sends: the rate of its frames [Hz], the number of this one, and the pulses
-    of 16 or 32 outputs [us].
+    """A packet from the firmware.
+
+    The rate of its frames [Hz], the number of this one, and the pulses of 16 or 32 outputs [us].
     """
 
     frame_rate_hz: int
@@ -45,7 +46,7 @@ class ServoPacket:
 
 
 def read_packet(data: bytes) -> ServoPacket | None:
-    """Return the packet that some bytes hold; None where they are nobody's or not whole."""
+    """Return the packet in some bytes; None if they are foreign or incomplete."""
     if len(data) < HEADER.size:
         return None
     magic, rate, frame = HEADER.unpack_from(data)
@@ -57,7 +58,7 @@ def read_packet(data: bytes) -> ServoPacket | None:
 
 
 def throttle_of_pulse(pulse_us: int) -> float:
-    """Return the command of an actuator, -1 to 1, for a servo pulse [us]; no pulse is none."""
+    """Return the command of an actuator, -1 to 1, for a servo pulse [us]; 0 for an invalid one."""
     if not PULSES_US[0] <= pulse_us <= PULSES_US[1]:
         return 0.0
     return min(max((pulse_us - TRIM_US) / SPAN_US, -1.0), 1.0)
@@ -65,11 +66,11 @@ def throttle_of_pulse(pulse_us: int) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class PhysicsSettings:
-    """`servos`: the outputs, counted from 1, of the port and the starboard thruster (functions 73
-    and 74, throttle left and right). `rate_hz`: steps a second; None for as many as the firmware
-    asks for (its SIM_RATE_HZ).
+    """Settings of the physics.
 
-    Raises `UsageError`.
+    `servos`: the outputs, counted from 1, of the port and the starboard thruster (functions 73
+    and 74, throttle left and right). `rate_hz`: steps a second; None for the rate that the firmware
+    requests (its SIM_RATE_HZ). Raises `UsageError` for an invalid setting.
     """
 
     servos: tuple[int, int] = (1, 3)
@@ -92,11 +93,11 @@ class PhysicsSettings:
 
 
 class Physics:
-    """One boat under one firmware; `answer` takes its packets in their order.
+    """One boat under one firmware; `answer` takes its packets in order.
 
-    Positions are metres from where the boat begins, which is the firmware's home. A packet that is
-    sent again is answered again, and nothing moves; frames that count from the beginning are a
-    firmware that has started afresh, and so does the boat.
+    Positions are metres from the boat's start, which is the firmware's home. A repeated packet gets
+    the same answer, and nothing moves. If frames count from the beginning again, the firmware has
+    restarted, and so does the boat.
     """
 
     def __init__(
@@ -115,13 +116,13 @@ class Physics:
         self.restart()
 
     def restart(self) -> None:
-        """Put the boat back to where it began, at rest; its next packet may have any number."""
+        """Put the boat back to its start, at rest; the next packet may have any number."""
         self.plant = Plant(self._vessel, self._start, self._weather)
         self._frame: int | None = None
         self._last = b""
 
     def answer(self, packet: ServoPacket) -> bytes | None:
-        """Return the line that answers a packet; None for a late copy of one answered before."""
+        """Return the answer to a packet; None for a late copy of one answered before."""
         before = self._frame
         if before is not None and packet.frame < before:
             if packet.frame > 0 and before - packet.frame < LATE_FRAMES:
@@ -147,7 +148,7 @@ class Physics:
         return answer_line(self.plant.time_s, self.plant.state, before, step_s)
 
     def _thrusts(self, pulses_us: Sequence[int]) -> tuple[float, float]:
-        """What the thrusters give for pulses; an output that is not sent gives nothing."""
+        """Thrusts [N] for servo pulses; 0 for an output that is not sent."""
         port, starboard = (
             self._vessel.thrust_of(throttle_of_pulse(pulses_us[servo - 1]))
             if servo <= len(pulses_us)
@@ -160,12 +161,11 @@ class Physics:
 def answer_line(
     time_s: float, state: Sequence[float], velocity_before: tuple[float, float], step_s: float
 ) -> bytes:
-    """Return the answer for a state (6,) that was reached in `step_s` from a velocity over ground
-    (north, east) [m/s].
+    """Return the answer for a state (6,) reached in `step_s` from another velocity.
 
-    The accelerometer feels the mean acceleration of the step, turned by the heading of this answer,
-    and what holds the boat up: -g on the axis that points down. Summed up by these headings it is
-    the velocity to the last digit.
+    `velocity_before` is over ground (north, east) [m/s]. The accelerometer measures the mean
+    acceleration of the step, rotated by the heading of this answer, and buoyancy: -g on the axis
+    that points down. Integrated with these headings it gives the velocity, up to rounding.
     """
     north, east, heading, _, _, yaw_rate = state
     velocity = _ground_velocity(state)
@@ -181,12 +181,12 @@ def answer_line(
         "attitude": [0.0, 0.0, math.remainder(heading, 2 * math.pi)],
         "velocity": [*velocity, 0.0],
     }
-    # The firmware finds its fields by their bare text: a blank after a colon or a comma hides them.
+    # The firmware finds fields by plain text; a blank after a colon or comma would hide them.
     return b"\n" + json.dumps(answer, separators=(",", ":")).encode() + b"\n"
 
 
 def _ground_velocity(state: Sequence[float]) -> tuple[float, float]:
-    """North and east [m/s]."""
+    """Velocity over ground, north and east [m/s]."""
     _, _, heading, surge, sway, _ = state
     cos, sin = math.cos(heading), math.sin(heading)
     return surge * cos - sway * sin, surge * sin + sway * cos

@@ -1,4 +1,4 @@
-"""The simulated boat: Eq. (9) at a finer step than the controller, in the true weather."""
+"""The simulated boat: Eq. (9) at a finer step than the controller's, in the true weather."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from grebe.core.vessel import Vessel
 from grebe.simulation.changing import WeatherAt
 
 PLANT_STEP_S = 0.05
-# A step is cut into so many at most.
+# Largest number of substeps in a step.
 MOST_SUBSTEPS = 200
-# What a boat on the water differs in from its data sheet: load, growth on the hull, propellers.
+# Parameters in which a real boat differs from its data sheet: load, growth on the hull, propellers.
 UNCERTAIN = ("m11_kg", "m22_kg", "m33_kgm2", "x_u", "y_v", "n_r", "x_uu", "y_vv", "n_rr", "arm_m")
 
 
 class Plant:
     """A boat on the water; thrusts hold until the next command.
 
-    Thrusts are clipped to the vessel's limits, come to nothing within its dead band and, where
-    the vessel has a thruster lag, follow the command with that time constant. `effectiveness` is
-    the share of it that each thruster truly gives.
+    Thrusts are clipped to the vessel's limits and are zero within its dead band. If the vessel has
+    a thruster lag, they follow the command with that time constant. `effectiveness` is the share of
+    its thrust that each thruster actually gives.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Plant:
 
     @property
     def weather(self) -> Weather:
-        """The weather now."""
+        """The present weather."""
         return self._weather if isinstance(self._weather, Weather) else self._weather(self.time_s)
 
     @weather.setter
@@ -59,7 +59,7 @@ class Plant:
         )
 
     def command(self, thrusts: tuple[float, float]) -> None:
-        """Set the thrusts (F_1, F_2) [N]; beyond the limits they are clipped."""
+        """Set the thrusts (F_1, F_2) [N], clipped to the limits."""
         self._commanded = (self._possible(thrusts[0]), self._possible(thrusts[1]))
 
     def _possible(self, thrust: float) -> float:
@@ -68,7 +68,7 @@ class Plant:
         return min(max(thrust, self.vessel.thrust_min_n), self.vessel.thrust_max_n)
 
     def advance(self, duration_s: float) -> None:
-        """Let time pass, in equal steps of at most `PLANT_STEP_S`."""
+        """Advance the simulation, in equal steps of at most `PLANT_STEP_S`."""
         steps = max(1, math.ceil(duration_s / PLANT_STEP_S - 1e-9))
         step = duration_s / steps
         weather = self.weather.as_tuple()
@@ -83,8 +83,9 @@ class Plant:
         self.time_s += duration_s
 
     def _substeps(self, step_s: float) -> int:
-        """Into how many steps one is cut: more for a boat whose motion decays within it, or which
-        the water passes fast.
+        """Number of substeps: more if the motion decays within a step or the water passes fast.
+
+        Raises `InputError` if it would exceed `MOST_SUBSTEPS`.
         """
         weather, (_, _, _, surge, sway, yaw_rate) = self.weather, self.state
         current = math.hypot(weather.current_north_mps, weather.current_east_mps)
@@ -112,7 +113,7 @@ class Plant:
 
 
 def mismatched(vessel: Vessel, share: float, seed: int) -> Vessel:
-    """Return a vessel whose masses, drag and arm each differ by up to `share`, either way."""
+    """Return a vessel whose masses, drag and arm each differ by up to ± `share`."""
     factors = 1.0 + share * np.random.default_rng(seed).uniform(-1.0, 1.0, len(UNCERTAIN))
     changes = {
         name: getattr(vessel, name) * float(f) for name, f in zip(UNCERTAIN, factors, strict=True)

@@ -1,4 +1,4 @@
-"""The simulated sonde: what it says of the true water, with noise."""
+"""The simulated sonde: readings of the true water, with noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from grebe.simulation.water import Water
 
 
 class ReadsWater(Protocol):
-    """Something in the water that can be asked what it reads."""
+    """Interface of a simulated sonde."""
 
     def read(self, north_m: float, east_m: float) -> Mapping[str, float]:
         """Return a reading at a place, keyed by quantity."""
@@ -21,7 +21,7 @@ class ReadsWater(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class UniformSonde:
-    """Reads the same everywhere: for trials in which only the places of samples matter."""
+    """A sonde that reads the same everywhere, for trials in which only sample positions matter."""
 
     values: Mapping[str, float] = field(default_factory=lambda: {"temperature_degc": 20.0})
 
@@ -31,7 +31,7 @@ class UniformSonde:
 
 
 class Sonde:
-    """Reads the true water with the noise that `Water` names; the seed makes it repeatable."""
+    """A sonde that reads the true water with the noise of `Water`, repeatably for a given seed."""
 
     def __init__(self, water: Water, seed: int) -> None:
         self._water = water

@@ -1,8 +1,8 @@
 """The true water of a simulation: a field of each quantity, correlated in space.
 
-Free fields have the spread and range that were measured on lakes; conditioned fields go
-through the samples of a real track and have its variogram. Both are drawn once on a grid;
-the truth between its nodes is their bilinear interpolation, which a map can be held to.
+Free fields have the spread and range measured on lakes; conditioned fields go through the
+samples of a real track and have its variogram. Both are drawn once on a grid. The truth
+between nodes is defined as their bilinear interpolation, so that maps can be compared with it.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ FEWEST_CONDITIONS = 10
 class Water:
     """The true fields on a grid, and the noise that a sonde adds to each.
 
-    `north`, `east` the nodes [m]; `fields` (len(north), len(east)) for each quantity;
-    `noise_sd` the part that is not correlated: sensor noise and what is smaller than a node.
+    `north`, `east` are the nodes [m]; `fields` (len(north), len(east)) for each quantity;
+    `noise_sd` the uncorrelated part: sensor noise and variation smaller than the spacing of nodes.
     """
 
     north: Array
@@ -42,7 +42,7 @@ class Water:
     noise_sd: Mapping[str, float]
 
     def value(self, key: str, positions: NDArray[np.floating]) -> Array:
-        """Return the true value at (n, 2) positions; beyond the grid that of its edge."""
+        """Return the true value at (n, 2) positions; beyond the grid, that of its edge."""
         low = [self.north[0], self.east[0]]
         high = [self.north[-1], self.east[-1]]
         return np.asarray(self._interpolators[key](np.clip(positions, low, high)))
@@ -56,8 +56,9 @@ class Water:
 def free_water(
     bounds: tuple[float, float, float, float], seed: int, quantities: Quantities = LIMNOLOGICAL
 ) -> Water:
-    """Draw independent fields over `bounds` (north0, east0, north1, east1) [m], one for each
-    quantity of which a simulated lake has something.
+    """Draw independent fields over `bounds` (north0, east0, north1, east1) [m].
+
+    There is one for each quantity with statistics of a lake.
     """
     north, east = _grid(bounds)
     extent = max(north[-1] - north[0], east[-1] - east[0])
@@ -85,10 +86,10 @@ def conditioned_water(
     values: Mapping[str, Array],
     seed: int,
 ) -> Water:
-    """Draw fields that go through the samples of a real track, one for each quantity it has.
+    """Draw fields that go through the samples of a real track, one for each of its quantities.
 
     `positions` (n, 2) [m], `values` (n,) with NaN for gaps. The samples are thinned evenly
-    in space; their variogram sets the covariance, its nugget the noise.
+    in space. Their variogram gives the covariance, its nugget the noise.
     """
     north, east = _grid(bounds)
     rng = np.random.default_rng(seed)
@@ -116,7 +117,7 @@ def _grid(bounds: tuple[float, float, float, float]) -> tuple[Array, Array]:
 
 
 def _thinned(positions: Array, most: int) -> NDArray[np.int64]:
-    """Choose at most `most` points, the last remaining always the farthest from the others."""
+    """Choose at most `most` points, each the farthest from those chosen before."""
     if len(positions) <= most:
         return np.arange(len(positions))
     chosen = [0]
@@ -146,7 +147,7 @@ def _conditional_field(
     grid: tuple[Array, Array],
     seed: int,
 ) -> tuple[Array, float]:
-    """A field through the values; the nugget becomes noise and not part of the field."""
+    """A field through the values; the nugget becomes noise instead of part of the field."""
     import gstools as gs
 
     sill = float(model.var + model.nugget)

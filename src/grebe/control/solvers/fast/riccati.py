@@ -88,7 +88,7 @@ def _decompose(whole, lower):
 
 @inlined_machine_code
 def _eliminate(whole, lower, p, gain):
-    """Eliminate the inputs from `whole`: compute the cost to go `p` of the states, and the gains."""
+    """Eliminate the inputs from `whole`: compute the states' cost to go `p` and the gains."""
     first = lower[0, 0] * loaded(whole, NX, 0)
     second = lower[1, 1] * (loaded(whole, NX + 1, 0) - lower[1, 0] * first)
     third = loaded(whole, NX + 2, 0) - lower[2, 0] * first - lower[2, 1] * second
