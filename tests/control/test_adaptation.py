@@ -1,4 +1,4 @@
-"""What a boat turns out to be: found where the data tell it, and nowhere else."""
+"""Correction of a boat's model: found if the data show a difference, and only then."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,7 @@ from grebe.simulation.plant import Plant
 
 SPYBOAT = PRESETS["spyboat"]
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-# Velocities over ground, as a good receiver and a gyro give them.
+# Velocities over ground, as measured by a good receiver and a gyro.
 NOISE = np.array([0.02, 0.02, 0.005, 0.02, 0.02, 0.005])
 
 
@@ -36,7 +36,7 @@ def orders(vessel, seconds, seed):
 
 
 def drive(vessel, *, plant, late_s=0.0, compass_rad=0.0, noise=0.0, seed=3):
-    """Forty seconds of orders and estimates; the boat is `plant`."""
+    """Forty seconds of orders and estimates of the boat `plant`."""
     rng = np.random.default_rng(seed)
     told = orders(vessel, 40, seed)
     times, states = [], []
@@ -75,8 +75,9 @@ def test_a_boat_as_modelled_is_not_corrected_whatever_the_current(seed, name):
 @pytest.mark.slow
 @pytest.mark.parametrize(("north_mps", "east_mps"), [(0.0, 0.3), (0.0, -0.3), (0.2, 0.2)])
 def test_noise_in_a_cross_current_is_not_taken_for_another_boat(north_mps, east_mps):
-    """The noise of sway turns a fast hull by how it goes through the water, which the current
-    decides; flights across one were corrected every half minute while it was left out.
+    """The effect of noise in sway on a fast hull depends on its motion through the water.
+
+    Without the current in it, missions across a current were corrected every half minute.
     """
     sets, boat = meander(rows=4), PRESETS["benchmark"]
     weather = Weather(current_north_mps=north_mps, current_east_mps=east_mps)
@@ -138,8 +139,10 @@ def test_what_is_wrong_is_found_with_its_size(what):
 
 @pytest.mark.parametrize("every_s", [0.5, 1.0])
 def test_turns_of_a_boat_that_is_seen_seldom_are_no_noise(every_s):
-    """Told by second differences, exact estimates once a second had a noise of 0.14 m and 0.15 m/s,
-    and half a thruster was found after 55 s instead of 21.
+    """The noise is not estimated from second differences.
+
+    With these, exact estimates once a second had a noise of 0.14 m and 0.15 m/s, and half a
+    thruster was found after 55 s instead of 21.
     """
     rng, plant = np.random.default_rng(2), Plant(SPYBOAT, AT_REST, effectiveness=(0.5, 1.0))
     tracker, found_s = Tracker(SPYBOAT), math.inf

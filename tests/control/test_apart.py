@@ -1,4 +1,4 @@
-"""Lines that keep a plan apart from others, and boats that pass each other by them."""
+"""Lines that keep a plan apart from others, and boats that use them to pass each other."""
 
 import math
 
@@ -49,8 +49,8 @@ def test_who_is_beyond_the_lines_is_apart(way, durations, others, elsewhere):
         for row in horizon.apart[k]:
             if tuple(row) == NO_ROW:
                 continue
-            # Of the disc about one of the others nothing satisfies the row; all the rest of the
-            # water on this side of its tangent does.
+            # No point of the disc about one of the others satisfies the row; all the water beyond
+            # its tangent does.
             away = np.hypot(*(theirs - np.array(elsewhere)).T)
             inside = row[:2] @ np.array(elsewhere) <= row[3] - 1e-9
             reach = row[3] - theirs @ row[:2]
@@ -69,7 +69,7 @@ def test_others_that_are_far_ask_for_nothing(way, far):
 
 @given(start=places, end=places, other=places)
 def test_from_outside_the_disc_no_line_asks_to_be_elsewhere_at_once(start, end, other):
-    """The tangents leave the boat where it is, so that it need not stop before it has turned."""
+    """The tangents allow the boat's position, so that it need not stop before it has turned."""
     if math.dist(start, other) <= APART_M + 1e-6:
         return
     share = np.linspace(0.0, 1.0, STAGES + 1)[:, None]
@@ -78,7 +78,7 @@ def test_from_outside_the_disc_no_line_asks_to_be_elsewhere_at_once(start, end, 
     keep_apart(horizon, plan_along(way, np.ones(STAGES)), [Announced.lying(other)], APART_M)
     for row in horizon.apart[:, 0]:
         if row[:2].any():
-            # The first tangent goes through the start, the second through the end.
+            # The first tangent passes through the start, the second through the end.
             held = [row[:2] @ np.array(one) <= row[3] + 1e-6 for one in (start, end)]
             assert any(held)
 
@@ -90,8 +90,10 @@ def square(north, east, half_m=2.0):
 
 
 def sail_together(ways, *, heed, rule=Lookahead, limit_s=90.0):
-    """Sail boats along ways of squares, each by its own controller; the least distance of two, the
-    time of the last, and the tracks.
+    """Sail boats along rows of squares, each with its own controller.
+
+    Returns the least distance of two boats, the time of the last, the tracks, and whether all are
+    done.
     """
     helms = [Controller(BOAT, [square(*place) for place in way[1:]], rule()) for way in ways]
     states = []
@@ -138,9 +140,9 @@ def test_boats_that_meet_pass_each_other_apart_and_without_stopping(ways):
     least, time_s, tracks, done = sail_together(ways, heed=True)
     assert near < 3.0
     assert done
-    # A plan keeps the distance at its nodes, within the pace at which a boat bulges between them.
+    # A plan keeps the distance at its nodes; between them a boat may come somewhat nearer.
     assert least > APART_M - 0.3
-    # Round a disc of 9 m the way is a few metres longer.
+    # The path around a disc of 9 m is a few metres longer.
     assert time_s < alone_s + 15.0
     if ways is HEAD_ON:
         # Port to port: each has the other on its left.
@@ -155,7 +157,7 @@ def test_the_paper_s_rule_keeps_apart_as_well():
 
 
 def test_sets_beyond_one_that_another_lies_at_are_not_planned_for():
-    """Else the plan cannot come to an end, and puts off the sets that it could reach."""
+    """Otherwise the plan cannot reach its end, and postpones the sets that it could reach."""
     near = [square(8.0, 0.0, 1.0), square(12.0, 0.0, 1.0)]
     taken, beyond = square(24.0, 0.0, 1.0), square(45.0, 0.0, 1.0)
     helm, state = Controller(BOAT, [*near, taken, beyond]), np.zeros(6)
@@ -174,7 +176,7 @@ def test_sets_beyond_one_that_another_lies_at_are_not_planned_for():
                                  state.tolist(), 0.1, 2))  # fmt: skip
         assert math.dist(state[:2], (24.0, 3.0)) > APART_M - 0.3
     assert helm.reached == 2
-    # Once the other has gone it goes on.
+    # Once the other has left, the boat goes on.
     helm.heed([], APART_M)
     assert len(helm.step(state).plan.durations) == helm.rule.stages
     assert helm.targets[helm.reached] is taken

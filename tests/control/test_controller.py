@@ -1,4 +1,4 @@
-"""The problem, its solvers and the receding horizon."""
+"""Tests of the problem, its solvers and the receding horizon."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def row_of_cells(count, side=5.0, speed=(1, 2)):
 
 
 def drive(controller, state, steps, boat=BOAT, watch=None):
-    """Closed loop with an exact plant; every 0.1 s is an estimate."""
+    """Closed loop with an exact plant and an estimate every 0.1 s."""
     z = list(state)
     statuses = []
     for _ in range(steps):
@@ -158,7 +158,7 @@ _SHARED = Fatrop().build(BOAT, SHAPE)
 
 
 class Failing:
-    """A solver that fails when told to."""
+    """A solver that fails on request."""
 
     def __init__(self, inner, fails):
         self.inner, self.fails, self.calls = inner, fails, 0
@@ -288,7 +288,7 @@ def drive_freely(controller, state, limit_s, boat, watch=None):
     st.floats(1.0, 10.0),
 )
 def test_any_sequence_of_targets_is_reached_within_the_limits(corners, heading, name, side):
-    """Far, behind, overlapping, repeated, not adjacent, tiny: the default rule reaches all."""
+    """The default rule reaches targets far, behind, overlapping, repeated, not adjacent, tiny."""
     boat = PRESETS[name]
     sets = [rectangle((n, n + side), (e, e + side), (0.4, 1.2)) for n, e in corners]
     controller = Controller(boat, sets)
@@ -327,7 +327,7 @@ def test_plan_is_a_value():
 
 
 def test_thrift_saves_a_fifth_of_the_energy_for_a_tenth_of_the_time():
-    """A boat with strong thrusters spends most of it where it turns."""
+    """A boat with strong thrusters spends most of its energy in turns."""
     boat, cells = PRESETS["blueboat"], meander(rows=4, columns=4, side=10.0, speed=(0.5, 1.5))
     start = (-10.0, 5.0, 0.0, 0.0, 0.0, 0.0)
     plain, thrifty = (
@@ -342,8 +342,9 @@ def test_thrift_saves_a_fifth_of_the_energy_for_a_tenth_of_the_time():
 
 @pytest.mark.parametrize(("thrift", "current"), [(0.0, 0.0), (0.0, -0.5), (1.0, -0.5)])
 def test_a_set_beyond_the_horizon_is_not_raced_for(thrift, current):
-    """What is sailed above the window's upper end is not measured; against a current it goes on,
-    however dear thrust is.
+    """Samples above the window's upper end would not count.
+
+    Against a current the boat goes on, whatever the price of thrust.
     """
     boat = PRESETS["blueboat"]
     cells = [rectangle((0, 20), (east, east + 20), (0.5, 2.0)) for east in (0, 160)]
@@ -355,8 +356,9 @@ def test_a_set_beyond_the_horizon_is_not_raced_for(thrift, current):
 
 
 def test_large_sets_are_entered_where_the_way_goes_on():
-    """Where the horizon ends at the first set, the nearest place of it is not where to come in: on
-    this way there and back boats that went there took a quarter longer than predicted.
+    """If the horizon ends at the first set, its nearest point is not the best entry.
+
+    On this route there and back, boats that entered there took a quarter longer than predicted.
     """
     boat, speed = PRESETS["blueboat"], (0.5, 2.0)
     places = [(0, 0), (0, 1), (1, 1), (1, 0), (2, 0), (2, 1), (3, 1)]
@@ -371,8 +373,10 @@ def test_large_sets_are_entered_where_the_way_goes_on():
 
 
 def test_a_boat_that_lies_in_a_large_set_takes_up_speed_and_goes_on():
-    """It was asked to come to one place of the set, at speed, though it was in the set already: a
-    boat with weak reverse thrust went astern for a minute, and on to the next sets.
+    """A boat inside the set is not required to reach one point of it at speed.
+
+    Under that requirement a boat with weak reverse thrust went astern for a minute, and on to the
+    next sets.
     """
     boat, speed = PRESETS["blueboat"], (0.5, 1.5)
     places = [(0, 0), (-1, 0), (-1, -1), (0, -1), (0, -2), (-1, -2)]

@@ -1,4 +1,4 @@
-"""The fast path: derivatives, Riccati recursion, and agreement with the oracle."""
+"""The fast solver: derivatives, Riccati recursion, and agreement with the reference solver."""
 
 from dataclasses import replace
 
@@ -69,7 +69,7 @@ def test_derivatives_are_those_of_automatic_differentiation(name):
 
 @given(st.integers(0, 2**31), st.integers(1, 8))
 def test_the_recursion_solves_the_optimality_conditions(seed, n):
-    """Against one dense linear system of the same problem."""
+    """It is compared with one dense linear system of the same problem."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(n, 9, 9))
     hess = root @ root.transpose(0, 2, 1) + 0.1 * np.eye(9)
@@ -118,7 +118,7 @@ STARTS = {
 
 @pytest.mark.parametrize("name", STARTS)
 def test_the_fast_path_s_first_input_is_the_oracle_s(name):
-    """Within 1 % of the thrust range, for the paper's problem in form D."""
+    """They agree within 1 % of the thrust range, for the paper's problem in form D."""
     vessel = PRESETS["benchmark"]
     controller = Controller(vessel, SETS, Dual())
     state = np.array(STARTS[name], dtype=float)
@@ -153,7 +153,7 @@ def test_free_durations_agree_with_the_oracle(thrift):
 
 
 def lookahead_problem(state):
-    """A solver and a problem of legs from a state, which is always the same but for that."""
+    """A solver and a problem of legs, in which only the initial state varies."""
     vessel, shape = PRESETS["benchmark"], HorizonShape(stages=24)
     cells = [rectangle((5 * i, 5 * i + 5), (0, 5), (1, 2)) for i in range(6)]
     situation = Situation(
@@ -170,8 +170,10 @@ def lookahead_problem(state):
 
 @pytest.mark.parametrize("axis", range(6))
 def test_costates_are_what_a_departure_costs(axis):
-    """The envelope theorem: between the optimal cost's derivatives to either side, by the state
-    that it begins in. For sway and yaw rate they differ: the cost has a kink there.
+    """Envelope theorem: they are between the one-sided derivatives of the optimal cost.
+
+    The derivatives are by the initial state. For sway and yaw rate the two differ, because the cost
+    has a kink there.
     """
     state, step = np.array([-6.0, 2.0, 0.1, 1.2, 0, 0]), 0.02
     solved, start = lookahead_problem(state)

@@ -1,4 +1,4 @@
-"""Definition 1 and Psi: counterexamples that prove themselves, and what a search may claim."""
+"""Definition 1 and Psi: counterexamples with proofs, and the claims that a search may make."""
 
 import math
 
@@ -31,7 +31,7 @@ def found():
 
 
 def test_a_cell_with_the_paper_s_window_is_not_control_invariant(found):
-    """So the hypotheses of Lemmas 4 and 7 do not hold for the paper's own sets."""
+    """So the hypotheses of Lemmas 4 and 7 do not hold for the paper's sets."""
     assert found.counterexample is not None
     assert found.counterexample.proven
     assert not found.holds_as_far_as_seen
@@ -41,7 +41,7 @@ def test_a_cell_with_the_paper_s_window_is_not_control_invariant(found):
 @settings(deadline=None, max_examples=200)
 @given(port=st.floats(-10, 20), starboard=st.floats(-10, 20))
 def test_no_input_refutes_the_counterexample(found, port, starboard):
-    """The independent model, at a finer step, agrees with the certificate."""
+    """An independent model with a finer step agrees with the proof."""
     state = found.counterexample.state
     target = cell((1.0, 2.0))
     assert target.contains(state)
@@ -50,8 +50,7 @@ def test_no_input_refutes_the_counterexample(found, port, starboard):
 
 
 def test_a_slow_window_around_rest_keeps_every_state_that_was_tried():
-    """Within one second the boat can turn back before it has gone far: contractive, as far as
-    512 states show."""
+    """Within one second the boat can turn back: contractive, as far as 512 states show."""
     boat = vessel_named("spyboat")
     search = SetCheck(boat, cell((-0.3, 0.3)), 1.0).search(FREE, states=512)
     assert search.holds_as_far_as_seen

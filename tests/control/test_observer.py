@@ -1,4 +1,4 @@
-"""The observer finds the weather that it is not told."""
+"""The observer estimates unknown weather."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_calm_stays_calm_under_noise():
 
 
 def _assert_same_motion(found, true, plant, tolerance=0.05):
-    """The model with the estimate accelerates as the boat does."""
+    """Check that the model in the estimated weather accelerates as the boat does."""
     model, truth = (
         rates(plant.vessel, plant.state, plant.thrusts, w.as_tuple()) for w in (found, true)
     )

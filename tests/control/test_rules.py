@@ -1,4 +1,4 @@
-"""Definitions 5 and 6, Eq. (6), N_x, and the rules as pure functions: nothing is solved here."""
+"""Definitions 5 and 6, Eq. (6), N_x, and the rules as pure functions, without a solver."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def answer(rule, at):
 
 
 def at_distance(d):
-    """In the speed window, d metres south of the first set."""
+    """A state in the speed window, d metres south of the first set."""
     return (-d, 2.5, 0.0, 1.5, 0.0, 0.0)
 
 
@@ -119,7 +119,7 @@ def test_the_fixed_rules_keep_the_paper_s_step(state):
 
 
 def test_a_stalled_split_is_counted_down_from_the_horizon():
-    """At rest in the cell d = 1 and N_x = 1 for ever: the deadlock of the paper's rule."""
+    """At rest in the cell, d = 1 and N_x = 1 for ever: the deadlock of the paper's rule."""
     at_rest = (2.5, 2.5, 0.0, 0.0, 0.0, 0.0)
     last, splits = None, []
     for _ in range(STALL_STEPS + 16):
@@ -219,8 +219,9 @@ def test_a_set_too_far_for_the_horizon_takes_all_of_it():
 
 
 def test_each_mode_of_the_dual_rule_has_its_whole_cost_weighed():
-    """Eq. (7): p and q multiply distance and effort alike, so that a common factor of both, and of
-    what a set's slack costs, changes nothing.
+    """Eq. (7): p and q multiply both distance and effort.
+
+    So a common factor of p, q and the price of a set's slack changes nothing.
     """
     one, _ = answer(Dual(p=3.0, q=5.0), situation(at_distance(7.0)))
     split = split_stage(7.0, Dual().epsilon, 15)

@@ -1,4 +1,4 @@
-"""Thrusters that answer late: what they can give, and that it is planned with."""
+"""Thrusters with a lag: the thrust that they can give, and plans that account for it."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ durations = st.lists(st.floats(0.05, 2.0), min_size=1, max_size=6).map(np.array)
 
 
 def slow(vessel, now_n, lag_s):
-    """A boat's thrusters with a lag, between its own limits."""
+    """A boat's thrusters with a lag, between its limits."""
     least, most = vessel.thrust_min_n, vessel.thrust_max_n
     return SlowThrusters(now_n=now_n, least_n=least, most_n=most, lag_s=lag_s)
 
@@ -90,7 +90,7 @@ def test_a_tracker_tells_of_slow_thrusters_alone():
     assert thrusters is not None
     assert thrusters.now_n == pytest.approx((10.0 * (1 - np.exp(-1.0)), 0.0))
     assert "as its model says" in known.finding
-    # An autopilot that holds a motion has thrusters of its own to see to.
+    # An autopilot that holds a motion compensates for its thrusters itself.
     by_motion = Tracker(replace(SPYBOAT, thruster_lag_s=0.8), holds_motion=True)
     assert by_motion.thrusters(0.0) is None
 
@@ -106,8 +106,8 @@ def test_a_lag_that_is_known_or_found_costs_little():
     base, known, found = sail(SPYBOAT, SPYBOAT), sail(late, late), sail(SPYBOAT, late)
     assert known.complete
     assert found.complete
-    # In the median of several starts 1.14 and 1.18, at most 1.49 and 1.40, where a set is missed;
-    # up to 2.18 where plans know nothing of the lag.
+    # Over several starts the median is 1.14 and 1.18, and the most 1.49 and 1.40, when a set is
+    # missed; up to 2.18 if plans ignore the lag.
     assert known.duration_s < 1.6 * base.duration_s
     assert found.duration_s < 1.6 * base.duration_s
     corrected = [e for e in known.recorder.of(Warned) if e.code == "model_corrected"]

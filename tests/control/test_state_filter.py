@@ -1,5 +1,5 @@
-"""What noisy estimates and the model tell together: exact ones stay, noise shrinks, no model is
-trusted beyond what it has foretold.
+"""The state filter: exact estimates are unchanged, noise is reduced, and no model is trusted more
+than its predictions justify.
 """
 
 from dataclasses import replace
@@ -22,9 +22,9 @@ ALL = np.array([0.05, 0.05, 0.01, 0.03, 0.03, 0.03])
 
 
 def sail(noise, *, seconds=60, boat=BOAT, weather=None, drift_m=0.0, seed=5):
-    """A filter that was shown a boat under orders that change; true states and estimates (n, 6),
-    and what was believed of each. The true boat is `boat`, and `drift_m` what its positions wander
-    within a second.
+    """A filter after a drive with changing orders; true, estimated and filtered states (n, 6).
+
+    The true boat is `boat`; `drift_m` is the random walk of its measured positions in a second.
     """
     rng = np.random.default_rng(seed)
     weather = weather or Weather()
@@ -116,7 +116,7 @@ def test_nothing_is_believed_of_the_noise_at_once():
 
 
 def gain_at_rest(seen, element):
-    """How much what is believed follows one element of the last estimate, of a boat at rest."""
+    """Gain of the filter on one element of the last estimate, for a boat at rest."""
     p, moved = parameter_vector(BOAT, np.zeros(4)), 1e-6
     ends = []
     for shift in (0.0, moved):
@@ -129,8 +129,9 @@ def gain_at_rest(seen, element):
 
 
 def test_at_rest_it_is_the_steady_kalman_filter():
-    """Of a boat that lies still, the gains are those of SciPy's solution of the discrete algebraic
-    Riccati equation (Simon 2006, ch. 7) for the noise that was learned.
+    """Its gains are those of SciPy's solution of the discrete algebraic Riccati equation.
+
+    (Simon 2006, ch. 7), for the learned noise and a boat at rest.
     """
     rng = np.random.default_rng(2)
     seen = [tuple((rng.normal(size=6) * ALL).tolist()) for _ in range(900)]

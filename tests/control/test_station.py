@@ -1,4 +1,4 @@
-"""Stopping and holding a place."""
+"""Stopping, and holding a position."""
 
 import math
 
@@ -24,7 +24,7 @@ BOATS = pytest.mark.parametrize("boat", PRESETS.values(), ids=lambda boat: boat.
 
 
 def held(boat, weather, seconds, state=(0.0,) * 6):
-    """Distances from the place while it is held, ten a second."""
+    """Distances from the place while the boat holds it, ten a second."""
     plant, away = Plant(boat, state, weather), []
     for _ in range(round(10 * seconds)):
         plant.command(StationKeeper(vessel=boat).keep(plant.state, weather, PLACE))
@@ -48,8 +48,10 @@ def test_a_place_is_held_against_a_current_within_the_stated_radius(boat, bearin
 @pytest.mark.parametrize("share", [0.5, 0.65, 0.8])
 @pytest.mark.parametrize("heading", [0.0, 1.5, 3.1, -1.5])
 def test_a_place_is_held_in_any_current_that_the_boat_is_faster_than(boat, share, heading):
-    """Whichever way it lay: it is carried off while it turns, for some seconds, and comes back. A
-    law that braked first, and drove on with its bow off the current, was carried away from 0.65 on.
+    """At any initial heading the boat drifts off for some seconds while it turns, and comes back.
+
+    A law that braked first, and drove on with its bow off the current, was carried away from 0.65
+    on.
     """
     current = share * reach_mps(boat, CALM)
     away = held(boat, Weather(current_north_mps=current), 90, (0.0, 0.0, heading, 0.0, 0.0, 0.0))
@@ -60,7 +62,7 @@ def test_a_place_is_held_in_any_current_that_the_boat_is_faster_than(boat, share
 @BOATS
 def test_a_boat_returns_to_the_place_that_it_holds(boat):
     away = held(boat, CALM, 90, (8.0, -6.0, 1.0, 0.0, 0.0, 0.0))
-    # Nearer than this no speed is wanted that needs a heading.
+    # Nearer than this, the wanted speed is too small to need a heading.
     assert away[-100:].max() <= THERE_M + IDLE_MPS / APPROACH_PER_S
 
 
@@ -95,8 +97,9 @@ def test_wind_counts_as_the_speed_that_its_force_would_give():
 
 @BOATS
 def test_under_an_autopilot_the_boat_is_braked_before_it_turns_and_no_noise_becomes_an_order(boat):
-    """Behind an inner loop that turns first a law that leaps between braking and turning keeps the
-    boat under way; so where the boat is slower the law turns more, and nothing leaps.
+    """Over an inner loop that turns first, a law that jumps from braking to turning never stops.
+
+    So the law has no jump: it turns more the slower the boat is.
     """
     model = under_speed_control(boat)
     keeper = StationKeeper(vessel=model, by_motion=True)

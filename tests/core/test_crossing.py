@@ -1,4 +1,4 @@
-"""Where a stretch is within a convex ring."""
+"""Tests of clipping a segment to a convex ring."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Eight numbers at once: a compiled kernel does as Python does, and touches nothing else."""
+"""Vectors of eight numbers: compiled kernels compute what Python does, and write nothing else."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TABLES = arrays(np.float64, (3, WIDTH + 2), elements=NUMBERS)
 
 
 def _mixed(rows, weight, out):
-    """Every operation once, between two columns that stay as they are."""
+    """Apply every operation once, between two columns that stay unchanged."""
     one, other = loaded(rows, 0, 0), loaded(rows, 2, 2)
     unit = eight(1.0, 0.0, 0.0, weight, 0.0, 0.0, 0.0, 8.0)
     stored(weight * one + other - 2.0 * unit, out, 1, 1)

@@ -1,4 +1,4 @@
-"""Headers are names and units; oxygen dissolves as the published tables say."""
+"""Headers are split into names and units; oxygen's solubility is that of published tables."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A boat under speed control is Eq. (9) with other numbers, and follows what it is told."""
+"""A boat under speed control is Eq. (9) with other parameters, and follows its orders."""
 
 import math
 

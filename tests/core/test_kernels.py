@@ -1,4 +1,4 @@
-"""Kernels are compiled, and loaded from disk, in peace."""
+"""Kernels are compiled, and loaded from disk, without interruption."""
 
 import os
 import signal
@@ -49,7 +49,7 @@ def interrupted_in(depth, done):
 
 @pytest.fixture(autouse=True)
 def _interruptible():
-    """Whoever starts the tests in the background may have them ignore an interruption."""
+    """Restore the default handler: tests started in the background may ignore SIGINT."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -57,7 +57,7 @@ def _interruptible():
 
 @pytest.mark.parametrize("depth", [0, 2])
 def test_a_signal_is_heard_after_what_must_not_be_interrupted(depth):
-    """And where one such thing calls another, after the outermost."""
+    """In nested calls, it is handled after the outermost."""
     done = []
     with pytest.raises(KeyboardInterrupt):
         interrupted_in(depth, done)
@@ -66,7 +66,7 @@ def test_a_signal_is_heard_after_what_must_not_be_interrupted(depth):
 
 
 def test_an_interruption_while_machine_code_is_made_neither_kills_nor_is_lost(tmp_path):
-    """It came as a dead process: the compiler's call backs into Python lose an exception."""
+    """It used to crash the process: the compiler's callbacks into Python lose an exception."""
     script = tmp_path / "script.py"
     script.write_text(KILLED_WHILE_COMPILING)
     done = subprocess.run(
@@ -96,7 +96,7 @@ print(repr(float(dx.sum() + dw.sum() + costate.sum())))
 
 
 def test_kernels_run_without_the_compiler_and_find_the_same():
-    """Who looks for a fault steps through them in Python."""
+    """In Python they can be stepped through with a debugger."""
     told = [
         subprocess.run(
             [sys.executable, "-c", INTERPRETED],
@@ -121,7 +121,7 @@ def _doubled_twice(x):
 
 
 def test_a_part_of_kernels_is_refused_to_python_before_and_after_it_is_compiled():
-    """It has no way in from Python: a call would end the process."""
+    """It has no entry point for Python: a call would crash the process."""
     with pytest.raises(TypeError, match="_doubled is a part of other kernels"):
         _doubled(1.0)
     assert _doubled_twice(1.0) == 4.0
@@ -151,7 +151,7 @@ Kernel._cache.save_overload(None, None)
 
 
 def test_two_processes_write_machine_code_one_after_the_other(tmp_path):
-    """Each would give the same number to its file, with machine code for other arguments."""
+    """Otherwise both would give their files one number, with machine code for other arguments."""
     told = tmp_path / "told"
     with told.open("w") as out:
         both = [

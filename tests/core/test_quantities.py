@@ -1,4 +1,4 @@
-"""The registry of quantities: what an entry must say, and that nothing of it is lost."""
+"""The registry of quantities: the required fields of an entry, and its round trip."""
 
 import copy
 import json

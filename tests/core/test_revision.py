@@ -1,4 +1,4 @@
-"""A new order comes from an old one, and a number means one target for good."""
+"""A new order is made from an old one, and a target's number is never reused."""
 
 from dataclasses import replace
 

@@ -88,7 +88,7 @@ def test_a_corridor_s_rows_are_its_half_planes(polygon, z):
 
 
 def test_rounding_leaves_no_row_behind():
-    """A vertex that stands twice, but for a rounding, and one on a straight side."""
+    """The ring has a vertex that is repeated up to rounding, and one on a straight side."""
     polygon = shapely.Polygon([(0, 0), (5, 0), (10, 0), (10, 1e-9), (10, 10), (0, 10)])
     rows = polygon_rows(polygon)
     assert len(rows) == 4

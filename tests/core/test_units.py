@@ -1,4 +1,4 @@
-"""Units in the names of columns, as loggers write them, and what they turn into."""
+"""Units in the column names that loggers write, and their conversion."""
 
 import numpy as np
 import pytest

@@ -19,7 +19,7 @@ thrust_pairs = st.tuples(st.floats(-10, 20), st.floats(-10, 20))
 
 
 def coriolis_power_w(boat, u, v, r):
-    """Power of the terms of Eq. (9) that are neither thrust nor drag, out of `rates`."""
+    """Power of the terms of Eq. (9) that are neither thrust nor drag, computed with `rates`."""
     _, _, _, du, dv, dr = rates(boat, (0, 0, 0, u, v, r), (0.0, 0.0))
     drag = [
         (boat.x_u + boat.x_uu * abs(u)) * u,
@@ -75,7 +75,7 @@ def test_a_boat_without_thrust_drifts_with_the_current(boat, psi, north, east):
 
 @given(boats, states(), thrust_pairs, st.floats(-1, 1), st.floats(-1, 1))
 def test_a_current_is_a_change_of_frame(boat, z, thrusts, north, east):
-    """Integrated in the current, a track is the still-water track carried along."""
+    """A track in a current is the still-water track, carried along by the current."""
     psi, duration = z[2], 1.0
     still = rk4(lambda s: rates(boat, s, thrusts), z, duration, 50)
     u_c = math.cos(psi) * north + math.sin(psi) * east

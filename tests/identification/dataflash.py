@@ -2,7 +2,7 @@
 
 import struct
 
-# Characters of a format and how they are packed: https of the format's own FMT message.
+# Format characters of a message, and their packing.
 _PACKED = {"Q": "Q", "f": "f", "d": "d", "B": "B", "H": "H", "h": "h", "i": "i", "I": "I",
            "L": "i", "c": "h", "C": "H", "N": "16s", "n": "4s", "Z": "64s"}  # fmt: skip
 _SCALE = {"L": 1e7, "c": 100.0, "C": 100.0}

@@ -12,12 +12,12 @@ from grebe.simulation.plant import Plant, mismatched
 
 NOISE = np.array([0.3, 0.3, np.radians(0.5), 0.03, 0.03, np.radians(0.5)])
 CURRENT = Weather(current_north_mps=0.1, current_east_mps=-0.05)
-# Fine enough that the plant's thrust, which holds over a step, is no latency of its own.
+# The plant's thrust is constant over a step; this step is short enough to add no latency.
 PLANT_STEP_S = 0.01
 
 
 def boat_unlike(preset, seed, share=0.4, lag_s=0.0):
-    """A boat that differs from its preset in all that a drive tells."""
+    """A boat that differs from its preset in every parameter that a drive determines."""
     return replace(
         mismatched(preset, share, seed), arm_m=preset.arm_m, thruster_lag_s=lag_s, name="truth"
     )
@@ -26,8 +26,9 @@ def boat_unlike(preset, seed, share=0.4, lag_s=0.0):
 def manoeuvre_of(
     true, believed, seed=0, *, latency_s=0.0, seconds=180.0, radius_m=40.0, noise=NOISE
 ):
-    """The manoeuvre as it is believed to be, driven by the true boat: the log, and the true states
-    (n, 6) at its rows.
+    """Drive the manoeuvre for the believed boat with the true boat.
+
+    Returns the log, and the true states (n, 6) at its rows.
     """
     random = np.random.default_rng(seed)
     plant = Plant(true, (0.0,) * 6, CURRENT)
@@ -63,7 +64,7 @@ def manoeuvre_of(
 
 
 def spyboat_drive(seed=1, **how):
-    """A late spyboat, its preset, and its log."""
+    """A spyboat with a delay, its preset, and its log."""
     preset = PRESETS["spyboat"]
     true = boat_unlike(preset, seed, lag_s=0.6)
     log, truth = manoeuvre_of(true, preset, seed, latency_s=0.3, **how)

@@ -1,4 +1,4 @@
-"""Synthetic truth -> drive -> fit: the numbers come back, and so does how sure they are."""
+"""Synthetic truth -> drive -> fit: parameters and standard errors are recovered."""
 
 import math
 from dataclasses import replace
@@ -49,7 +49,7 @@ def test_its_errors_are_within_what_it_says_of_them(spyboat):
 
 def test_what_it_has_not_seen_it_predicts_to_the_noise_and_the_preset_does_not(spyboat):
     check = spyboat[3].hold_out
-    # A boat that is unstable in yaw makes more of the errors of its start.
+    # A boat that is unstable in yaw amplifies the errors of its start.
     assert (check.fitted < np.array([1.3, 1.3, 4.0]) * NOISE[3:]).all()
     assert (check.preset > 3 * check.fitted).all()
     assert check.preset_drift_m > check.fitted_drift_m
@@ -75,7 +75,7 @@ def test_forces_scale_with_the_pull_that_was_measured(spyboat):
 
 
 def test_a_drive_without_sway_says_so_and_keeps_the_preset():
-    """Straight ahead and coasting: no turn tells m22, m33 or the drags of sway and yaw."""
+    """Straight ahead and coasting: without turns m22, m33, sway and yaw drag are undetermined."""
     preset = PRESETS["benchmark"]
     times = np.arange(0.0, 90.0, 0.1)
     thrust = np.where((times // 10) % 2 == 0, 15.0, 0.0)
@@ -120,7 +120,7 @@ def test_glitches_and_a_weak_thruster_and_a_compass_that_is_off_are_told_apart()
     states[:, 3] = math.cos(turn) * surge + math.sin(turn) * sway
     states[:, 4] = math.cos(turn) * sway - math.sin(turn) * surge
     states[::100, :2] += 25.0
-    # What was told the starboard thruster was a fifth more than what it gave.
+    # The starboard thruster's small commands are a fifth larger than the thrust that it gave.
     commands[:, 1] *= np.where(np.abs(commands[:, 1]) <= 10 / 1.2, 1.2, 1.0)
     found = identify(replace(log, states=states, commands=commands * 0.8), preset)
     assert found["compass_rad"].value == pytest.approx(turn, abs=0.005)
@@ -147,7 +147,7 @@ def test_the_mean_thrust_over_a_step_moves_with_the_latency_and_keeps_the_impuls
 
 
 def test_prediction_is_the_equations_and_nothing_else():
-    """Held to `core.dynamics`, through a piece with constant thrusts and a true compass."""
+    """It is compared with `core.dynamics`, for a piece with constant thrusts and a true compass."""
     boat = PRESETS["otter"]
     times = np.arange(0.0, 40.0, 0.1)
     log = DriveLog(

@@ -1,4 +1,4 @@
-"""The manoeuvre keeps inside its circle and its speed, with boats unlike those believed in."""
+"""The manoeuvre keeps to its circle and speed limit, with boats that differ from their model."""
 
 import math
 from dataclasses import replace

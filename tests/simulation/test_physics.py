@@ -1,4 +1,4 @@
-"""Packets and answers of ArduPilot's JSON interface, as its documentation has them."""
+"""Packets and answers of ArduPilot's JSON interface, as documented by ArduPilot."""
 
 import json
 import math

@@ -187,7 +187,7 @@ class Controller:
         return self.rule.step_s
 
     def take_for(self, vessel: Vessel) -> None:
-        """Plan for another model from now on, when the boat differs from its model."""
+        """Plan for another model of the boat from now on."""
         self.vessel = vessel
         substeps = model_substeps(vessel, self.rule.longest_stage_s)
         self._solve_for(replace(self.shape, substeps=substeps))
@@ -356,7 +356,7 @@ class Controller:
         speed = self._pace() * max(0.0, math.cos(off))
         common = 0.5 * self.vessel.surge_drag_n(speed)
         half_span = 0.5 * (self.vessel.thrust_max_n - self.vessel.thrust_min_n)
-        # Time constants of yaw differ tenfold between boats; damp by the boat's.
+        # Time constants of yaw differ tenfold between boats, so the damping depends on the boat.
         yaw = math.tanh(2.0 * (0.5 * off - 0.5 * state[5])) * half_span
         low, high = self.vessel.thrust_min_n, self.vessel.thrust_max_n
         return (

@@ -75,8 +75,8 @@ class Counterexample:
 class InvarianceSearch:
     """Result of a search.
 
-    The number of states tried, how many of them an input keeps in the set and in its interior, the
-    worst state's least excess, and a counterexample if one was proven.
+    It has the number of states tried, how many of them an input keeps in the set and in its
+    interior, the worst state's least excess, and a counterexample if one was proven.
     """
 
     states: int

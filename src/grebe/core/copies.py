@@ -1,7 +1,7 @@
 """Copies of arrays within kernels.
 
 These replace assignments to slices. A slice assignment also compiles the error message for unequal
-shapes, whose string code takes an eighth of the time that all the other machine code takes.
+shapes, and this string code takes an eighth as long as all the other machine code.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class EndReason(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class MissionEvent:
-    """Base of all events: the time."""
+    """Base of all events, with their time."""
 
     time: datetime
     elapsed_s: float
@@ -145,7 +145,7 @@ class Revised(MissionEvent):
 
 @dataclass(frozen=True, kw_only=True)
 class Ended(MissionEvent):
-    """The mission has ended, for a reason."""
+    """The end of the mission, with its reason."""
 
     reason: EndReason
     message: str

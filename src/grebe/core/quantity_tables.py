@@ -121,7 +121,7 @@ def _read_text(name: str, value: object) -> str:
 
 
 def read_span(name: str, value: object) -> Span:
-    """Two ascending numbers."""
+    """Read a span, two ascending numbers; raises `InputError` if it is invalid."""
     pair = cast("list[Any]", value) if isinstance(value, list | tuple) else []
     if len(pair) != 2:
         raise InputError(f"{name} is {value!r}; give two numbers, [low, high].")

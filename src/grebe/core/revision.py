@@ -137,10 +137,10 @@ def revised(
     made_at: datetime | None = None,
     settings: PlanSettings | None = None,
 ) -> PlanRevision:
-    """Return the revision that follows another, with the old one's settings where none are given.
+    """Return the revision that follows another; `settings` default to those of the old one.
 
-    A target with a number that was given before must be the target of that number; new ones are
-    numbered from `old.highest_seq + 1` on (`numbered_on`). Raises `InputError` otherwise.
+    A target with the number of an old one must be that target; new ones are numbered from
+    `old.highest_seq + 1` on (`numbered_on`). Raises `InputError` otherwise.
     """
     known = {target.seq: target for target in old.targets}
     for target in targets:

@@ -151,9 +151,9 @@ class TargetSet:
     def shrunk(self, margin_m: float, speed_margin_mps: float) -> TargetSet:
         """Return the set moved inwards by a margin on every side.
 
-        The speed margin is at most a quarter of the window, so that something is left. The other
-        margin is at most half of area over perimeter: no convex polygon has a smaller inscribed
-        radius.
+        So that something is left, the speed margin is at most a quarter of the window, and the
+        footprint's margin at most half of area over perimeter: no convex polygon has a smaller
+        inscribed radius.
         """
         polygon = self.polygon
         inset = min(margin_m, 0.5 * polygon.area / polygon.length)

@@ -42,9 +42,9 @@ def taut_way(
     footprints: Sequence[shapely.Polygon] | NDArray[np.object_],
     centred: Sequence[bool] | None = None,
 ) -> NDArray[np.float64]:
-    """Return the shortest path from `start` that touches convex footprints in turn.
+    """Return the shortest path (n + 1, 2) [m] from `start` that touches convex footprints in turn.
 
-    (n + 1, 2) [m]. It leads through the centroids of the footprints that are `centred`.
+    It leads through the centroids of the footprints that are `centred`.
     """
     held = np.zeros(len(footprints), dtype=bool) if centred is None else np.array(centred)
     return TautWays(footprints).through(start, np.arange(len(footprints)), held)
@@ -69,9 +69,10 @@ class TautWays:
         *,
         steady: float = STEADY,
     ) -> NDArray[np.float64]:
-        """Return the shortest path from `start` that touches the footprints in an order (n,).
+        """Return the shortest path (n + 1, 2) [m] from `start` through the footprints in an order.
 
-        (n + 1, 2) [m]. It leads through the centroids of the footprints that are `held`.
+        `order` (n,) gives their indices. The path touches each, and leads through the centroids of
+        those that are `held`.
         """
         held = np.zeros(len(order), dtype=bool) if held is None else held
         way = np.vstack([start, self._centroids[order]])
@@ -113,7 +114,7 @@ def _tighten(
 def _settle(
     way: NDArray[np.float64], i: int, ring: NDArray[np.float64], first: int, last: int
 ) -> None:
-    """Put point i where the path by it is shortest, in ring[first : last + 1] or on its edge."""
+    """Put point i where the path is shortest, inside ring[first : last + 1] or on its edge."""
     ax, ay = way[i - 1, 0], way[i - 1, 1]
     # The last point has no successor: it moves as near to its predecessor as it may.
     behind = i + 1 if i + 1 < way.shape[0] else i - 1

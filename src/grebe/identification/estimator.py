@@ -49,7 +49,7 @@ class Fit:
 
     `theta` (p,), `starts` (s, 6), `noise` (6,) the channels' standard deviations, `residuals`
     (n, 6) measured less predicted, NaN where nothing was measured; `cost` as above.
-    `information` (6, p, p) is that of each channel on theta if the starts are estimated too.
+    `information` (6, p, p) is that of each channel on theta, with the starts estimated too.
     """
 
     model: Model
@@ -191,7 +191,7 @@ class Descent:
         return self._point(theta + change, starts + moved)
 
     def _free(self, point: _Point, of_theta: Array) -> NDArray[np.bool_]:
-        """Coordinates that are not at a bound with a pull beyond it."""
+        """Mask (p,) of the coordinates that no pull holds at a bound."""
         scaled = np.nan_to_num(point.residuals / self._noise)
         pull = np.einsum("ncp,nc->p", of_theta / self._noise[:, None], _weights(scaled) * scaled)
         outwards = self._model.clipped(point.theta + 1e-9 * np.sign(pull)) == point.theta
@@ -232,7 +232,7 @@ class Descent:
         return out
 
     def _information(self, point: _Point) -> Array:
-        """Information of each channel on theta, (6, p, p), if all channels give the starts."""
+        """Information (6, p, p) of each channel on theta, with the starts estimated from all."""
         apart = self._point(self._model.told_apart(point.theta), point.starts)
         of_theta, of_starts = self._slopes(apart)
         p = len(point.theta)

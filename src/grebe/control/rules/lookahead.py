@@ -57,7 +57,7 @@ SEEN_BEYOND, ENTRY_ROOM, LARGE_SHARE = 6, 0.015, 0.25
 # A point, unlike a large set, may be reached only after a turn, and the boat would race for an
 # entry just beyond the horizon. For safety the point counts as this many times as far.
 TURN_ROOM = 2.0
-# The largest price of thrust; above it, the boats' slowness was taken for weeds that held them.
+# The largest price of thrust. Above it, boats were mistaken for boats held by weeds.
 MOST_THRIFT = 4.0
 # Land is worse than a missed set. So is another boat, but avoiding it must not drive the boat
 # ashore.

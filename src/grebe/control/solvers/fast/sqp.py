@@ -46,7 +46,7 @@ SHRINKING, NEGLIGIBLE = 0.25, 0.1
 
 
 class Terms(NamedTuple):
-    """The numbers of one optimisation, constant while it runs.
+    """The data of one optimisation, constant while it runs.
 
     `p` are the model's parameters, `substeps` those of its integration; `rows` (M, 4) half-spaces
     in families (see `interior`). For each family (J,), `first` (J + 1,) is where its rows begin,
