@@ -30,8 +30,8 @@ MOST_OTHERS = 3
 REACH_M = 10.0
 # Boats nearer to each other than this are treated as being at one position.
 SAME_M = 1e-6
-# A plan through this much of the disc's middle has not chosen a side yet; it passes to starboard,
-# as all boats do that meet.
+# A plan that leads past the disc's centre within this share of its radius has not chosen a side
+# yet; it passes to starboard, as all boats do that meet.
 NO_SIDE = 0.25
 
 

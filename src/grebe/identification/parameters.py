@@ -76,7 +76,7 @@ class Candidate:
 class Model:
     """The coordinates theta (p,) of the estimated parameters, and their meaning.
 
-    `base` is the preset, which holds everything that is not estimated.
+    `base` is the preset, which holds everything that is not estimated and defines its drags.
     """
 
     base: Vessel
