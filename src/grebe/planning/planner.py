@@ -104,7 +104,7 @@ def planner_of(
 
 
 def _with_coast(region: Region, settings: PlanSettings) -> tuple[Region, tuple[str, ...]]:
-    """The region with its coast simplified if it has very many vertices, and a note if so."""
+    """The region, with its coast simplified if set or if it has very many vertices, and notes."""
     tolerance_m = settings.coast_tolerance_m
     if tolerance_m is None:
         many = shapely.get_num_coordinates(region.water) > MANY_VERTICES
@@ -223,7 +223,7 @@ class Planner:
         return tried.get(cell_m) or self.draft(cell_m, self._angle(cell_m), quick=quick)
 
     def _spent_s(self, draft: Draft) -> float:
-        """The share of the budget that a plan uses, transits included: its time, or the time for
+        """The part of the budget that a plan uses [s], transits included: its time, or the time for
         which its energy would last a boat that goes straight.
         """
         ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)

@@ -34,7 +34,7 @@ LEAST_RADIUS_M = 0.5
 # A piece thinner than this [m] that joins no neighbour cannot even be passed, and is left out.
 THINNEST_M = 0.03
 MAX_CELLS = 200_000
-# Most cells of the lattice over the region's bounds, which may be mostly land.
+# Largest number of cells in the lattice over the region's bounds, most of which may be land.
 MAX_GRID = 2_000_000
 
 

@@ -133,7 +133,7 @@ class _Sharing:
         )  # fmt: skip
 
     def balanced(self) -> tuple[list[Survey], list[int]]:
-        """Return the parts with the shortest longest time that was found, and the boat of each."""
+        """Return the parts with the smallest maximum time that was found, and the boat of each."""
         chosen: list[tuple[int, bool]] = []
 
         def parts_of(stretches: Sequence[Order]) -> tuple[list[tuple[Survey, int]], list[float]]:

@@ -26,7 +26,7 @@ def shared_evenly(
     boats: int,
     parts_of: Callable[[Sequence[Order]], tuple[list[P], list[float]]],
 ) -> list[P]:
-    """Return the parts with the shortest longest time that was found.
+    """Return the parts with the smallest maximum time that was found.
 
     `legs_s` (n,) are the times of the legs to each cell of the order [s]. `parts_of` makes a part
     of each stretch, and returns the parts and their times [s].

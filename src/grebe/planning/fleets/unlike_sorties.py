@@ -180,7 +180,7 @@ class _Share:
 
 
 def _evened(boats: Sequence[_Boat], draft: Draft, bound_m: float, on_done: Heard) -> list[_Share]:
-    """The shares with the shortest longest time that was found, in the order of the boats.
+    """The shares with the smallest maximum time that was found, in the order of the boats.
 
     The time of a stretch is estimated before its trips are known. When the lake is shared out
     again, the estimate is corrected by its ratio to the time of the trips that were found.

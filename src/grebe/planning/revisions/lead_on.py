@@ -1,4 +1,4 @@
-"""Lead a boat that is not where its order left it to its next target, around land if necessary.
+"""Lead a boat from wherever it is to its next target, around land if necessary.
 
 A mission goes on from wherever its boat is: at the harbour to which it came home, or in a bay into
 which the wind has blown it. That need not be the target before the next one, where the corridor

@@ -1,9 +1,9 @@
 """Put off the cells for which a slow sortie has no time: a pure function, like all of replanning.
 
-Predictions are corrected by what was sailed: a boat that takes a quarter longer than predicted for
+Predictions are corrected by the pace so far: a boat that takes a quarter longer than predicted for
 half of its sortie is expected to take a quarter longer for the rest. If that does not fit, the last
-cells of the order become a sortie of their own, from the same harbour. These are put off because
-the path home from them is a part of both sorties: near the harbour, sailing it twice costs least.
+cells of the order become a sortie of their own, from the same harbour. The last cells are chosen
+because the path home from them is a part of both sorties, so cells near the harbour cost least.
 """
 
 from __future__ import annotations

@@ -61,8 +61,8 @@ def _chained(runs: list[list[int]], network: Network, start: tuple[float, float]
 
 
 def greedy(cells: list[Cell], network: Network, start: tuple[float, float]) -> Order:
-    """Return a walk over open links, always to the near unvisited neighbour with few ways onward;
-    from a dead end it goes to the nearest remaining cell over links.
+    """Return a walk over open links, each time to the nearest unvisited neighbour, with a slight
+    preference for few onward links. From a dead end it goes on to the cell the fewest links away.
     """
     specks = np.array([cell.is_speck for cell in cells])
     away = np.hypot(*(network.centres - start).T)

@@ -40,8 +40,8 @@ WARM_SHARE = 0.15
 # All exchanges together usually take this many times the rounds of one.
 EXPECTED = 2.5
 # One trip fewer is tried if the others would be at most this full: the ratio of trips' times to
-# their legs' varies by some per cent. With at most `SMALL_ROUNDS`, for a small lake, trips that are
-# nearly good take all rounds too.
+# their legs' varies by some per cent. With at most `SMALL_ROUNDS`, for a small lake, the search for
+# them is a complete one.
 FULLEST, SMALL_ROUNDS = 1.1, 400_000
 MOST_SORTIES = 200
 FITTINGS = 10

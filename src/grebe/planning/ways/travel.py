@@ -32,9 +32,9 @@ TURN_SHARE = 0.5
 # took 0.90 to 1.24 times their predictions (docs/benchmarks.md).
 WANDER = 1.05
 # A turn is made with one thruster ahead and one astern, at their limits, and ended the same way.
-# Its extra energy is this factor times that power, beyond the power of going straight, times the
-# duration of a turn at the largest yaw rate. Fitted on sailed surveys of five vessels in cells of
-# 10 to 40 m (docs/benchmarks.md).
+# Its extra energy is this factor, times the excess of that power over the power of going straight,
+# times the duration of a turn at the largest yaw rate. Fitted on sailed surveys of five vessels in
+# cells of 10 to 40 m (docs/benchmarks.md).
 TURN_ENERGY = 2.0
 BEARINGS = 72
 
