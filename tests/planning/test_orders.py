@@ -83,7 +83,7 @@ def test_no_place_of_a_taut_way_can_be_moved_to_shorten_it(spots, seed):
 
 
 def test_a_way_around_a_spit_is_as_long_as_it_is():
-    """A wall of 1 m from one shore leaves 5 m at its end, for a path from one side to the other."""
+    """A wall 1 m thick reaches from one shore to 5 m from the other; the path leads around it."""
     water = shapely.box(0, 0, 40, 20).difference(shapely.box(19.5, 0, 20.5, 15))
     cells = mesh_water(water, 5.0)
     network = connect(cells, water, 5.0)
