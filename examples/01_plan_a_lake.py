@@ -2,7 +2,8 @@
 1. Plan a lake
 ==============
 
-A pond with an island becomes target sets in an order, with corridors that keep the boat off land.
+A pond with an island becomes an ordered sequence of target sets, with corridors that keep the boat
+off land.
 """
 
 import matplotlib.pyplot as plt
@@ -25,7 +26,7 @@ island = [(3.17045, 50.6363), (3.17065, 50.6363), (3.17065, 50.6365), (3.17045, 
 region = grebe.clean_region(shapely.Polygon(shore, [island]), "a pond")
 
 # %%
-# Cells of 8 m, a boat, and a window of speed in which its sensors can measure.
+# Cells of 8 m, a boat, and a speed window in which its sensors can measure.
 
 settings = grebe.PlanSettings(cell_m=8.0, speed_min_mps=0.5, speed_max_mps=1.5, shore_margin_m=1.0)
 planned = grebe.plan_region(region, grebe.vessel_named("blueboat"), settings)
@@ -33,7 +34,7 @@ print(f"{len(planned.survey.targets)} targets, {planned.outcome.time_s / 60:.1f}
 print(f"{planned.check.outside_m2:.0f} m2 of the way lie outside the water")
 
 # %%
-# What it looks like. In local axes x is north and y is east.
+# Draw the plan. In local axes x is north and y is east.
 
 figure, axes = plt.subplots()
 for cell in planned.survey.cells:

@@ -2,7 +2,7 @@
 2. Plan, run and map
 ====================
 
-The whole way in ten lines, through the survey file that also the command line reads.
+From an outline to maps in ten lines, through the survey file that the command line reads too.
 """
 
 import tempfile
@@ -20,7 +20,7 @@ planned = grebe.plan_region(region, grebe.vessel_named("spyboat"), grebe.PlanSet
 picture = grebe.write_plan(planned, folder / "survey.gpkg")
 
 # %%
-# The boat is simulated here; `docs/how-to/add-a-link.md` says how to sail one of your own.
+# The boat is simulated here; `docs/how-to/add-a-link.md` explains how to sail your own.
 
 with grebe.SurveyFile.open(folder / "survey.gpkg") as file:
     report = grebe.run_survey(file, grebe.SimulatedWorld(), grebe.steered_by(), datetime.now(UTC))

@@ -1,8 +1,9 @@
 """
-3. A current that the controller is not told
-============================================
+3. A current that the controller does not know
+==============================================
 
-An observer finds current and wind from how the boat moves; the paper's rule and ours, side by side.
+An observer estimates current and wind from the boat's motion, here with the paper's rule and with
+Grebe's.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 4. A rule of your own
 =====================
 
-A rule fills in the stages of a horizon. This one goes for the current set and nothing else, in ten
-steps of a second: what a researcher writes first, in the same loop as ours.
+A rule fills in the stages of a horizon. This one aims at the current set alone, in ten steps of a
+second. It is what a researcher would write first, and runs in the same loop as Grebe's rules.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from grebe.mission.trial import meander
 
 @dataclass(frozen=True)
 class OneSet:
-    """Draw every stage to the current set, and ask that the last node lies in it."""
+    """Attract every stage to the current set, and require the last node to be in it."""
 
     stages: int = 10
     step_s: float = 1.0
@@ -36,7 +36,7 @@ class OneSet:
 
 
 # %%
-# It steers like any other.
+# It steers the boat like any other rule.
 
 boat, cells = grebe.vessel_named("benchmark"), meander(rows=2, columns=4)
 start = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)

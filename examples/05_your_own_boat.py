@@ -2,7 +2,7 @@
 5. A boat of your own
 =====================
 
-Masses by the paper's formulas, drag from a towing test, thrusters with a lag: one record.
+A vessel is one record: masses by the paper's formulas, drag from a towing test, thrusters with lag.
 """
 
 import grebe
@@ -19,7 +19,7 @@ print(f"{punt.name} makes {punt.speed_max_mps:.2f} m/s at full thrust")
 print(f"12 N are {punt.throttle_of(12.0):.0%} of an actuator's command")
 
 # %%
-# The controller knows its masses and drag; the simulated boat has the lag as well.
+# The controller knows the masses and the drag; the simulated boat has the lag as well.
 
 cells = meander(rows=2, columns=5)
 trial = grebe.fly(punt, cells, grebe.Controller(punt, cells), (-10.0, 2.5, 0, 0, 0, 0))

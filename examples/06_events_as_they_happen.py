@@ -2,7 +2,8 @@
 6. Events as they happen
 ========================
 
-A mission says what happens. A listener hears it; here it stops the mission after four sets.
+A mission reports what happens as events. A listener receives them; this one stops the mission after
+four sets.
 """
 
 import shapely
@@ -22,7 +23,7 @@ recorder = grebe.MemoryRecorder()
 
 
 def listen(event):
-    """Print what matters, and stop in time."""
+    """Print some of the events, and stop the mission after four sets."""
     if isinstance(event, Reached):
         print(f"{event.elapsed_s:5.1f} s  set {event.target_seq} is reached")
         if event.count == 4:
@@ -38,7 +39,7 @@ mission = grebe.Mission(
 report = mission.run()
 
 # %%
-# Everything that was said is in the recorder: also the horizon that each step planned.
+# The recorder has all events, including the horizon that each step planned.
 
 horizons = recorder.of(Prediction)
 print(

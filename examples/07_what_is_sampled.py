@@ -2,8 +2,8 @@
 7. What is sampled
 ==================
 
-By default every second within the speed window is kept; the paper keeps what lies in target
-sets. Where the sets lie apart, as here, that makes a difference.
+By default a sample is stored for every second within the speed window; the paper stores only
+samples in target sets. This makes a difference if the sets are apart, as here.
 """
 
 import matplotlib.pyplot as plt

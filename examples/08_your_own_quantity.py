@@ -2,7 +2,7 @@
 8. A quantity of your own, from a track that was driven by hand
 ===============================================================
 
-A table of TOML tells what it is; the track's column is found by its name.
+A TOML table describes the quantity; its column in the track is found by name.
 """
 
 import tempfile
@@ -35,7 +35,7 @@ for t, n, e, value in zip(seconds, north, east, level, strict=True):
 (folder / "track.csv").write_text("\n".join(rows))
 
 # %%
-# The file beside the survey is read without being asked for.
+# The file next to the track is read automatically.
 
 done = grebe.import_track(folder / "track.csv", folder / "track.gpkg")
 print(f"{done.samples} samples of {', '.join(done.quantities)}")

@@ -2,7 +2,7 @@
 9. Maps by another method
 =========================
 
-Fit, then ask: two methods on the same readings around an island, and what each knows behind it.
+Two methods are fitted to the same readings around an island, and compared on both sides of it.
 """
 
 import matplotlib.pyplot as plt
@@ -22,7 +22,8 @@ values = np.where(places[:, 0] < 50, 8.0, 9.0) + rng.normal(0, 0.05, len(places)
 readings = Readings(positions=places, values=values)
 
 # %%
-# Kriging looks through the island, the field of the stochastic equation goes around it.
+# Kriging correlates places through the island; the field of the stochastic equation does so around
+# it.
 
 figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 for side, method in zip(axes, (grebe.Kriging(), grebe.Spde()), strict=True):

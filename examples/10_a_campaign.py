@@ -2,8 +2,8 @@
 10. A campaign of simulated missions
 ====================================
 
-A few missions in weather that differs, each a pure function of the settings and its number, and
-what they allow to be said of the next one. `grebe campaign` does this with very many.
+A few missions in different weather, each a pure function of the settings and its number, and what
+they imply for the next one. `grebe campaign` does this with very many.
 """
 
 import matplotlib.pyplot as plt
@@ -35,7 +35,7 @@ campaign = Campaign(
 )
 
 # %%
-# Any engine gives the same: `Processes()` or `Dask()` in place of `Serial()`.
+# `Processes()` or `Dask()` in place of `Serial()` gives the same results.
 
 scene = Scene(campaign=campaign, survey=survey)
 missions = [one for _, one in Serial().results(scene, range(campaign.missions))]
@@ -44,7 +44,7 @@ limit = clopper_pearson_lower(successes, len(missions), campaign.claim.confidenc
 print(f"{successes} of {len(missions)} succeeded: at least {limit:.0%} do, with 90 % confidence")
 
 # %%
-# How long they took, by the current.
+# The duration of the missions over the current.
 
 figure, axes = plt.subplots(figsize=(5, 3.5), layout="constrained")
 axes.plot([one.drawn["current_mps"] for one in missions], [one.duration_s for one in missions], "o")

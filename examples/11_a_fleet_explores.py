@@ -2,7 +2,7 @@
 11. A fleet that explores together
 ==================================
 
-Three boats share a lake out among themselves, sail at once, keep apart, and fill one survey file.
+Three boats share a lake, sail at the same time, keep apart, and fill one survey file.
 """
 
 import tempfile
@@ -32,8 +32,8 @@ planned = plan_fleet(lake, PRESETS["spyboat"], settings)
 print("predicted [s]:", [round(part.time_s) for part in planned.revision.sorties])
 
 # %%
-# Each boat has a controller and an estimate of its own. It claims the water that it could come to
-# before it has stopped, and where its claim would come too near to another's it waits.
+# Each boat has its own controller and its own estimate. It claims the water that it could reach
+# before it stops, and waits if its claim would come too near to another boat's.
 
 path = Path(tempfile.mkdtemp()) / "fleet.gpkg"
 write_survey(path, planned.survey, revision=planned.revision)
@@ -61,7 +61,7 @@ with grebe.SurveyFile.open(path) as file:
 print(f"{report.reached} of {report.targets} sets in {report.duration_s:.0f} s")
 
 # %%
-# Whose way is whose.
+# The tracks of the boats.
 
 figure, axes = plt.subplots(layout="constrained")
 for (boat, way), colour in zip(ways.items(), ("#0072B2", "#D55E00", "#009E73"), strict=True):

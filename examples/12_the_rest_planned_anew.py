@@ -2,10 +2,10 @@
 12. The rest of a survey, planned anew
 ======================================
 
-Two layers: a planner that puts the cells in order, and a controller that sees a few of them ahead.
-Where the lake turns out otherwise - here a part of it is closed and a current rises - the planner
-makes a revision from where the boat is. It is a pure function; `grebe run --replan` calls it while
-the boat sails on.
+Grebe has two layers: a planner that puts the cells in order, and a controller that sees a few of
+them ahead. When conditions differ from the plan - here a part of the lake is closed and a current
+rises - the planner makes a revision from the boat's position. It is a pure function, which
+`grebe run --replan` calls while the boat sails on.
 """
 
 import matplotlib.pyplot as plt
@@ -46,7 +46,7 @@ new = replanned(
 print(f"revision {new.number} ({new.reason}): {len(left_out(old, new))} cells are left out")
 
 # %%
-# Both orders; what was reached stays in front as it was.
+# Both orders. The targets that were reached stay in front, unchanged.
 
 figure, both = plt.subplots(1, 2, sharey=True, layout="constrained")
 for axes, revision in zip(both, (old, new), strict=True):

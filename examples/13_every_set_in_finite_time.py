@@ -2,8 +2,8 @@
 13. Every set in finite time
 ============================
 
-The paper's proof of arrival needs sets that the boat can stay in. Which sets are such, and what
-holds for the others: arrivals in currents that the controller is not told of.
+The paper's proof of arrival needs sets in which the boat can stay. This example shows which sets
+allow that, and for the others the arrivals in currents that the controller does not know.
 """
 
 import matplotlib.pyplot as plt
@@ -19,8 +19,9 @@ boat = grebe.vessel_named("spyboat")
 bounds = FreeBounds(sway_mps=0.1, yaw_rate_radps=0.2)
 
 # %%
-# A cell with a window of speed around rest can be kept; one that asks the boat to move cannot: a
-# boat that heads out of it at the window's top is outside a second later, whatever it does.
+# The boat can stay in a cell whose speed window includes rest. It cannot stay in one whose window
+# requires it to move: if it heads out at the top of the window, it is outside a second later,
+# whatever it does.
 
 for window in ((-0.3, 0.3), (1.0, 2.0)):
     found = SetCheck(boat, rectangle((0, 5), (0, 5), window), 1.0).search(bounds, states=256)
@@ -28,9 +29,9 @@ for window in ((-0.3, 0.3), (1.0, 2.0)):
     print(f"window {window}: the worst of {found.states} states {what}")
 
 # %%
-# So arrival does not follow from invariance. It follows, where the model is exact, from the plan
-# itself: shifted by a step it still enters its sets, at a cost that is lower by the time that
-# passed. What disturbs it delays the arrival; here currents in six directions.
+# So arrival does not follow from invariance. If the model is exact, it follows from the plan
+# itself: shifted by a step, the plan still enters its sets, at a cost that is lower by the time
+# that passed. Disturbances delay the arrival; here they are currents in six directions.
 
 cells, start = meander(rows=3, columns=5), (-6.0, 2.5, 0.0, 0.0, 0.0, 0.0)
 figure, axes = plt.subplots(layout="constrained")

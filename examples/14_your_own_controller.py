@@ -2,9 +2,9 @@
 14. A controller of your own
 ============================
 
-A controller is whoever fills the port `Helm`: asked every `step_s` for the thrusts from a
-state. This one turns towards the next set and goes; it is flown in the same loop, by the same
-simulated boat and in the same weather as ours.
+A controller is any object with the protocol `Helm`: the loop calls it every `step_s` for the
+thrusts at a state. This one turns towards the next set and goes there. It sails in the same loop,
+with the same simulated boat and in the same weather as Grebe's own.
 """
 
 import math
@@ -22,7 +22,7 @@ class Pursuit:
         self.vessel, self.targets, self.reached = vessel, targets, 0
 
     def step(self, state, weather, elapsed_s):  # noqa: ARG002
-        """Thrusts in proportion to what is missing of bearing and speed."""
+        """Return thrusts in proportion to the errors of bearing and speed."""
         north, east, heading, surge, _, yaw_rate = state
         target = self.targets[self.reached]
         to_north, to_east = target.centre[0] - north, target.centre[1] - east
@@ -34,7 +34,7 @@ class Pursuit:
 
 
 # %%
-# In still water, and in a current that nobody was told of.
+# In still water, and in a current that neither controller knows.
 
 boat, cells = grebe.vessel_named("spyboat"), meander(rows=2, columns=4)
 start = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)

@@ -48,7 +48,7 @@ def test_the_evidence_is_the_mixture_s_integral():
 
 @pytest.mark.parametrize("truth", [0.5, 0.8, 0.9])
 def test_the_evidence_against_what_is_true_does_not_grow_on_average(truth):
-    """E M_(n+1) = M_n where the truth is p itself, and no more where it is less."""
+    """E M_(n+1) = M_n if the true probability is p itself, and no more if it is less."""
     for successes, failures in ((0, 0), (3, 1), (40, 2), (10, 10)):
         for less in (0.0, 0.1):
             p = truth - less
@@ -62,8 +62,8 @@ def test_the_evidence_against_what_is_true_does_not_grow_on_average(truth):
 
 
 def ever_wrong(truth: float, missions: int) -> float:
-    """The exact probability that the evidence against the truth ever refutes it: all paths of
-    successes are followed at once, and those that cross are taken out.
+    """The exact probability that the evidence ever refutes the truth: all paths of successes are
+    followed at once, and those that cross the bound are taken out.
     """
     alive, wrong = np.array([1.0]), 0.0
     for n in range(1, missions + 1):
@@ -82,7 +82,7 @@ def test_looked_at_after_every_mission_it_errs_as_rarely_as_it_says(truth):
 
 
 def test_clopper_and_pearson_looked_at_after_every_mission_would_err_more_often():
-    """Why a campaign that stops early has another limit."""
+    """This is why a campaign that stops early has another limit."""
     random = np.random.default_rng(3)
     wins = np.cumsum(random.uniform(size=(2000, 250)) < 0.9, axis=1)
     counts = np.arange(1, 251)

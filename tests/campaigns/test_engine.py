@@ -16,7 +16,7 @@ def squared(number):
 
 
 class DiesOnce:
-    """Kills the worker that first has one of some items in hand: a file says that it has been."""
+    """Kills the first worker that gets each deadly item; a file records that it has happened."""
 
     def __init__(self, folder: Path, deadly: set[int]) -> None:
         self.folder, self.deadly = folder, deadly

@@ -1,4 +1,4 @@
-"""Many surveys are mapped as one is, and one's failure is not the others'."""
+"""Many surveys are mapped like single ones, and the failure of one does not affect the others."""
 
 import json
 from datetime import timedelta

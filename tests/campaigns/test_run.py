@@ -1,4 +1,4 @@
-"""Campaigns as a whole: pure missions, the order of hearing, resumption, the page, the command."""
+"""Complete campaigns: pure missions, the order of results, resumption, the page, the command."""
 
 import json
 import random
@@ -46,7 +46,7 @@ def campaign(claim=None, missions=100, **spreads):
 
 
 def summary_of(number, success):
-    """A mission that somebody else has sailed."""
+    """The summary of a mission, without sailing it."""
     return Summary(
         number=number,
         success=success,
@@ -65,7 +65,7 @@ def summary_of(number, success):
 
 
 class Known:
-    """An engine whose results are known, and which gives them in an order of its own."""
+    """An engine with known results, which it yields in a given order."""
 
     def __init__(self, succeeds, ahead=1, fails_after=None):
         self.succeeds, self.ahead, self.fails_after = succeeds, ahead, fails_after
@@ -301,7 +301,7 @@ def test_a_table_that_is_none_is_said(tmp_path, draw):
 
 
 def test_of_a_plan_in_sorties_a_mission_sails_one_that_is_named(tmp_path):
-    """A fleet's plan was certified as if its first boat sailed all of it."""
+    """Regression: a fleet's plan was certified as if its first boat sailed all of it."""
     wanted = PlanSettings(cell_m=10.0, fleet=FleetSettings(boats=2))
     region = Region(name="pond", frame=FRAME, water=shapely.box(0, 0, 40, 40))
     planned = plan_fleet(region, PRESETS["spyboat"], wanted)
@@ -343,7 +343,7 @@ print([sail(int(number)) for number in sys.argv[1:]][-1])
 
 @pytest.mark.slow
 def test_a_mission_is_the_same_whatever_its_process_has_sailed_before():
-    """Of 60 missions this one differed in its last digits after number 4, and not after others."""
+    """Regression: of 60 missions this one differed in its last digits after number 4 alone."""
     root = Path(__file__).parents[2]
     told = [
         subprocess.run(

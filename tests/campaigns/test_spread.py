@@ -1,4 +1,4 @@
-"""What each mission draws."""
+"""The settings that each mission draws."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What every boat link keeps; a link of one's own is added to `LINKS` to be held to it."""
+"""The contract of every boat link; add your own link to `LINKS` to test it too."""
 
 import json
 import math
@@ -34,7 +34,7 @@ BOAT = SURVEY.vessel
 
 
 def order(port_n, starboard_n, state=(0.0,) * 6):
-    """The order that the mission would give from a state."""
+    """The order that the mission would give at a state."""
     thrusts = (port_n, starboard_n)
     surge, yaw_rate = held_motion(BOAT, state, thrusts, CALM)
     return Order(thrusts=thrusts, surge_mps=surge, yaw_rate_radps=yaw_rate)
@@ -46,7 +46,7 @@ def simulated(kind=SimulatedLink):
 
 
 class Wrapping(SimulatedLink):
-    """A link whose compass knows only headings from -pi to pi, as most do."""
+    """A link whose compass reports headings from -pi to pi, as most do."""
 
     def _estimate(self):
         north, east, heading, *rest = super()._estimate()
@@ -54,7 +54,7 @@ class Wrapping(SimulatedLink):
 
 
 class OverSocket:
-    """A boat at the other end of a socket: what a user writes for a protocol of her own."""
+    """A boat at the other end of a socket: a link that a user would write for another protocol."""
 
     source = "a boat behind a socket"
 
@@ -124,7 +124,7 @@ def replayed():
 
 
 class Deaf:
-    """Keeps nothing of a drive."""
+    """A recorder of a drive that stores nothing."""
 
     def state(self, time_s, state):
         pass
@@ -143,9 +143,9 @@ LINKS = {
     "recorded": lambda: RecordingLink(simulated(), Deaf()),
     "in turn": lambda: InTurn(simulated(), Rota([1]), 1),
 }
-# Boats that follow thrusts without a lag of their own: on them a mission is the same.
+# Boats that follow thrusts without lag: a mission is the same on all of them.
 BARE = ("simulated", "wrapping", "socket")
-# A recording goes its own way, whatever it is told.
+# A replay follows its recording, whatever it is ordered.
 ALL = LINKS | {"replay": replayed}
 
 

@@ -1,4 +1,4 @@
-"""What every way to make a map keeps to: the built-in ones, and the one of the how-to."""
+"""The contract of every map method: the built-in ones, and the one of the how-to."""
 
 import re
 from pathlib import Path
@@ -47,7 +47,7 @@ def truth(places):
 
 
 def readings(noise=0.0, shift=0.0, scale=1.0):
-    """Along lanes of half the water; nothing was read beyond north 60 m."""
+    """Readings in a part of the water, none of them beyond north 60 m."""
     rng = np.random.default_rng(4)
     places = rng.uniform((5, 5), (60, 95), (150, 2))
     values = truth(places) + rng.normal(0, noise, len(places)) if noise else truth(places)
@@ -94,7 +94,7 @@ def test_another_unit_gives_the_same_map(method, shift, scale):
     moved = method.fit(readings(0.1, shift, scale), DOMAIN)
     places = DOMAIN.grid.nodes[::7]
     sd = plain.sd(places)
-    # Searches for parameters end within their tolerance, which is some thousandths of the sd.
+    # The search for parameters ends within its tolerance, some thousandths of the sd.
     error = (moved.mean(places) - shift) / scale - plain.mean(places)
     assert np.abs(error / np.maximum(sd, 1e-6)).max() < 0.02
     assert moved.sd(places) / abs(scale) == pytest.approx(sd, rel=0.02, abs=1e-6)

@@ -1,4 +1,4 @@
-"""What every rule must do; two of them are defined here, as a user would."""
+"""The contract of every rule; two rules are defined here, as a user would define them."""
 
 import copy
 import inspect
@@ -113,7 +113,7 @@ def test_a_proposal_has_the_sizes_of_its_shape(rule, state, count):
     for name, array in arrays(proposal.horizon).items():
         assert array.shape == np.shape(getattr(blank, name)), name
         assert np.isfinite(array).all(), name
-    # What thrusters can give is the controller's to know, not the rule's.
+    # The limits of the thrusters are the controller's business, not the rule's.
     assert proposal.horizon.thrust_bounds is None
     bounds = proposal.horizon.duration_bounds
     assert np.all((bounds[:, 0] > 0) & (bounds[:, 0] <= bounds[:, 1]))
@@ -135,7 +135,7 @@ def excess(rows, place):
 @each_rule
 @given(state=states(40))
 def test_a_mirrored_situation_gives_a_mirrored_horizon(rule, state):
-    """Sets are compared by what they hold: a mirror image has its sides in another order."""
+    """Sets are compared by their extent: a mirror image has its sides in another order."""
     shape = shape_of(rule)
     one = rule.propose(ahead(state), shape)
     other = rule.propose(ahead(tuple(MIRROR * state), MIRRORED), shape)
@@ -165,7 +165,7 @@ def test_every_rule_completes_a_small_mission(rule):
     ("page", "shown"), [("add-a-rule.md", "Sprint"), ("add-a-vessel.md", "punt")]
 )
 def test_the_how_to_s_show_the_code_that_is_flown_here(page, shown):
-    """The block of code of each page runs by itself and holds the source that is tested."""
+    """The code block of each page runs by itself and contains the source that is tested here."""
     text = (HOW_TO / page).read_text()
     code = re.search(r"```python\n(.*?)```", text, re.DOTALL).group(1)
     assert inspect.getsource(globals()[shown]) in code

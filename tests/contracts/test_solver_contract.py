@@ -1,4 +1,4 @@
-"""What every solver must do, on one common set of problems; one of them is defined here."""
+"""The contract of every solver, on a common set of problems; one solver is defined here."""
 
 import subprocess
 import sys
@@ -23,7 +23,7 @@ SHAPE = HorizonShape(stages=15, substeps=model_substeps(BOAT, 1.0))
 
 
 class Polished:
-    """A user's own solver: the fast one, whose plan FATROP then takes as its start."""
+    """A user's own solver: FATROP, started from the plan of the fast solver."""
 
     def __init__(self, first: Solver, last: Solver) -> None:
         self.first, self.last = first, last
@@ -57,7 +57,7 @@ def start(sets, state):
 
 
 def impossible():
-    """Within the first second in a set that is 20 m ahead: the hard problem has no solution."""
+    """Require a set 20 m ahead within the first second: the hard problem is infeasible."""
     state, horizon, sets = posed((-20, 2.5, 0, 1.0, 0, 0), [CELL], Single())
     horizon.require(1, CELL.halfspaces, DUAL.entry_penalty)
     return state, horizon, sets

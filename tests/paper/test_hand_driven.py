@@ -39,7 +39,7 @@ def test_the_settled_samples_alone_count(hand):
 
 @pytest.mark.slow
 def test_the_surveys_compared_are_as_long_in_time_and_in_way(hand, monkeypatch):
-    """By their plans' own lengths, for the search: to sail each trial takes minutes."""
+    """The search is tested with the lengths of plans, since sailing each trial takes minutes."""
 
     def as_planned(survey, way):
         outcome = survey.outcome
@@ -56,10 +56,10 @@ def test_the_surveys_compared_are_as_long_in_time_and_in_way(hand, monkeypatch):
 
 @pytest.mark.slow
 def test_the_same_water_is_sampled_both_ways(hand):
-    """One water: the planned survey of the same duration makes the better map, mostly."""
+    """For one water, the planned survey of the same duration mostly makes the better map."""
     driven, timed = ways = claim.ways(hand, same_length=False)
     assert timed.duration_s <= driven.duration_s
-    # Two of the four quantities: the maps of all take minutes, and `grebe paper claim` has them.
+    # Two of the four quantities: all maps take minutes, and `grebe paper claim` makes them.
     scores = list(islice(claim.measure(hand, ways, seeds=1), 2 * 2))
     assert len({score.quantity for score in scores}) == 2
     rows = claim.summary(scores)

@@ -1,4 +1,4 @@
-"""The paper's figures show what they must, and the command says so."""
+"""The paper's figures pass their checks, and the command says so."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Where it pays to go next: what is chosen keeps the time and makes the map surer than chance."""
+"""The choice of the next places keeps the budget and makes the map surer than a random choice."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def way_s(route):
 
 
 def passed(route):
-    """The places that straight legs come nearest to, found by walking them in small steps."""
+    """The places nearest to straight legs, found by following the legs in small steps."""
     met = set()
     for a, b in pairwise(PLACES[[START, *route]]):
         for share in np.linspace(0, 1, 41):
@@ -98,8 +98,8 @@ def test_no_time_is_no_place():
 
 
 def test_readings_on_the_way_count():
-    """Beyond what is known, a place at the end of unknown water is worth more than one beside it
-    at the end of known water, for the same way there.
+    """A place at the end of unknown water is worth more than one beside it at the end of known
+    water, if the paths are equally long.
     """
     known = [k for k, (n, _) in enumerate(PLACES) if n == 0]
     route, _ = chosen(worth(known=known), 100.0)
@@ -134,13 +134,13 @@ def test_what_others_announce_counts_as_read():
 
 
 def test_two_boats_that_plan_one_after_the_other_do_not_read_the_same_places():
-    """From the same start; and together they leave less than two that know nothing of each other,
-    or one that would have sailed its way twice.
+    """Both start at the same place. Together they leave less variance than two boats that know
+    nothing of each other, or one that sails its path twice.
     """
     given = worth(known=range(22))
     first, _ = chosen(given, 200.0)
     second, left = chosen(once_read(given, WAYS, [announced_way(first)]), 200.0)
-    # Both leave the same place: what is near it is passed by both.
+    # Both leave the same place, so both pass the places near it.
     both = set(passed(first)) & set(passed(second))
     assert len(both) < 0.35 * len(passed(second))
     assert set(passed(chosen(given, 200.0)[0])) == set(passed(first))

@@ -1,4 +1,4 @@
-"""Coasts of very many vertices are drawn with fewer, and never on land."""
+"""Coasts with very many vertices are simplified, and never onto land."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""How long a fleet takes: rounds of one sortie for each boat, and ways by land between harbours."""
+"""The time of a fleet: rounds of one sortie per boat, and transport by land between harbours."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HERE, THERE = Pose(north_m=0.0, east_m=0.0), Pose(north_m=0.0, east_m=80.0)
 
 
 def plan_of(*sorties):
-    """A plan of sorties, each a boat, a harbour and a time [s], with one target."""
+    """A plan of sorties with one target each, given as boat, harbour and time [s]."""
     ring = ((0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 5.0))
     sets = sets_of([ring] * len(sorties), [(0.0, 1.0)] * len(sorties))
     targets = tuple(

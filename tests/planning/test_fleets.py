@@ -1,4 +1,4 @@
-"""A survey that is shared out: every cell is somebody's, in parts that take alike."""
+"""A survey that is shared out: every cell is in one part, and the parts take about equally long."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_every_cell_is_in_one_part_alone_and_parts_are_alike(boats, width, heigh
     assert planned.check.holds
     assert len({t.seq for t in cells}) == len(cells)
     times = np.array([one.time_s for one in planned.revision.sorties])
-    # One cell more or less is what no sharing can balance.
+    # No sharing can balance a difference of one cell.
     cell_s = planned.outcome.time_s / len(cells)
     assert times.max() - times.min() < 0.3 * times.mean() + 4 * cell_s
 
@@ -104,7 +104,7 @@ def test_what_cannot_be_shared_is_refused():
 
 
 def test_unlike_boats_share_by_what_each_can_do():
-    """A boat that turns slowly is given less, and all are done at about the same time."""
+    """A boat that turns slowly gets less, and all boats finish at about the same time."""
     vessels = tuple(PRESETS[name] for name in ("spyboat", "blueboat", "otter"))
     region = Region(name="x", frame=FRAME, water=BEND)
     fleet = FleetSettings(boats=3, vessels=vessels)

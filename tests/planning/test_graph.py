@@ -1,4 +1,4 @@
-"""Shortest ways, parts and trees of a graph, beside SciPy's; and cells that keep a budget."""
+"""Shortest paths, parts and trees of a graph agree with SciPy's; and cells keep a budget."""
 
 import numpy as np
 import pytest

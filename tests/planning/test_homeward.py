@@ -1,4 +1,4 @@
-"""The way home."""
+"""The path home."""
 
 import itertools
 import math

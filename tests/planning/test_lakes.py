@@ -71,7 +71,7 @@ def test_any_lake_is_planned_within_its_water(water, shape, cell, angle):
 def test_cells_are_convex_disjoint_and_cover_the_lake(water, shape, cell, angle):
     cells = mesh_water(water, cell, shape=shape, angle_deg=angle)
     union = shapely.union_all([c.footprint for c in cells], grid_size=1e-7)
-    # Only what is thinner than a hand's breadth and joins no neighbour may be missing.
+    # Only pieces that are thinner than a hand's breadth and join no neighbour may be missing.
     assert shapely.symmetric_difference(union, water, grid_size=1e-7).area < 5e-3 * water.area
     assert sum(c.footprint.area for c in cells) == pytest.approx(union.area, rel=1e-5)
     assert all(is_convex(c.footprint) for c in cells)
@@ -101,8 +101,8 @@ def test_polishing_keeps_every_cell_and_counts_what_it_saves(water, seed):
 
 
 def test_the_parity_bound_of_a_chessboard_with_an_excess():
-    """A 3 x 3 board has five squares of one colour and four of the other; without the middle
-    one, four and four; without two of the larger colour's corners, three and four."""
+    """A 3 x 3 board has five squares of one colour and four of the other; without its middle
+    square, four and four; without two corners of the larger colour, three and four."""
     cells = mesh_water(shapely.box(0, 0, 30, 30), 10)
     assert lower_bound_m(cells, "square", 10) == pytest.approx(80.0)
     dark = [c for c in cells if (c.row + c.column) % 2 == 0]
@@ -112,7 +112,7 @@ def test_the_parity_bound_of_a_chessboard_with_an_excess():
 
 
 def test_a_current_changes_the_best_order():
-    """Remark 12: across a strong current the rows lie otherwise than in still water."""
+    """Remark 12: in a strong current the order differs from the one in still water."""
     region = region_with(shapely.box(0, 0, 60, 40))
     still = plan(region, BOAT, PlanSettings(cell_m=5))
     strong = Weather(current_east_mps=1.2)
@@ -174,7 +174,7 @@ def test_two_basins_with_land_between_them_are_reported():
 
 
 def test_the_checker_sees_land_under_a_way():
-    """A plan whose order is mixed up crosses the land, and the check says by how much."""
+    """A plan in a shuffled order crosses the land, and the check reports the area."""
     bay = shapely.box(0, 0, 40, 40).difference(shapely.box(10, 15, 40, 25))
     survey = plan(region_with(bay), BOAT, PlanSettings(cell_m=5)).survey
     far = max(survey.targets, key=lambda t: t.set.centre[0] + t.set.centre[1])
@@ -246,7 +246,7 @@ def bay_of(region):
     ],
 )
 def test_a_real_lake_is_surveyed_without_touching_land(name, cell, current):
-    """Alamillo has nine islands; of Allequash a bay is taken."""
+    """Alamillo has nine islands; Allequash is cut down to one bay."""
     region = real(name) if name == "alamillo" else bay_of(real(name))
     survey = plan(region, BOAT, PlanSettings(cell_m=cell, shore_margin_m=1.0)).survey
     pilot = Controller(BOAT, survey.sets, corridors=survey.corridors)

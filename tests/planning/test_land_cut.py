@@ -1,4 +1,4 @@
-"""What is left of a box around a hull once the land is cut off it."""
+"""The rest of a box around a hull after the land is cut off."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def left(hull: shapely.Polygon, box: shapely.Polygon, water: shapely.Polygon) ->
 
 
 def differs_m2(one: shapely.Polygon, other: shapely.Polygon) -> float:
-    """The area that one of two has and the other has not."""
+    """The area of the symmetric difference of two polygons."""
     return one.symmetric_difference(other).area
 
 

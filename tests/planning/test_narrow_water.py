@@ -1,4 +1,4 @@
-"""Rivers and arms: what is narrower than a cell is planned whole, or it is said that it is not."""
+"""Rivers and arms: water narrower than a cell is planned completely, or the plan says otherwise."""
 
 import numpy as np
 import pytest

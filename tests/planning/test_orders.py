@@ -1,4 +1,4 @@
-"""The order of the cells: what its ways cost, how short it is, and what a boat takes for it."""
+"""The order of the cells: the costs of its legs, its length, and the time that a boat takes."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_squares_in_a_row_are_touched_by_a_straight_line():
 
 
 def test_a_bank_is_touched_where_light_would_be_reflected():
-    """Heron of Alexandria: by way of a mirror the shortest way makes equal angles."""
+    """Heron of Alexandria: the shortest path by way of a mirror makes equal angles."""
     bank = shapely.box(-1000, 10, 1000, 30)
     end = shapely.Point(30, 0).buffer(1e-3)
     mirror = drawn(bank).bounds[1]
@@ -83,7 +83,7 @@ def test_no_place_of_a_taut_way_can_be_moved_to_shorten_it(spots, seed):
 
 
 def test_a_way_around_a_spit_is_as_long_as_it_is():
-    """A wall of 1 m from one shore leaves 5 m at its end: from one side of it to the other."""
+    """A wall 1 m thick reaches from one shore to 5 m from the other; the path leads around it."""
     water = shapely.box(0, 0, 40, 20).difference(shapely.box(19.5, 0, 20.5, 15))
     cells = mesh_water(water, 5.0)
     network = connect(cells, water, 5.0)
@@ -101,7 +101,7 @@ def test_a_way_around_a_spit_is_as_long_as_it_is():
 
 @pytest.mark.parametrize("side", [4, 6, 8])
 def test_a_board_is_visited_without_a_diagonal(side):
-    """K - 1 steps of one cell: what no order can undercut."""
+    """K - 1 steps of one cell, which no order can undercut."""
     planned = plan(field(shapely.box(0, 0, 5 * side, 5 * side)), BOAT, PlanSettings(cell_m=5))
     assert planned.outcome.gap == pytest.approx(0.0, abs=1e-9)
     assert planned.outcome.length_m == pytest.approx(5 * (side**2 - 1))

@@ -1,4 +1,4 @@
-"""What a slow sortie has no time for becomes a sortie of its own; the others stay."""
+"""Cells for which a slow sortie has no time become a sortie of their own; the others stay."""
 
 import pytest
 import shapely

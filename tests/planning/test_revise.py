@@ -1,4 +1,4 @@
-"""The rest of an order, planned anew: what was reached stays, and all that is left is visited."""
+"""The rest of an order is replanned: reached targets stay, and all remaining cells are visited."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def halfway(survey, reached, sortie=None):
 
 
 def rest_of(survey, new, reached, place):
-    """What a revision has ahead of it, as a survey that begins where the boat is."""
+    """The targets ahead in a revision, as a survey that begins at the boat's place."""
     start = replace(survey.start, north_m=place[0], east_m=place[1])
     ahead = (new.targets[reached:], new.corridors[reached:])
     return replace(survey, targets=ahead[0], corridors=ahead[1], start=start)
@@ -98,7 +98,7 @@ def closed_revision(survey, zone, place, reached=0):
 
 
 def test_what_a_closed_area_leaves_of_cells_is_still_a_way(strait):
-    """A closed area takes a piece of every cell of a strait's middle row: none is left whole."""
+    """A closed area cuts every cell of a strait's middle row: none of them stays complete."""
     zone = shapely.box(5, 145, 55, 155)
     new = closed_revision(strait, zone, (30.0, 20.0))
     cells = [t.set.polygon for t in new.targets if t.kind == "cell"]

@@ -1,4 +1,4 @@
-"""A second survey follows the first in one file, for whichever boats and batteries."""
+"""A second survey follows the first in one file, for any boats and batteries."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_what_is_planned_for_other_boats_has_settings_of_its_own(followed, tmp_p
         assert [one.settings for one in file.revisions()] == [survey.settings, TWO]
         part = survey_of(file.survey, file.revision, file.revision.sorties[-1])
         assert part.settings == TWO
-        # Who begins anew sails the first plan, with the boat that it was made for.
+        # A mission that is begun anew sails the first plan, with the boat that it was made for.
         again = begun_anew(file.revisions())
         assert again is not None
         assert again.settings == survey.settings

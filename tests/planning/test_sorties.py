@@ -1,4 +1,4 @@
-"""Sorties hold every cell once, stay in the water, and let the boat come home from anywhere."""
+"""Sorties contain every cell once, stay in the water, and let the boat get home from anywhere."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Trips around a harbour: wedges, what is cut out of one that is too long, and exchanges."""
+"""Trips around a harbour: wedges, stretches cut out of trips that are too long, and exchanges."""
 
 from itertools import pairwise
 from types import SimpleNamespace
@@ -42,7 +42,7 @@ def lake():
 
 
 def comes_home(costs, ports, route):
-    """The longest that a trip takes, turned for home at any of its cells or sailed whole."""
+    """Whether a trip keeps its limit, both sailed completely and turned for home at any cell."""
     if len(route) == 0:
         return True
     spent = ports.out[0, route[0]]
@@ -95,7 +95,7 @@ def test_what_is_left_of_a_trip_keeps_the_limit_and_no_shorter_stretch_would_do(
 
 @pytest.mark.parametrize("limit_s", [1500.0, 2500.0, 6000.0])
 def test_exchanged_trips_hold_each_cell_once_and_keep_the_limit(lake, limit_s):
-    """Also where far more cells wait than can be tried in each round."""
+    """This includes cases with far more waiting cells than can be tried in each round."""
     ports = lake.ports._replace(limit_s=limit_s)
     members = np.flatnonzero(lake.lake.wanted)
     trips = [np.zeros(0, dtype=np.int64)] * 3
@@ -108,7 +108,7 @@ def test_exchanged_trips_hold_each_cell_once_and_keep_the_limit(lake, limit_s):
 
 
 def test_a_trip_that_is_a_little_too_long_gives_cells_to_one_that_has_room(lake):
-    """All cells stay, each trip keeps the limit, and where no other has room it is said."""
+    """All cells stay, each trip keeps the limit, and the result is None if no other has room."""
     orders, harbours = wedges(lake.lake, lake.ports, 3)
     found = improved_trips(lake.costs, lake.ports, orders, harbours, 50_000, HOT)[0]
     seconds = [

@@ -1,4 +1,4 @@
-"""Unlike boats in sorties: each comes home in time by its own battery, from its own part."""
+"""Sorties of unlike boats: each gets home in time on its own battery, from its own part."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_sortie_is_planned_with_the_vessel_and_the_battery_of_its_boat(by_batt
 
 
 def test_the_check_goes_by_each_boats_own_battery(by_battery):
-    """With a battery half as large the sorties of that boat alone are not proved any more."""
+    """If one boat's battery were half as large, only the sorties of that boat would fail."""
     sorties = replace(by_battery.survey.settings.sorties, batteries_wh=(75.0, 160.0))
     settings = replace(by_battery.survey.settings, sorties=sorties)
     weaker = replace(by_battery, revision=replace(by_battery.revision, settings=settings))

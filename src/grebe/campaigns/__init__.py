@@ -1,1 +1,1 @@
-"""Campaigns: very many simulated missions, and what they allow to be claimed of the next one."""
+"""Campaigns: very many simulated missions, and the claims about the next one that they support."""

@@ -1,15 +1,15 @@
-"""What successes out of missions allow to be claimed of the probability of success.
+"""Confidence limits of the probability of success, from the successes of missions.
 
-Two lower confidence limits. For a number of missions that was fixed beforehand, the exact one of
-Clopper and Pearson (Biometrika 26, 1934). For a campaign that is looked at after each mission and
-stops when it likes, a confidence sequence: with q mixed uniformly over (p, 1], the likelihood
-ratio
+There are two lower limits. For a number of missions that was fixed beforehand, it is the exact
+limit of Clopper and Pearson (Biometrika 26, 1934). For a campaign that is examined after each
+mission and may stop at any time, it is a confidence sequence. With q mixed uniformly over (p, 1],
+the likelihood ratio
 
     M_n(p) = int_p^1 q^s (1-q)^f dq / ((1-p) p^s (1-p)^f),   s successes, f failures, n = s + f,
 
-is a supermartingale that begins at 1 wherever the true probability is p or less, so that by
-Ville's inequality it ever exceeds 1/alpha with a probability of at most alpha (Robbins, Ann. Math.
-Stat. 41, 1970). The limit after n missions is the largest p that has been refuted by then.
+is a supermartingale that begins at 1 if the true probability is p or less. By Ville's inequality
+it then ever exceeds 1/alpha with a probability of at most alpha (Robbins, Ann. Math. Stat. 41,
+1970). The limit after n missions is the largest p that has been refuted by then.
 """
 
 from __future__ import annotations
@@ -29,14 +29,15 @@ from grebe.core.errors import UsageError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# The limit is found to this accuracy, and rounded to the cautious side by it.
+# The limit is found to this accuracy, and then lowered by it to be on the safe side.
 ACCURACY = 1e-9
-# Less of the mixture than this lies beyond p: its likeliest q are far below, and no evidence.
+# If the mixture's weight beyond p is less than this, the likeliest q are far below p, and there is
+# no evidence.
 TINY = 1e-280
 
 
 class Verdict(StrEnum):
-    """What became of a claim: as sure as it was to be, refuted as surely, or neither."""
+    """The verdict on a claim: certified with its confidence, refuted with the same, or neither."""
 
     CERTIFIED = "certified"
     REFUTED = "refuted"
@@ -45,8 +46,10 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A claim to be decided: at least `share` succeed, with `confidence`. Without a share nothing
-    is decided, and the limit is that of a number of missions fixed beforehand.
+    """A claim to decide: at least `share` of missions succeed, with `confidence`.
+
+    Without a share nothing is decided, and the limit is that for a number of missions fixed
+    beforehand.
     """
 
     confidence: float = 0.99
@@ -64,7 +67,7 @@ class Claim:
 
     @property
     def alpha(self) -> float:
-        """The probability of a wrong limit."""
+        """The greatest probability of a wrong limit."""
         return 1.0 - self.confidence
 
 
@@ -91,7 +94,7 @@ def log_evidence(successes: int, failures: int, share: float) -> float:
 
 
 def refuted_below(successes: int, failures: int, alpha: float) -> float:
-    """Return the largest p such that all up to it are refuted by these counts alone."""
+    """Return the largest p up to which every value is refuted by these counts alone."""
     if successes == 0:
         return 0.0
     best = successes / (successes + failures)
@@ -111,26 +114,27 @@ def refuted_below(successes: int, failures: int, alpha: float) -> float:
 
 
 def confidence_sequence(outcomes: Sequence[bool], alpha: float) -> NDArray[np.float64]:
-    """Return the lower limit after each mission, (n,): all hold at once with probability 1 - alpha.
+    """Return the lower limit after each mission, (n,).
 
-    A limit once reached is kept: what has been refuted stays refuted.
+    All limits hold at once with a probability of at least 1 - alpha. They never fall: a value of p
+    that has been refuted stays refuted.
     """
     limits = np.zeros(len(outcomes))
     successes, best = 0, 0.0
     for i, success in enumerate(outcomes):
         successes += success
-        if success:  # a failure refutes no p that was not refuted before
+        if success:  # a failure refutes no further p
             best = max(best, refuted_below(successes, i + 1 - successes, alpha))
         limits[i] = best
     return limits
 
 
 class SequentialTest:
-    """Hears outcomes one by one, in the order of the missions' numbers, and decides a claim.
+    """Takes outcomes one by one, in the order of the missions' numbers, and decides a claim.
 
-    That order matters: missions that end early would be heard first otherwise, and those fail
-    less. Certified when the lower limit reaches the claimed share, refuted when the upper one,
-    of the same kind and confidence, is below it.
+    That order matters: otherwise missions that end early would count first, and those fail less.
+    The claim is certified when the lower limit reaches the claimed share, and refuted when the
+    upper limit, of the same kind and confidence, is below it.
     """
 
     def __init__(self, claim: Claim) -> None:
@@ -141,7 +145,7 @@ class SequentialTest:
 
     @property
     def missions(self) -> int:
-        """How many outcomes have been heard."""
+        """The number of outcomes that count."""
         return self.successes + self.failures
 
     def hear(self, *, success: bool) -> Verdict:

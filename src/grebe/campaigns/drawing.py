@@ -1,4 +1,4 @@
-"""The picture of a campaign: how sure it became, how its missions went, and which failed."""
+"""The picture of a campaign: the confidence limit, the missions' results, and the failures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _draw_limit(axes: Axes, outcome: Outcome) -> None:
 
 
 def _limits(outcome: Outcome, outcomes: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The limit after each mission; of a fixed number only the last one counts."""
+    """The limit after each mission; for a fixed number of missions, the final limit throughout."""
     claim = outcome.campaign.claim
     if outcome.is_sequential:
         return confidence_sequence(list(map(bool, outcomes)), claim.alpha)
@@ -90,7 +90,7 @@ def _draw_weather(axes: Axes, outcome: Outcome) -> None:
 
 
 def _scatter(axes: Axes, outcome: Outcome, x: list[float], y: list[float]) -> None:
-    """Successes as dots, failures as crosses: to be told apart without colours too."""
+    """Draw successes as dots and failures as crosses, to distinguish them without colours too."""
     good = np.array([one.success for one in outcome.missions])
     across, up = np.array(x), np.array(y)
     axes.plot(

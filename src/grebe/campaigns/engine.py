@@ -1,8 +1,8 @@
-"""Where tasks are done: here, in processes of this computer, or on a Dask cluster.
+"""Engines that run tasks: in this process, in processes of this computer, or on a Dask cluster.
 
-An engine is handed a pure function and its arguments and gives results as they come, in whatever
-order. A worker that dies takes nothing with it: what it had in hand is done again by another,
-with the same result. A task that has killed `TRIES` workers is not tried again.
+An engine takes a pure function and its arguments, and yields results as they are ready, in any
+order. Nothing is lost when a worker dies: its tasks are done again by another worker, with the same
+results. A task with which `TRIES` workers have died is not tried again.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ A = TypeVar("A")
 R = TypeVar("R")
 
 TRIES = 5
-# Tasks that each worker has in hand or waiting: none idles, and little is in vain at a stop.
+# Tasks per worker, running or waiting: no worker idles, and little work is wasted at a stop.
 AHEAD = 2
 
 
 class Engine(Protocol):
-    """Does tasks."""
+    """Runs tasks."""
 
     def results(self, task: Callable[[A], R], items: Iterable[A]) -> Generator[tuple[A, R]]:
-        """Give each item with its result, as they come; who closes the generator stops it."""
+        """Yield each item with its result, as results are ready; closing the generator stops it."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class Serial:
-    """One after the other, in this process."""
+    """Runs tasks one after the other, in this process."""
 
     def results(self, task: Callable[[A], R], items: Iterable[A]) -> Generator[tuple[A, R]]:
         """See `Engine`."""
@@ -49,7 +49,7 @@ class Serial:
 
 @dataclass(frozen=True, kw_only=True)
 class Processes:
-    """In `workers` processes of this computer; None: one a core."""
+    """Runs tasks in `workers` processes of this computer (None: one per core)."""
 
     workers: int | None = None
 
@@ -59,7 +59,7 @@ class Processes:
 
     @property
     def count(self) -> int:
-        """How many processes there are."""
+        """The number of processes."""
         return self.workers or os.cpu_count() or 1
 
     def results(self, task: Callable[[A], R], items: Iterable[A]) -> Generator[tuple[A, R]]:
@@ -100,13 +100,13 @@ class _Round:
 
     @property
     def lost(self) -> list[Any]:
-        """What was under way when a worker died, the longest waiting first: so it comes first
-        again, and none is lost time after time because others are killed.
+        """The items under way when a worker died, the longest waiting first. They are started first
+        again, so that no item is lost time after time because of others.
         """
         return [item for _, item in sorted(self._lost, key=lambda one: one[0])]
 
     def results(self) -> Generator[tuple[Any, Any]]:
-        """Give results until all is done or a worker dies; `lost` is what was under way then."""
+        """Yield results until all is done or a worker dies; `lost` are the items under way then."""
         pool = ProcessPoolExecutor(
             self._count, multiprocessing.get_context("spawn"), begin_worker, (os.getpid(),)
         )
@@ -126,7 +126,7 @@ class _Round:
             pool.shutdown(wait=True, cancel_futures=True)
 
     def _fill(self, pool: ProcessPoolExecutor) -> None:
-        """Hand out what fits; a pool that broke meanwhile gives its items back."""
+        """Submit as many items as fit; if the pool is broken, the item goes to the lost ones."""
         room = AHEAD * self._count - len(self._under_way)
         for _ in range(room):
             item = self._again.pop(0) if self._again else next(self._left, _END)
@@ -145,9 +145,9 @@ _END: Any = object()
 
 @dataclass(frozen=True, kw_only=True)
 class Dask:
-    """On a Dask cluster: that of the scheduler at an address, or one of `workers` on this computer.
+    """Runs tasks on a Dask cluster: that of a scheduler's address, or a local one of `workers`.
 
-    Dask itself gives what a lost worker had in hand to another.
+    Dask itself gives the tasks of a lost worker to another.
     """
 
     scheduler: str | None = None
@@ -175,7 +175,7 @@ class Dask:
                     under_way.add(more)
 
     def _cluster(self, distributed: Any) -> AbstractContextManager[Any]:
-        """Where the scheduler is: at the address, or in a cluster that ends with the work."""
+        """The scheduler's address, or a local cluster that ends with the work."""
         if self.scheduler is not None:
             return nullcontext(self.scheduler)
         cluster: AbstractContextManager[Any] = distributed.LocalCluster(
@@ -209,7 +209,7 @@ def _distributed() -> Any:
 
 
 def engine_of(workers: int | None, scheduler: str | None, *, dask: bool = False) -> Engine:
-    """Return the engine that is meant: a cluster, processes, or with one worker this process."""
+    """Return the engine for the settings: a cluster, processes, or for one worker this process."""
     if scheduler is not None or dask:
         return Dask(scheduler=scheduler, workers=workers)
     return Serial() if workers == 1 else Processes(workers=workers)

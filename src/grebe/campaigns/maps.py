@@ -1,4 +1,4 @@
-"""Map many surveys on the engine of campaigns: one's failure is told, and the others go on."""
+"""Map many surveys on a campaign's engine: a failure is reported, and the other surveys go on."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from grebe.workflow.maps import NETCDF_NAME, map_survey, write_maps
 
 @dataclass(frozen=True, kw_only=True)
 class Mapped:
-    """What came of one survey: its maps' labels, what was left out, and what was written; or the
-    `error` that kept it from being mapped. `known`: it had been mapped before.
+    """The result of one survey: the labels of its maps in `folder` and what was left out, or the
+    `error` that prevented them. `known`: it had been mapped before.
     """
 
     file: Path
@@ -31,7 +31,7 @@ class Mapped:
 
 @dataclass(frozen=True, kw_only=True)
 class MapTask:
-    """Called with a survey file it writes its maps to a folder of its own below `out`."""
+    """Called with a survey file, it writes the maps to a folder of their own below `out`."""
 
     out: Path
     settings: MapSettings
@@ -42,11 +42,11 @@ class MapTask:
     every_s: float | None = None
 
     def folder_of(self, file: Path) -> Path:
-        """Where the maps of a survey file go."""
+        """The folder for the maps of a survey file."""
         return self.out / file.stem
 
     def __call__(self, file: Path) -> Mapped:
-        """Map one survey; an error is a value, for the others are not to suffer from it."""
+        """Map one survey; an error is returned as a value, so that other surveys go on."""
         folder = self.folder_of(file)
         try:
             with SurveyFile.open(file) as survey_file:
@@ -67,10 +67,10 @@ def map_many(
     force: bool = False,
     watch: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> list[Mapped]:
-    """Map surveys and return what came of each, in the order of `files`.
+    """Map surveys and return the result of each, in the order of `files`.
 
-    One whose maps are there already is passed over unless by `force`: a call that was cut off is
-    gone on with by calling again.
+    Surveys whose maps exist already are skipped, unless `force` is given: to continue after an
+    interruption, call it again. Raises `UsageError` when two files would be mapped to one folder.
     """
     folders = [task.folder_of(file) for file in files]
     for file, folder in zip(files, folders, strict=True):

@@ -1,4 +1,4 @@
-"""What a campaign allows to be said: the certificate in words and numbers, and a page with it."""
+"""The certificate of a campaign, in words and numbers, and a page that presents it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def sentence(outcome: Outcome) -> str:
 
 
 def verdict_sentence(outcome: Outcome) -> str:
-    """Return what became of the claim, and how."""
+    """Return the verdict on the claim, and how it was reached, in words."""
     share, missions = outcome.campaign.claim.share, len(outcome.missions)
     if share is None:
         return (
@@ -123,7 +123,7 @@ def write_report(outcome: Outcome, folder: Path) -> list[Path]:
 
 
 def spreads_in_words(spreads: Mapping[str, Spread]) -> dict[str, str]:
-    """Return each spread as a reader understands it."""
+    """Return each spread in words."""
     return {name.replace("_", " "): _in_words(spread) for name, spread in spreads.items()}
 
 
@@ -145,7 +145,7 @@ def _in_words(spread: Spread) -> str:
 
 
 def _floor(share: float) -> str:
-    """A lower limit in per cent, never rounded up."""
+    """A lower limit in per cent, rounded down."""
     return f"{np.floor(1e3 * share) / 10:.1f}"
 
 

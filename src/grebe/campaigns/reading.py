@@ -1,4 +1,4 @@
-"""A campaign's file, in TOML, with the survey that it names."""
+"""Read a campaign's file, in TOML, and the survey that it names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TOP = {"name", "survey", "sortie", "missions", "seed", "success", "claim", "draw
 
 @dataclass(frozen=True, kw_only=True)
 class Read:
-    """A campaign with its survey, and what tells it from others."""
+    """A campaign with its survey, and the hash that identifies it."""
 
     campaign: Campaign
     survey: Survey
@@ -34,9 +34,9 @@ class Read:
 
 
 def read_campaign(path: Path) -> Read:
-    """Read a campaign's file; `InputError` says what in it is not as it should be.
+    """Read a campaign's file. Raises `InputError` with the reason when something in it is wrong.
 
-    Paths in it are beside it.
+    Paths in the file are relative to its folder.
     """
     try:
         written = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -58,7 +58,7 @@ def read_campaign(path: Path) -> Read:
 
 
 def _sailed(path: Path, where: Path, file: SurveyFile, number: Any) -> Survey:
-    """What one mission sails of a survey: all of it, or one sortie with the boat that has it."""
+    """The part of a survey that a mission sails: all of it, or one sortie with its own boat."""
     sorties = file.revision.sorties
     if number is None and len(sorties) < 2:
         return survey_of(file.survey, file.revision, sorties[0] if sorties else None)
@@ -73,7 +73,7 @@ def _sailed(path: Path, where: Path, file: SurveyFile, number: Any) -> Survey:
 
 
 def _told(survey: Survey) -> str:
-    """What of a survey a mission depends on, and on which Grebe, in a few letters."""
+    """A hash of all parts of a survey on which a mission depends, and of Grebe's version."""
     shapes = [survey.water, *survey.no_go, *survey.corridors]
     sets = [(one.kind, one.set) for one in survey.targets]
     rest = repr((sets, survey.start, survey.vessel, version("grebe"))).encode()
@@ -119,7 +119,7 @@ def _words(spreads: Mapping[str, Spread], name: str) -> list[str]:
 
 
 def _boats(path: Path, names: list[str]) -> dict[str, Vessel]:
-    """The vessels of some names: presets, or files beside the campaign's."""
+    """The vessels of some names: presets, or files in the folder of the campaign's file."""
     beside = {n: str(path.parent / n) if n.endswith(".toml") else n for n in names if n}
     return {name: vessel_of(text) for name, text in beside.items()}
 

@@ -1,6 +1,6 @@
-"""A campaign's results on the disk: a folder of Parquet parts, each written whole.
+"""A campaign's results on disk: a folder of Parquet parts, each written atomically.
 
-A part is a table of summaries, one row a mission. All of them together are one data set, which
+A part is a table of summaries, one row per mission. All parts together are one data set, which
 pandas, DuckDB, R and others read as such: `pandas.read_parquet(folder / "missions")`.
 """
 
@@ -18,7 +18,7 @@ from grebe.io.atomic_write import write_text_whole, written_whole
 from grebe.io.parquet import arrow_for
 
 MISSIONS, IDENTITY = "missions", "campaign.json"
-# Missions in a part: what a killed campaign has to sail again at most, with its workers' own.
+# Missions in a part: a killed campaign sails at most these again, and those of its workers.
 PART = 20
 OWN = [field.name for field in fields(Summary) if field.name != "drawn"]
 
@@ -28,10 +28,12 @@ def _parquet() -> tuple[Any, Any]:
 
 
 class Results:
-    """The summaries of a campaign, kept part by part; `known` holds those of all parts."""
+    """The summaries of a campaign, stored in parts; `known` holds all of them by their numbers."""
 
     def __init__(self, folder: Path, identity: str, *, force: bool = False) -> None:
-        """Open a folder, or make it; one of another campaign is refused unless by `force`."""
+        """Open a folder, or make it. Raises `InputError` when it holds another campaign, whose
+        missions are deleted with `force`.
+        """
         _parquet()
         self.folder = folder
         self._parts = folder / MISSIONS
@@ -46,7 +48,7 @@ class Results:
                 self.known.update((one.number, one) for one in read_part(part))
 
     def _belongs_to(self, identity: str, *, force: bool) -> bool:
-        """Whether the folder's missions are this campaign's; makes it so where it is new."""
+        """Whether the folder holds missions of this campaign; if not, it is prepared for them."""
         note = self.folder / IDENTITY
         if note.exists():
             if json.loads(note.read_text(encoding="utf-8")).get("identity") == identity:
@@ -63,14 +65,14 @@ class Results:
         return False
 
     def keep(self, summary: Summary) -> None:
-        """Keep one summary; it is on the disk with its part, at the latest after `flush`."""
+        """Store one summary; it is written with its part, at the latest by `flush`."""
         self.known[summary.number] = summary
         self._pending.append(summary)
         if len(self._pending) >= PART:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is not on the disk yet."""
+        """Write the summaries that are not on disk yet."""
         if not self._pending:
             return
         self._pending.sort(key=lambda one: one.number)
@@ -79,7 +81,7 @@ class Results:
 
 
 def write_part(path: Path, summaries: Iterable[Summary]) -> None:
-    """Write summaries to one Parquet file, whole or not at all."""
+    """Write summaries to one Parquet file, completely or not at all."""
     arrow, parquet = _parquet()
     table = arrow.Table.from_pylist([one.row() for one in summaries])
     with written_whole(path) as part:
@@ -87,7 +89,7 @@ def write_part(path: Path, summaries: Iterable[Summary]) -> None:
 
 
 def read_part(path: Path) -> list[Summary]:
-    """Return the summaries of a Parquet file; `InputError` where it is none."""
+    """Return the summaries of a Parquet file. Raises `InputError` when it is not a part."""
     arrow, parquet = _parquet()
     try:
         rows: list[Mapping[str, Any]] = parquet.read_table(path).to_pylist()

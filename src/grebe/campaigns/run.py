@@ -1,8 +1,8 @@
-"""Run a campaign: sail what is not known yet, hear it in order, and stop when the claim is decided.
+"""Run a campaign: sail the missions that are missing, and stop when the claim is decided.
 
-Missions are heard by their numbers, not as they come: those that end early come first, and fail
-less. So the verdict, and where it falls, is the same by whatever engine, and however often the
-campaign was cut off.
+Results count in the order of the missions' numbers, not as they arrive: missions that end early
+arrive first, and fail less. The verdict, and the mission after which it is reached, are therefore
+the same with any engine, and however often the campaign was interrupted.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from grebe.core.survey import Survey
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a campaign came to: the `missions` that count, by their numbers from 0, the verdict
+    """The result of a campaign: the `missions` that count, by their numbers from 0, the verdict,
     and the lower confidence limit of the probability of success.
 
-    Missions that workers had in hand when the claim was decided are kept, and do not count.
+    Missions that workers were sailing when the claim was decided are stored, but do not count.
     """
 
     campaign: Campaign
@@ -41,12 +41,12 @@ class Outcome:
 
     @property
     def successes(self) -> int:
-        """How many succeeded."""
+        """The number of missions that succeeded."""
         return sum(one.success for one in self.missions)
 
     @property
     def is_sequential(self) -> bool:
-        """Whether it could stop early, so that the limit is a confidence sequence's."""
+        """Whether the campaign could stop early; its limit is then from a confidence sequence."""
         return self.campaign.claim.share is not None
 
 
@@ -57,13 +57,17 @@ def run_campaign(
     engine: Engine,
     watch: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Outcome:
-    """Sail a campaign to its verdict or its last mission; `watch` is told how many are done."""
+    """Sail a campaign to its verdict or its last mission.
+
+    `watch` is called with the number of missions done and the number of all. Raises `PlanError`
+    when the survey is not planned.
+    """
     if survey.vessel is None or survey.start is None or not survey.targets:
         raise PlanError("The survey has no targets to steer to; plan a survey first.")
     heard, test = list[Summary](), SequentialTest(campaign.claim)
 
     def hear() -> bool:
-        """Hear what has come of the next numbers; return whether there is no need of more."""
+        """Count the results of the next numbers; return whether no more are needed."""
         while test.verdict is Verdict.OPEN and len(heard) < campaign.missions:
             one = results.known.get(len(heard))
             if one is None:
@@ -92,7 +96,7 @@ def _sail(
     hear: Callable[[], bool],
     watch: Callable[[int, int], None],
 ) -> None:
-    """Sail missions until `hear` has heard enough; what came is kept whatever ends it."""
+    """Sail missions until `hear` needs no more; results are stored whatever ends the loop."""
     try:
         with closing(engine.results(scene, missing)) as summaries:
             for _, summary in summaries:
@@ -105,7 +109,7 @@ def _sail(
 
 
 def _limit(campaign: Campaign, outcomes: list[bool]) -> float:
-    """The lower limit that holds: a fixed number's, or one that holds wherever it was stopped."""
+    """The lower limit: for a fixed number of missions, or one that is valid wherever it stopped."""
     if campaign.claim.share is None:
         return clopper_pearson_lower(sum(outcomes), len(outcomes), campaign.claim.confidence)
     return float(confidence_sequence(outcomes, campaign.claim.alpha)[-1])

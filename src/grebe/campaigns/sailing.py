@@ -1,4 +1,4 @@
-"""Sail one mission of a campaign: the one loop, the simulated boat, and a witness of the truth."""
+"""Sail one mission of a campaign: the mission loop, a simulated boat, and its true positions."""
 
 from __future__ import annotations
 
@@ -29,10 +29,9 @@ from grebe.workflow.steering_names import rule_named
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A mission that is late is sailed on up to this multiple of its time, to see how late it is.
+# A late mission is sailed on, up to this multiple of its allowed time, to see how late it is.
 LATER = 1.5
-# What the streams of a mission's random numbers are told apart by; those of its settings come
-# first, one each.
+# Numbers of a mission's random streams; those of its settings come first, one each.
 NOISE, FAULTS, HULL = 1000, 1001, 1002
 
 
@@ -69,21 +68,21 @@ def sail(
 
 
 class _Nobody:
-    """A recorder that keeps nothing: a campaign keeps summaries."""
+    """A recorder that stores nothing: a campaign stores summaries."""
 
     def record(self, event: MissionEvent) -> None:
         """See `Recorder`."""
 
 
 class _Witness(SimulatedLink):
-    """The simulated boat, with a note of where it truly is whenever it is observed."""
+    """The simulated boat; it logs its true position at each observation."""
 
     def __init__(self, plant: Plant, errors: EstimateErrors, seed: int, faults: Faults) -> None:
         super().__init__(plant, UniformSonde(), errors, seed, faults=faults)
         self.truth: list[tuple[float, float]] = []
 
     def observe(self) -> Observation:
-        """See `BoatLink`; also where estimates are blind, the boat is somewhere."""
+        """See `BoatLink`; the true position is also logged while there are no estimates."""
         observation = super().observe()
         self.truth.append((self._plant.state[0], self._plant.state[1]))
         return observation
@@ -101,7 +100,7 @@ def _seed(campaign: Campaign, number: int, stream: int) -> int:
 
 
 def _faults(campaign: Campaign, drawn: Mapping[str, float], number: int) -> Faults:
-    """The faults of a mission: when they begin is uniform over the time that it is given."""
+    """The faults of a mission; they begin at times drawn uniformly from its allowed time."""
     random = np.random.default_rng([campaign.seed, number, FAULTS])
     dies_at_s, blind_at_s = random.uniform(0, campaign.success.within_s, 2)
     side: Literal["port", "starboard"] = "port" if random.uniform() < 0.5 else "starboard"

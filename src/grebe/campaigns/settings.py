@@ -1,4 +1,4 @@
-"""A campaign: which missions are simulated, what counts as success, and what is to be claimed."""
+"""Settings of a campaign: the missions to simulate, the criterion of success, and the claim."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from grebe.campaigns.spread import OneOf, Spread, Value, spread_of
 from grebe.core.errors import UsageError
 from grebe.core.vessel import Vessel
 
-# What may differ from mission to mission, and what it is where the campaign does not say.
-# Directions are where a current or a wind goes to, clockwise from north.
+# The settings that may differ from mission to mission, with their defaults. Directions are those
+# towards which a current or a wind goes, clockwise from north.
 DEFAULTS: Mapping[str, Value | tuple[float, float]] = {
     "current_mps": 0.0,
     "current_to_deg": (0.0, 360.0),
@@ -36,9 +36,10 @@ DEFAULTS: Mapping[str, Value | tuple[float, float]] = {
 }
 WORDS = {"rule", "boat"}
 SHARES = {"mismatch", "lost_share", "thruster_dies"}
-# With all estimates lost, or a boat without mass, there is no mission.
+# Shares that must be less than 1: with all estimates lost, or a boat without mass, there is no
+# mission.
 BELOW_ONE = {"mismatch", "lost_share"}
-# Beyond these it is not weather, a receiver or a compass.
+# Largest plausible values for weather, a receiver or a compass.
 MOST = {
     "current_mps": 10.0,
     "wind_n": 1e5,
@@ -53,8 +54,8 @@ SIGNED = {"current_to_deg", "wind_to_deg"}
 
 @dataclass(frozen=True, kw_only=True)
 class Success:
-    """A mission succeeds when every target is reached `within_s`, and the boat's middle is never
-    nearer than `clearance_m` to the edge of the survey's water, from within.
+    """A mission succeeds when every target is reached `within_s`, and the boat's centre stays
+    inside the survey's water, never nearer than `clearance_m` to its edge.
     """
 
     within_s: float
@@ -69,9 +70,11 @@ class Success:
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """What a campaign simulates: `missions` at most, each drawn from the `spreads` by `seed` and
-    its number; a name that `spreads` leaves out is as in `DEFAULTS`. `boats` are the vessels that
-    the spread of `boat` names; without a name the survey's own sails.
+    """The settings of a campaign.
+
+    It simulates at most `missions`, each drawn from the `spreads` by `seed` and its number; a
+    setting without a spread has its default from `DEFAULTS`. `boats` are the vessels that the
+    spread of `boat` names; an empty name is the survey's own vessel.
     """
 
     name: str
@@ -96,9 +99,9 @@ class Campaign:
             _check(name, spread)
 
     def drawn(self, number: int) -> dict[str, Value]:
-        """Return the settings of one mission: the same ones whenever, and wherever, it is asked.
+        """Return the settings of one mission, which are the same at every call and on any computer.
 
-        Every setting has a stream of its own, so that one more spread leaves the others' draws.
+        Every setting has its own random stream, so one more spread does not change other draws.
         """
         values: dict[str, Value] = {}
         for i, (name, default) in enumerate(DEFAULTS.items()):
@@ -108,7 +111,9 @@ class Campaign:
         return values
 
     def identity(self, survey_id: str) -> str:
-        """Return what tells this campaign of a survey from others, whatever it is stopped by."""
+        """Return a hash that identifies this campaign of a survey, whatever the number of missions
+        or the claim that stops it.
+        """
         boats = {name: vars(boat) for name, boat in sorted(self.boats.items())}
         told: dict[str, Any] = {
             "survey": survey_id,

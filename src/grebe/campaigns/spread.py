@@ -1,4 +1,4 @@
-"""Spreads: from where each mission of a campaign draws what differs from mission to mission."""
+"""Spreads: the distributions from which the settings of each mission of a campaign are drawn."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ Value = float | str
 
 
 class Spread(Protocol):
-    """What a setting of a mission may be."""
+    """The distribution of a setting."""
 
     def draw(self, random: np.random.Generator) -> Value:
-        """Return one value of it."""
+        """Return one random value."""
         ...
 
     def support(self) -> tuple[Value, ...]:
-        """Return the values between which all lie, or all of them where they are named."""
+        """Return the lowest and the highest possible value, or all values of a list."""
         ...
 
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of some values, each as likely as the next; a single one is fixed."""
+    """One of several equally likely values; a single value is fixed."""
 
     values: tuple[Value, ...]
 
@@ -70,7 +70,7 @@ class Between:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal with `mean` and `sd`, cut off at `low` and `high`: drawn again where it is beyond."""
+    """Normal with `mean` and `sd`, cut off at `low` and `high`: values beyond are drawn again."""
 
     mean: float
     sd: float
@@ -78,7 +78,7 @@ class Normal:
     high: float = math.inf
 
     def __post_init__(self) -> None:
-        # Within these bounds a draw succeeds at least every sixth time, so drawing again ends.
+        # Within these bounds a draw succeeds at least every sixth time, so redrawing ends.
         if not (self.sd > 0 and self.low <= self.mean <= self.high):
             raise UsageError(
                 f"A normal spread about {self.mean:g} with a standard deviation of {self.sd:g} "
@@ -99,10 +99,10 @@ class Normal:
 
 
 def spread_of(name: str, written: Any) -> Spread:
-    """Return the spread that a campaign's file means.
+    """Return the spread that is written in a campaign's file.
 
-    A number or a word is fixed, `[low, high]` is uniform, `{choose = [...]}` one of a list and
-    `{mean = m, sd = s, low = l, high = h}` normal. Raises `UsageError`, which names the setting.
+    A number or a word is fixed, `[low, high]` is uniform, `{choose = [...]}` is one of a list, and
+    `{mean = m, sd = s, low = l, high = h}` is normal. Raises `UsageError`, which names the setting.
     """
     try:
         return _spread(written)

@@ -1,6 +1,6 @@
 """One mission of a campaign: a pure function of the settings and its number.
 
-Nothing of the clock is in the summary, so that it is the same on every run.
+The summary contains nothing that depends on the clock, so it is the same on every run.
 """
 
 from __future__ import annotations
@@ -24,11 +24,12 @@ from grebe.mission.telling.statistics import MissionReport
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """What a mission of a campaign came to.
+    """The result of one mission of a campaign.
 
-    `drawn` are its settings. `ended` is the reason the mission gave, `error` what kept it from
-    being sailed; `duration_s` the boat's time [s], `clearance_m` the least distance of its
-    middle from the edge of the water, negative outside it, at the 10 Hz of the estimates.
+    `drawn` are its settings; `ended` is the reason for which the mission ended, `error` the reason
+    why it could not be sailed; `duration_s` is the boat's time [s]; `clearance_m` is the least
+    distance of its centre from the edge of the water, negative outside it, at the 10 Hz of the
+    estimates.
     """
 
     number: int
@@ -46,21 +47,21 @@ class Summary:
     drawn: Mapping[str, Value]
 
     def row(self) -> dict[str, Any]:
-        """Return the summary as one row of a table; what was drawn has columns of its own."""
+        """Return the summary as one row of a table; each drawn setting has a column of its own."""
         own = {field.name: getattr(self, field.name) for field in fields(self)}
         return {**{k: v for k, v in own.items() if k != "drawn"}, **self.drawn}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What all missions of a campaign share: called with a number it sails that mission."""
+    """What all missions of a campaign share. Called with a number, it sails that mission."""
 
     campaign: Campaign
     survey: Survey
 
     def __call__(self, number: int) -> Summary:
-        """Sail one mission; an error of the mission's own is a failure, and kept. That somebody
-        stops the campaign is none.
+        """Sail one mission. An error of the mission itself is recorded as a failure; a
+        `StoppedError`, by which somebody stops the campaign, is raised.
         """
         drawn = self.campaign.drawn(number)
         try:
@@ -118,7 +119,7 @@ class Scene:
 def clearance_m(survey: Survey, track: np.ndarray) -> float:
     """Return the least distance [m] of places (n, 2) from the water's edge, negative outside.
 
-    No-go zones are not water.
+    No-go zones do not count as water.
     """
     water = shapely.difference(survey.water, shapely.union_all(survey.no_go))
     shapely.prepare(water)

@@ -1,1 +1,1 @@
-"""The paper's figures, reproduced: each drawn, and held to the numbers that it must show."""
+"""The paper's figures, reproduced: each is drawn, and checked against what it must show."""

@@ -1,4 +1,4 @@
-"""What a reproduced figure is held to."""
+"""The checks of a reproduced figure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """Something that a figure must show, the number that was found, and whether it does."""
+    """A property that a figure must show, what was found, and whether it holds."""
 
     what: str
     found: str
@@ -17,7 +17,7 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Reproduction:
-    """A figure that has been drawn, and its checks."""
+    """A figure that was drawn, and its checks."""
 
     figure: str
     picture: Path
@@ -25,5 +25,5 @@ class Reproduction:
 
     @property
     def holds(self) -> bool:
-        """Whether the figure shows all that it must."""
+        """Whether all checks hold."""
         return all(check.holds for check in self.checks)

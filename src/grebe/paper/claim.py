@@ -1,9 +1,9 @@
-"""The paper's claim, measured: whether a planned survey makes a better map than one by hand.
+"""Test the paper's claim: whether a planned survey gives a better map than one driven by hand.
 
-The same water, drawn anew for each seed through the samples of a real hand-driven track, is
-sampled along that track and along a survey that Grebe plans and flies; both maps are made
-alike and compared with the truth. Two plans: one of the same duration as the hand-driven
-survey, one of the same length, which takes the boat's higher speed out of the comparison.
+For each seed, water is simulated that agrees with the samples of a real hand-driven track. It is
+sampled along that track and along a survey that Grebe plans and sails. Both maps are made in the
+same way and compared with the truth. There are two plans: one of the same duration as the
+hand-driven survey, and one of the same length, which removes the effect of the boat's higher speed.
 """
 
 from __future__ import annotations
@@ -40,19 +40,20 @@ NODES = 2_500
 # Every cell is measured near its middle.
 CORE = 0.5
 WINDOW = (1.0, 2.0)
-# A place counts as badly known where the map's sd exceeds this share of the truth's own sd.
+# A place counts as badly known if the map's sd exceeds this share of the truth's own sd.
 SD_BOUND_SHARE = 0.5
-# The plan of equal length: cells are tried, each as much larger as the last way was too long, until
-# the way is shorter by less than this share.
+# For the plan of equal length, cell sizes are tried, each scaled by the ratio of the last path's
+# length to the wanted one, until the path is shorter by less than this share.
 TRIALS, LENGTH_TOLERANCE = 7, 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """How one map of one water compares with the truth, in the unit of the quantity.
+    """The comparison of one map of one water with the truth, in the unit of the quantity.
 
-    `unsure` is the share of the region whose sd is above `SD_BOUND_SHARE` of the truth's sd;
-    `coverage95` the share of the region within its 95 % interval.
+    `way` names how the water was sampled. `unsure` is the share of the region whose sd is above
+    `SD_BOUND_SHARE` of the truth's sd; `coverage95` is the share of the region where the truth is
+    within the 95 % interval.
     """
 
     way: str
@@ -66,7 +67,7 @@ class Score:
 
 @dataclass(frozen=True, kw_only=True)
 class Sampled:
-    """A way to sample the region: places (n, 2) [m], how far and how long it went."""
+    """One way of sampling the region: places (n, 2) [m], path length and duration."""
 
     way: str
     positions: Array
@@ -75,8 +76,8 @@ class Sampled:
 
 
 def ways(hand: HandDriven, *, same_length: bool = True) -> list[Sampled]:
-    """The hand-driven track, and the planned surveys of equal duration and of equal length; the
-    latter takes several flights to find.
+    """Return the hand-driven track, and the planned surveys of equal duration and of equal length.
+    The latter takes several simulated surveys to find.
     """
     driven = Sampled(
         way="by hand",
@@ -115,7 +116,7 @@ def _as_long(hand: HandDriven, way: str) -> Sampled:
 
 
 def flown(survey: Survey, way: str) -> Sampled:
-    """Sail a survey in simulation, sampled as every mission is by default."""
+    """Sail a survey in simulation, sampled by the default of all missions."""
     assert survey.vessel is not None
     assert survey.start is not None
     pilot = Controller(survey.vessel, survey.sets, corridors=survey.corridors)
@@ -137,7 +138,7 @@ def measure(
     seeds: int = SEEDS,
     watch: Callable[[int, int], None] | None = None,
 ) -> Iterator[Score]:
-    """Yield the score of each way, quantity and seed."""
+    """Yield the score of each way of sampling, for each quantity and seed."""
     water = hand.survey.water
     grid = make_grid(water, float(np.sqrt(water.area / NODES)))
     mapper = Mapper(water, grid)
@@ -175,8 +176,8 @@ def _score(
 
 
 def summary(scores: list[Score]) -> list[dict[str, float | str]]:
-    """Means over the seeds for each quantity and way, and in how many seeds its RMSE is below
-    that of the way that was driven by hand.
+    """Return means over the seeds for each quantity and way of sampling, and the share of the seeds
+    in which its RMSE is below that of the hand-driven track.
     """
     rows: list[dict[str, float | str]] = []
     names = list(dict.fromkeys(score.way for score in scores))

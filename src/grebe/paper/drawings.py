@@ -1,4 +1,4 @@
-"""How the paper's figures are drawn: east to the right, north up, as Grebe's own pictures."""
+"""Draw the paper's figures: east to the right and north up, like Grebe's own pictures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def mirrored(pair: Sequence[scenes.Scene], flights: Sequence[Trial], parting_s: 
     axes = figure.subplots()
     paths = zip(pair, flights, ("\u03a9", "\u03a8"), (BLUE, VERMILLION), strict=True)
     for scene, flight, letter, colour in paths:
-        # The first set is both paths' own: each has its letter on its own side of it.
+        # Both paths share the first set, so each has its label on its own side of it.
         _draw_sets(axes, scene.targets, letter, colour, aside=1 if letter == "\u03a9" else -1)
         track = np.array(flight.track)
         axes.plot(track[:, 2], track[:, 1], color=colour, label=f"track along {letter}")
@@ -83,7 +83,7 @@ def histories(
     span_s: float,
     title: str,
 ) -> Figure:
-    """Figs. 8 and 9: thrusts within their limits and surge beside its window."""
+    """Figs. 8 and 9: thrusts with their limits and surge with its window."""
     track, thrusts = np.array(flight.track), np.array(flight.thrusts)
     shown = track[:, 0] <= span_s
     time = track[shown, 0]
@@ -146,7 +146,7 @@ def quantity_map(survey: Survey, one: QuantityMap) -> Figure:
 
 @styled
 def planned(survey: Survey) -> Figure:
-    """Fig. 6: the cells and the way through their centres."""
+    """Fig. 6: the cells and the path through their centres."""
     figure = Figure(figsize=(7.2, 5.4))
     axes = figure.subplots()
     _draw_sets(axes, survey.sets, "", BLUE)
@@ -165,7 +165,7 @@ def planned(survey: Survey) -> Figure:
 
 @styled
 def claim(scores: Sequence[Score]) -> Figure:
-    """RMSE of each map over that of the hand-driven one, a box for each quantity and way."""
+    """RMSE of each map over that of the hand-driven one, a box for each quantity and plan."""
     ways = list(dict.fromkeys(score.way for score in scores))
     keys = list(dict.fromkeys(score.quantity for score in scores))
     figure = Figure(figsize=(8.0, 4.6))
@@ -197,8 +197,8 @@ def claim(scores: Sequence[Score]) -> Figure:
 def _draw_sets(
     axes: Axes, targets: Sequence[TargetSet], letter: str, colour: str, *, aside: int = 0
 ) -> None:
-    """Draw sets with their numbers in the middle; the first one's may stand `aside`, to the east of
-    it (1) or to the west (-1).
+    """Draw sets with their numbers in the middle. The number of the first set can be put `aside`,
+    to the east (1) or to the west (-1).
     """
     corners = [np.asarray(target.vertices)[:, ::-1] for target in targets]
     axes.add_collection(

@@ -1,4 +1,4 @@
-"""A hand-driven survey, as the paper's earlier work did it: where it went, and what it measured.
+"""A hand-driven survey, as in the paper's earlier work: its track and its measurements.
 
 The paper's own data are not public; any track with the quantities of remark 11 will do.
 """
@@ -36,7 +36,7 @@ class HandDriven:
 
     @classmethod
     def read(cls, path: Path, header_from: Path | None = None) -> HandDriven:
-        """Read a track from CSV; `InputError` where it has no times."""
+        """Read a track from CSV. Raises `InputError` when it has no times."""
         raw = read_track(path, header_from=header_from)
         if raw.times is None:
             raise InputError(f"{path} has no times; the duration of the survey is needed.")
@@ -44,23 +44,23 @@ class HandDriven:
 
     @cached_property
     def positions(self) -> Array:
-        """Where samples were taken, (n, 2) [m]."""
+        """The places of the samples, (n, 2) [m]."""
         return self.survey.frame.to_local(self.raw.lonlat)
 
     @property
     def duration_s(self) -> float:
-        """How long it took."""
+        """Duration of the survey [s]."""
         assert self.raw.times is not None
         return float(self.raw.times[-1] - self.raw.times[0])
 
     @property
     def length_m(self) -> float:
-        """How far it went."""
+        """Length of the track [m]."""
         return float(np.hypot(*np.diff(self.positions, axis=0).T).sum())
 
     @cached_property
     def good(self) -> dict[str, Array]:
-        """The values that pass quality control, NaN elsewhere."""
+        """The values of each quantity that pass quality control, NaN elsewhere."""
         samples = samples_of_track(self.raw, self.survey)
         flags = check_quality(samples, self.survey.water, BUILTIN.subset(samples.values)).flags
         return {
@@ -70,5 +70,5 @@ class HandDriven:
 
     @property
     def region(self) -> Region:
-        """The region, for a plan."""
+        """The region to plan a survey of."""
         return Region(name=self.survey.name, frame=self.survey.frame, water=self.survey.water)

@@ -1,4 +1,4 @@
-"""The paper's figures of a hand-driven survey: its track, its map, and a better way."""
+"""The paper's figures of a hand-driven survey: its track, its map, and a planned path."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def fig4(out: Path, hand: HandDriven) -> Reproduction:
 
 
 def fig5(out: Path, hand: HandDriven) -> Reproduction:
-    """The map of dissolved oxygen by geostatistics from the hand-operated samples."""
+    """The geostatistical map of dissolved oxygen from the hand-operated samples."""
     quantity = BUILTIN[OXYGEN]
     if OXYGEN not in hand.raw.values:
         raise InputError(f"{hand.survey.name} has no dissolved oxygen, which Fig. 5 shows.")
@@ -79,7 +79,7 @@ def fig5(out: Path, hand: HandDriven) -> Reproduction:
 
 
 def fig6(out: Path, hand: HandDriven) -> Reproduction:
-    """A regular motion planning for squares of 100 m2 over the region: rows, there and back."""
+    """A regular plan through squares of 100 m2 over the region, in rows, back and forth."""
     settings = PlanSettings(cell_m=FIG6_CELL_M, pattern="rows")
     planned = plan(hand.region, vessel_named("spyboat"), settings)
     picture = save(drawings.planned(planned.survey), out / "fig6.png")

@@ -1,4 +1,4 @@
-"""Each figure of the paper about control: flown, drawn, and held to what it must show."""
+"""Reproduce the paper's figures about control: each is sailed in simulation, drawn, and checked."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from grebe.report.canvas import save
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# What counts as the same track: the solver's tolerance, carried along half a minute of flight.
+# Tracks this close count as the same: the solver's tolerance, after half a minute of sailing.
 SAME_TRACK_M = 0.01
-# What counts as touching a rim: less than half-way from it to the middle of the set.
+# A track touches a rim if it goes in by less than this share of the distance from rim to middle.
 RIM_SHARE = 0.5
 SPAN_S = 100.0
 
@@ -67,7 +67,7 @@ def fig1(out: Path, boat: Vessel = scenes.BOAT) -> Reproduction:
 
 
 def fig2(out: Path, boat: Vessel = scenes.BOAT) -> Reproduction:
-    """Four sets, of the third of which only the rim is touched."""
+    """Four sets, the third of which is touched only at its rim."""
     scene = scenes.four_sets(boat)
     flight = scene.flown()
     depths = [_depth(target, flight) for target in scene.targets]
@@ -82,7 +82,7 @@ def fig2(out: Path, boat: Vessel = scenes.BOAT) -> Reproduction:
 
 
 def fig7(out: Path, boat: Vessel = scenes.BOAT) -> Reproduction:
-    """The region explored: every set reached at least once; beside it what `lookahead` takes."""
+    """The region explored: every set is reached at least once; also with the rule `lookahead`."""
     scene = scenes.exploration(boat=boat)
     flight = scene.flown()
     further = scenes.flown_otherwise(scene, Lookahead(), Fast()).flown()
@@ -172,14 +172,14 @@ def _within_thrusts(scene: scenes.Scene, flight: Trial) -> Check:
 
 
 def _share_within(flight: Trial, window: tuple[float, float]) -> float:
-    """The share of the time shown at which the surge is in its window."""
+    """The share of the time shown during which the surge is in its window."""
     time, surge = flight.track[:, 0], flight.track[:, 4]
     shown = surge[time <= SPAN_S]
     return float(np.mean((shown >= window[0]) & (shown <= window[1])))
 
 
 def _second_mode_s(flight: Trial, horizon: int) -> float:
-    """When N_x first falls below N: the second mode begins."""
+    """The time at which the second mode begins, when N_x first falls below N [s]."""
     return next(step.elapsed_s for step in flight.steps if (step.split_stage or 0) < horizon)
 
 
@@ -189,14 +189,14 @@ def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def _depth(target: TargetSet, flight: Trial) -> float:
-    """How far the track goes into a footprint [m]; negative where it stays outside."""
+    """How far the track goes into a footprint [m]; negative if it stays outside."""
     sides = target.halfspaces[:-2]
     places = np.array(flight.track)[:, 1:3]
     return float(np.max(-np.max(places @ sides[:, :2].T - sides[:, 3], axis=1)))
 
 
 def _entries(targets: Sequence[TargetSet], flight: Trial) -> list[tuple[float, float]]:
-    """When each set was reached, and with what surge."""
+    """The time at which each set was reached [s], and the surge then [m/s]."""
     entries: list[tuple[float, float]] = []
     for when, *state in flight.track:
         while len(entries) < len(targets) and targets[len(entries)].contains(state):

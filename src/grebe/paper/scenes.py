@@ -1,10 +1,10 @@
-"""What the paper's figures are flown with: sets, starts, settings.
+"""The scenes of the paper's figures: sets, starts, settings.
 
 The paper prints the starts of Figs. 2 and 7, N = 15, T = 1 s, the size of the cells and the
-windows of Figs. 8 and 9. It prints no coordinates of the sets of Figs. 1 and 2 nor of the
-region of Fig. 7: ours are stand-ins, laid out so that the same things can be seen. The boat is
-the illustrative `spyboat`, for the SPYBOAT's own parameters are not public, with Fossen's sign in
-the last row of Eq. (9) unless another boat is given (`grebe.core.vessel.with_printed_sign`).
+windows of Figs. 8 and 9. It prints no coordinates of the sets of Figs. 1 and 2, nor of the region
+of Fig. 7. Those used here are stand-ins that show the same effects. The boat is the illustrative
+`spyboat`, because the SPYBOAT's own parameters are not public. The last row of Eq. (9) has
+Fossen's sign unless another boat is given (`grebe.core.vessel.with_printed_sign`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ State = tuple[float, float, float, float, float, float]
 
 WINDOW_1_2 = (1.0, 2.0)
 WINDOW_HALF = (0.5, 1.5)
-# Sides of the cells of Fig. 7: 25 m2.
+# Side of the cells of Fig. 7 [m], which have 25 m2.
 CELL_M = 5.0
 LIMIT_S = 1500.0
 BOAT = vessel_named("spyboat")
@@ -38,7 +38,7 @@ BOAT = vessel_named("spyboat")
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """Everything that a figure's flight depends on."""
+    """Everything on which the track of a figure depends."""
 
     targets: tuple[TargetSet, ...]
     start: State
@@ -47,7 +47,7 @@ class Scene:
     vessel: Vessel
 
     def flown(self) -> Trial:
-        """Fly it in still water."""
+        """Sail the scene in still water."""
         pilot = Controller(self.vessel, self.targets, self.rule, solver=self.solver)
         return fly(self.vessel, self.targets, pilot, self.start, Conditions(limit_s=LIMIT_S))
 
@@ -56,7 +56,7 @@ def _scene(targets: tuple[TargetSet, ...], start: State, boat: Vessel) -> Scene:
     return Scene(
         targets=targets,
         start=start,
-        # FATROP to its full tolerance: a mirror image must be one to the millimetre.
+        # FATROP to its full tolerance: mirror images must agree to the millimetre.
         solver=Fatrop(),
         rule=Dual(),
         vessel=boat,
@@ -64,7 +64,7 @@ def _scene(targets: tuple[TargetSet, ...], start: State, boat: Vessel) -> Scene:
 
 
 def flown_otherwise(scene: Scene, rule: Rule, solver: SolverBuilder) -> Scene:
-    """Return the scene as another rule and solver would fly it."""
+    """Return the scene with another rule and solver."""
     return replace(scene, rule=rule, solver=solver)
 
 
@@ -82,8 +82,8 @@ def mirrored_paths(boat: Vessel = BOAT) -> tuple[Scene, Scene]:
 
 
 def four_sets(boat: Vessel = BOAT) -> Scene:
-    """Fig. 2: from (0, 0, pi/2, 0, 0, 0) through four sets; the third lies off the shortest way
-    from the second to the fourth, so that it is enough to touch its rim.
+    """Fig. 2: from (0, 0, pi/2, 0, 0, 0) through four sets. The third is off the shortest path from
+    the second to the fourth, so touching its rim is enough.
     """
     targets = (
         rectangle((-2.0, 2.0), (10.0, 14.0), WINDOW_1_2),
@@ -100,10 +100,10 @@ def region() -> shapely.Polygon:
 
 
 def exploration(window: tuple[float, float] = WINDOW_1_2, boat: Vessel = BOAT) -> Scene:
-    """Figs. 7 to 9: squares of 25 m2 over the region, there and back, from (20, 105, -pi/2).
+    """Figs. 7 to 9: squares of 25 m2 over the region, back and forth, from (20, 105, -pi/2).
 
-    Those that the region's edge crosses are cut by it, and here and there two that follow each
-    other share a corner alone: our region is not the paper's.
+    The edge of the region cuts some squares, and some consecutive ones share only a corner, because
+    the region is not the paper's.
     """
     start = (20.0, 105.0, -math.pi / 2, 0.0, 0.0, 0.0)
     meshed = mesh_water(region(), CELL_M)

@@ -1,1 +1,1 @@
-"""From an outline to ordered target sets: region, mesh, route."""
+"""Planning: from an outline to ordered target sets, by region, mesh and route."""

@@ -1,4 +1,4 @@
-"""The smallest cells whose plan keeps a budget of time, or of energy as the time it lasts."""
+"""Find the smallest cells whose plan keeps a budget of time, or of energy as the time it lasts."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from dataclasses import dataclass
 
 from grebe.core.errors import PlanError
 
-# How near a plan must come to its budget, what is aimed at, and in how many trials.
+# The share of its budget that a plan must use, the share that is aimed at, and the most trials.
 SHARE, AIM, TRIALS = 0.97, 0.985, 16
 SMALLEST_CELL_M = 0.5
-# What a plan takes falls by about this power of the cells' size.
+# The time of a plan falls with about this power of the cells' size.
 POWER = 1.2
-# A trial falls between this share and the rest of the way between two that are known: what a plan
-# takes jumps where a lane more or less fits the water.
+# A trial is no nearer than this share of the interval to either of two known sizes: the time of a
+# plan jumps when the water holds one lane more or less.
 LEAST_STEP = 0.15
-# Cells that are known to do, within this factor of some that do not, are small enough.
+# Cells that keep the budget are small enough within this factor of cells that do not.
 NEAR = 1.005
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Tried:
-    """Cells of a size, and what their plan takes [s]."""
+    """Cells of a size, and the time of their plan [s]."""
 
     cell_m: float
     time_s: float
@@ -31,9 +31,10 @@ class _Tried:
 def affordable_cell_m(
     spent_s: Callable[[float], float], budget_s: float, first_m: float, largest_m: float
 ) -> float:
-    """Return the smallest cells whose plan keeps the budget, to within `SHARE` of it, beginning
-    with `first_m`; `spent_s` says what the plan of a size takes. `PlanError` where not even the
-    largest ones do.
+    """Return the smallest size of cells whose plan keeps the budget, using at least `SHARE` of it.
+
+    `spent_s` returns the time of the plan for a size [s]; the search begins with `first_m`. Raises
+    `PlanError` when not even the largest cells keep the budget.
     """
     dear, best, cell_m = None, None, min(max(first_m, SMALLEST_CELL_M), largest_m)
     for trial in range(TRIALS):
@@ -58,8 +59,8 @@ def affordable_cell_m(
 
 
 def _next_m(dear: _Tried | None, best: _Tried | None, wanted_s: float, *, halve: bool) -> float:
-    """The cells to try next: in one step by `POWER` where only cells too small, or too large, are
-    known, else on the line between the two in logarithms, or half-way.
+    """The size to try next: one step by `POWER` while only too small or only large enough cells
+    are known, else a point between the two by linear interpolation of logarithms, or half-way.
     """
     if dear is not None and best is not None:
         fall = math.log(dear.time_s / best.time_s)

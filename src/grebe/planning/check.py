@@ -1,4 +1,4 @@
-"""Check a finished plan, without anything of the planner: shapely and the survey alone."""
+"""Check a finished plan, independently of the planner: with shapely and the survey alone."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import shapely
 from grebe.core.sets import footprints_of
 from grebe.core.survey import Survey, covered_share, overlap_m2
 
-# Rounding of coordinates must not count as land [m].
+# Tolerance [m], so that rounded coordinates do not count as land.
 ROUNDING_M = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanCheck:
-    """What was found.
+    """The result of a check.
 
-    `outside_m2`: area of hulls of consecutive targets, and of corridors, outside `water`;
-    `coverage`: share of it that cells cover; `overlap_m2`: area that two cells share.
-    The leg from a start that is not in the water is not counted; `start_afloat` tells.
+    `outside_m2`: area of the hulls of consecutive targets, and of corridors, outside the water;
+    `coverage`: share of the water that cells cover; `overlap_m2`: area that cells share.
+    `start_afloat`: whether the start is in the water; if not, the leg from it is not counted.
     """
 
     outside_m2: float
@@ -30,7 +30,7 @@ class PlanCheck:
 
     @property
     def holds(self) -> bool:
-        """Whether the boat stays in the water and no water is measured twice."""
+        """Whether the boat stays in the water and no two cells overlap."""
         return self.outside_m2 == 0.0 and self.overlap_m2 < 1e-3
 
 

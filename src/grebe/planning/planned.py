@@ -1,4 +1,4 @@
-"""What a planner hands back: a survey, what came of its settings, and what a check found."""
+"""The planner's results: a survey, the outcome of its settings, and the result of a check."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from grebe.planning.check import PlanCheck
 
 @dataclass(frozen=True, kw_only=True)
 class Planned:
-    """A survey, what the planner made of its settings, what an independent check found, and
-    what whoever asked for it should know.
+    """A survey, the outcome of its settings, the result of an independent check, and notes for
+    the user.
     """
 
     survey: Survey
@@ -24,10 +24,12 @@ class Planned:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedSorties(Planned):
-    """A survey in sorties; `revision` holds them, `bound_s` is what no sorties together go below,
-    `legs_s` what the trips through the cells' centres take in the same measure; of unlike boats
-    both are of the cells as they are shared out. Of a fleet without
-    sorties `legs_s` is what the slowest boat takes, `bound_s` one boat's time over their number.
+    """A survey in sorties, which `revision` holds.
+
+    `bound_s` is a lower bound of the time of all sorties together, and `legs_s` the time of these
+    trips through the cells' centres, in the same measure. For unlike boats both refer to the
+    cells as they are shared out. For a fleet without sorties, `legs_s` is the time of the slowest
+    boat, and `bound_s` the time of one boat alone over the number of boats.
     """
 
     revision: PlanRevision

@@ -1,4 +1,4 @@
-"""From a region to a survey: water, mesh, links, order, transits, corridors, and its numbers."""
+"""Plan a survey of a region: water, mesh, links, order, transits, corridors, and its figures."""
 
 from __future__ import annotations
 
@@ -31,14 +31,15 @@ from grebe.planning.ways.travel import Travel, travel_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Directions of the rows that `auto` tries [deg]; of many cells only every third of them.
+# Directions of the rows that are tried when none is given [deg]; above `MANY_CELLS` cells only
+# every third of them.
 ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 MANY_CELLS = 2_500
-# A coast of more vertices than this is drawn with fewer, within this share of a cell.
+# A coast with more vertices than this is simplified, to within this share of a cell.
 MANY_VERTICES, COAST_SHARE = 10_000, 0.1
-# A turn on the way that is counted as one [rad].
+# A change of bearing larger than this counts as a turn [rad].
 TURN_RAD = math.radians(30)
-# Footprint of the start, for the hull with the first target [m].
+# Radius of the start's footprint, for its hull with the first target [m].
 START_RADIUS_M = 0.05
 
 
@@ -46,8 +47,8 @@ START_RADIUS_M = 0.05
 class Draft:
     """A meshed and ordered region, before transits and corridors.
 
-    Where the order is that of a sortie, `harbour` is the footprint in which it ends, a part of the
-    cell `home`, in which it began.
+    For a sortie, `harbour` is the footprint in which the order ends. It is a part of the cell
+    `home`, in which the order begins.
     """
 
     cells: list[Cell]
@@ -78,10 +79,10 @@ def plan(
     start_lonlat: tuple[float, float] | None = None,
     no_go: Sequence[shapely.Polygon] = (),
 ) -> Planned:
-    """Plan a survey of a region; `PlanError` says why there is none.
+    """Plan a survey of a region. Raises `PlanError` with the reason when there is no plan.
 
     `no_go` are local polygons that the boat must stay out of. Without a start the boat
-    begins in the cell that is nearest to the region's south-western corner.
+    begins in the cell nearest to the region's south-western corner.
     """
     planner, notes = planner_of(region, vessel, settings, start_lonlat, no_go)
     return planner.planned(notes)
@@ -94,7 +95,7 @@ def planner_of(
     start_lonlat: tuple[float, float] | None = None,
     no_go: Sequence[shapely.Polygon] = (),
 ) -> tuple[Planner, tuple[str, ...]]:
-    """Return what plans a region, and notes about its water; see `plan`."""
+    """Return the planner of a region, and notes about its water; see `plan`."""
     check_speed(settings, vessel)
     given = start_lonlat and region.frame.place_near(region.water, start_lonlat, "start")
     region, told = _with_coast(region, settings)
@@ -103,7 +104,7 @@ def planner_of(
 
 
 def _with_coast(region: Region, settings: PlanSettings) -> tuple[Region, tuple[str, ...]]:
-    """The region with a coast that can be worked with, and a note where it was changed."""
+    """The region, with its coast simplified if set or if it has very many vertices, and notes."""
     tolerance_m = settings.coast_tolerance_m
     if tolerance_m is None:
         many = shapely.get_num_coordinates(region.water) > MANY_VERTICES
@@ -129,7 +130,7 @@ class Planner:
         object.__setattr__(self, "travel", travel)
 
     def planned(self, notes: tuple[str, ...]) -> Planned:
-        """Return the plan with its check; `notes` are handed on."""
+        """Return the plan with its check; `notes` are passed on."""
         draft = self.first_draft(quick=False)
         ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
         survey = self.survey(draft, ways)
@@ -140,16 +141,16 @@ class Planner:
         )
 
     def first_draft(self, *, quick: bool) -> Draft:
-        """Return a draft with cells of the size and direction that were asked for, or fit best."""
+        """Return a draft with cells of the size and direction in the settings, or the best ones."""
         cell_m = self.settings.cell_m
         if cell_m is None:
             return self._affordable(quick=quick)
         return self.draft(cell_m, self._angle(cell_m), quick=quick)
 
     def survey(self, draft: Draft, ways: Waterways, bound_m: float | None = None) -> Survey:
-        """Return the survey of a draft's order: targets, transits, corridors and its numbers.
+        """Return the survey of a draft's order: targets, transits, corridors and its figures.
 
-        `bound_m` is the lower bound of its length (None: it is worked out).
+        `bound_m` is the lower bound of its length (None: it is computed).
         """
         stops = self._stops(draft, ways)
         corridors = self._corridors(draft, stops, ways)
@@ -191,7 +192,7 @@ class Planner:
         return north, east
 
     def _angle(self, cell_m: float) -> float:
-        """The direction asked for, or the one whose quick plan has the shortest way."""
+        """The direction in the settings, or the one whose quick plan has the fastest legs."""
         if self.settings.angle_deg is not None:
             return self.settings.angle_deg
         many = self.water.area / cell_m**2 > MANY_CELLS
@@ -203,8 +204,8 @@ class Planner:
         return min(angles, key=legs_s)
 
     def _affordable(self, *, quick: bool) -> Draft:
-        """A draft with the smallest cells that keep the budget. Of many cells quick plans are
-        tried, which are a little slower than what comes of them.
+        """A draft with the smallest cells that keep the budget. With many cells the trials are
+        quick plans, which take a little longer than the final plan.
         """
         angle = self.settings.angle_deg
         tried: dict[float, Draft] = {}
@@ -222,8 +223,8 @@ class Planner:
         return tried.get(cell_m) or self.draft(cell_m, self._angle(cell_m), quick=quick)
 
     def _spent_s(self, draft: Draft) -> float:
-        """What a plan takes of the budget, its transits with it: its time, or the time for which
-        its energy would last a boat that goes straight.
+        """The part of the budget that a plan uses [s], transits included: its time, or the time for
+        which its energy would last a boat that goes straight.
         """
         ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
         way = self._way_through(draft, self._targets(draft, self._stops(draft, ways)))
@@ -233,11 +234,11 @@ class Planner:
 
     @staticmethod
     def _way_through(draft: Draft, targets: Sequence[Target]) -> NDArray[np.float64]:
-        """The taut way through targets, (n, 2)."""
+        """The shortest path through targets, (n, 2)."""
         return taut_way(draft.start, footprints_of([target.set for target in targets]))
 
     def mean_power_w(self, draft: Draft) -> float:
-        """The power of a draft [W], its turns with it."""
+        """The mean power of a draft [W], turns included."""
         shapes = [draft.cells[i].footprint for i in draft.route.order.tolist()]
         return self.travel.mean_power_w(taut_way(draft.start, shapes))
 
@@ -247,7 +248,7 @@ class Planner:
         return 3600.0 * (self.settings.energy_wh or 0.0) / self.travel.power_w
 
     def _stops(self, draft: Draft, ways: Waterways) -> list[Stop]:
-        """Cells and transits: from the start, through all cells, and back where that is asked."""
+        """Cells and transits: from the start, through all cells, and back if required."""
         stops = ways.stops(draft.route.order)
         nearest = int(np.argmin(np.hypot(*(draft.network.centres - draft.start).T)))
         home = nearest if draft.home is None else draft.home
@@ -326,7 +327,7 @@ class Planner:
         return stop.cell is not None and draft.cells[stop.cell].whole
 
     def bound_m(self, draft: Draft) -> float:
-        """Return a length [m] below which no way through the centres of all cells can be."""
+        """Return a lower bound [m] of the length of any path through the centres of all cells."""
         kept = np.flatnonzero([not cell.is_speck for cell in draft.cells])
         return lower_bound_m(
             [draft.cells[i] for i in kept],

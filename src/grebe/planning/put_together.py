@@ -1,4 +1,4 @@
-"""Surveys of parts of a lake as one survey: targets numbered on, and each part a sortie of it."""
+"""Join surveys of parts of a lake into one survey, in which each part is a sortie."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from grebe.planning.check import PlanCheck, check_plan
 def put_together(
     parts: Sequence[Survey], bound_m: float, boats: Sequence[int] = ()
 ) -> tuple[Survey, PlanRevision]:
-    """Return one survey of several, its targets numbered on, with each as a sortie; `boats` are
-    those that sail them, the first without.
+    """Return one survey made of several, and its plan in which each of them is a sortie.
+
+    Targets are numbered consecutively. `boats` are the numbers of the boats that sail the parts;
+    without them boat 1 sails all.
     """
     targets: list[Target] = []
     sorties: list[Sortie] = []
@@ -58,7 +60,7 @@ def _outcome(parts: Sequence[Survey], bound_m: float) -> PlanOutcome:
 
 
 def checked(survey: Survey, revision: PlanRevision, water: shapely.Polygon) -> PlanCheck:
-    """The check of each sortie, put together: from one to the next nobody sails."""
+    """The combined check of all sorties: nothing is checked between them, where no boat sails."""
     checks = [check_plan(survey_of(survey, revision, one), water) for one in revision.sorties]
     cells = survey.cells
     overlap = overlap_m2(cells)

@@ -1,4 +1,4 @@
-"""Judge and clean a region: from an outline in degrees to water in a local frame."""
+"""Validate and clean a region: from an outline in degrees to water in a local frame."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from grebe.core.frames import LocalFrame, frame_at
 from grebe.core.sets import hull_of
 from grebe.core.survey import Survey
 
-# Water that comes this near to its convex hull everywhere counts as convex: coordinates in
-# degrees are rounded to 1e-7, about a centimetre.
+# Water whose shore is everywhere within this distance of its convex hull counts as convex [m]:
+# coordinates in degrees are rounded to 1e-7, about a centimetre.
 CONVEXITY_M = 0.05
 LARGEST_EXTENT_M = 200_000.0
 HIGHEST_LATITUDE = 85.0
@@ -37,9 +37,9 @@ class Region:
 
 
 def clean_region(geometry: BaseGeometry, name: str, features: Sequence[str] = ()) -> Region:
-    """Turn a WGS 84 outline into a region, or say in a `RegionError` why it is none.
+    """Turn a WGS 84 outline into a region. Raises `RegionError` with the reason when it is invalid.
 
-    `features` say what can be chosen from where the outline is of several waters.
+    `features` names the choices for the error message when the outline has several waters.
     """
     coordinates = shapely.get_coordinates(geometry)
     if geometry.is_empty or len(coordinates) == 0:
@@ -118,10 +118,10 @@ def _check_validity(geometry: BaseGeometry, name: str) -> None:
 def coarsened(region: Region, tolerance_m: float) -> tuple[Region, tuple[str, ...]]:
     """Return the region with a coast of fewer vertices within its water, and a note about it.
 
-    Douglas and Peucker's simplification to a third of the tolerance moves the coast by no more
-    than that, to either side, but for the point where a ring is closed: GEOS judges it by the
-    segments that are left. What is eroded by as much lies in the water; where that point does
-    not, twice as much is enough.
+    Douglas and Peucker's simplification, to a third of the tolerance, moves the coast by no more
+    than that to either side. The one exception is the point where a ring is closed, which GEOS
+    judges by the segments that are left. The simplified polygon is therefore eroded by a third of
+    the tolerance, or by two thirds if the closing point still leaves the water.
     """
     water = region.water
     third = tolerance_m / 3
@@ -152,8 +152,8 @@ def navigable_water(
 ) -> tuple[shapely.Polygon, tuple[str, ...]]:
     """Return the water that the boat may use, and notes on what was left out.
 
-    No-go zones are taken away and the shore is kept off by a margin. Of separate parts the
-    one with the start is used, or the largest. Raises `PlanError` when nothing is left.
+    No-go zones and a margin along the shore are removed. If separate parts remain, the one with
+    the start is used, or the largest. Raises `PlanError` when nothing is left.
     """
     water = _straightened(region.water)
     if no_go:
@@ -183,7 +183,7 @@ def navigable_water(
 
 
 def water_of(survey: Survey) -> shapely.Polygon:
-    """Return the water that the boat of a survey may use: less its no-go zones and its margin."""
+    """Return the water that a survey's boat may use: without no-go zones and shore margin."""
     region = Region(name=survey.name, frame=survey.frame, water=survey.water)
     margin_m = survey.settings.shore_margin_m if survey.settings else 0.0
     start = survey.start and (survey.start.north_m, survey.start.east_m)
@@ -191,7 +191,7 @@ def water_of(survey: Survey) -> shapely.Polygon:
 
 
 def _straightened(water: shapely.Polygon) -> shapely.Polygon:
-    """Return the convex hull where the water is convex but for the rounding of its vertices."""
+    """Return the convex hull if the water is convex except for the rounding of its vertices."""
     if water.interiors:
         return water
     hull = hull_of(water.exterior.coords)

@@ -1,5 +1,5 @@
-"""Check the sorties of a survey, with nothing of what planned them: shapely and the survey alone,
-and the ways home that a mission's guard reckons with.
+"""Check the sorties of a survey, independently of the planner that made them: with shapely, the
+survey, and the paths home that a mission's guard computes.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from grebe.planning.check import check_plan
 from grebe.planning.ways.homeward import Homeward, homeward, way_length_m
 from grebe.planning.ways.travel import WANDER, ground_speed, travel_of
 
-# The guard's own reserves for a way home.
+# The guard's own reserves for the path home.
 HOME_SHARE, HOME_SLACK_S = 0.25, 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class SortieCheck:
-    """What was found of one sortie.
+    """The result of the check of one sortie.
 
-    `outside_m2` of its ways lie outside the water; it ends `from_harbour_m` from where it began;
-    `least_left_s` is the least, over all of its places, of what is left of its time, by the limit
-    of minutes or the battery without the reserve, once the way home in the worst of the stated
-    weather is taken off.
+    `outside_m2` of its paths are outside the water. It ends `from_harbour_m` from where it began.
+    `least_left_s` is the smallest margin over all places of the sortie: the time that is left
+    there, by the limit of minutes or the battery without the reserve, less the time of the path
+    home in the worst of the stated weather.
     """
 
     number: int
@@ -39,7 +39,7 @@ class SortieCheck:
 
     @property
     def holds(self) -> bool:
-        """Whether the boat stays in the water, ends at its harbour, and is home in time from
+        """Whether the boat stays in the water, ends at its harbour, and gets home in time from
         wherever it turns back.
         """
         return self.outside_m2 == 0.0 and self.from_harbour_m < 15.0 and self.least_left_s >= 0.0
@@ -51,7 +51,7 @@ def check_sorties(
     """Check each sortie of a revision against the water that the boat may use.
 
     The worst of the weather is a current and a wind as strong as stated, straight against the
-    boat on every leg of the way home.
+    boat on every leg of the path home.
     """
     ways: dict[tuple[float, float], Homeward] = {}
     found: list[SortieCheck] = []

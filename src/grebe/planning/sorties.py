@@ -1,7 +1,7 @@
 """Cut a survey into sorties: trips from a harbour and back, each as long as a battery lasts.
 
-Which cells a trip takes `grebe.planning.trips.fewest_trips` finds; here each becomes a survey of
-its own and all of them one revision of the plan.
+`grebe.planning.trips.fewest_trips` assigns the cells to trips. This module makes each trip a
+survey of its own, and all of them one revision of the plan.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ def plan_sorties(
     no_go: Sequence[shapely.Polygon] = (),
     on_done: Callable[[int, int], None] | None = None,
 ) -> PlannedSorties:
-    """Plan a survey of a region in sorties; `PlanError` says why there is none.
+    """Plan a survey of a region in sorties. Raises `PlanError` with the reason when there is none.
 
-    Without a harbour the sorties begin and end at the start. A fleet of boats alike has them dealt
-    out; unlike boats, and boats with starts of their own, share the cells out first. `on_done`
-    hears how far the search is.
+    Without a harbour the sorties begin and end at the start. In a fleet of identical boats the
+    sorties are dealt out to them. Unlike boats, and boats with starts of their own, share the
+    cells out first. `on_done` is called with the progress of the search.
     """
     sorties = settings.sorties
     if sorties is None:
@@ -53,7 +53,7 @@ def plan_sorties(
     places = [region.frame.place_near(region.water, one, "harbour") for one in sorties.harbours]
     start = start_lonlat or (sorties.harbours[0] if sorties.harbours else None)
     planner, notes = planner_of(region, vessel, settings, start, no_go)
-    # Where trips are dealt out the order says only how much longer ways are than their legs.
+    # If trips are dealt out, the order only says how much longer paths take than their legs.
     draft = planner.first_draft(quick=not _is_shared(settings))
     return sorties_through(planner, draft, places, notes, on_done)
 
@@ -66,9 +66,10 @@ def sorties_through(
     on_done: Callable[[int, int], None] | None = None,
     rounds: int | None = None,
 ) -> PlannedSorties:
-    """Plan sorties through the cells of a draft's order, which need not be all, from harbours at
-    `places` (north, east), or the draft's start; see `plan_sorties`. `rounds` of the search for
-    trips (None: by the number of cells).
+    """Plan sorties through the cells of a draft's order, which need not be all of its cells.
+
+    The harbours are at `places` (north, east), or at the draft's start. `rounds` is the length of
+    the search for trips (None: by the number of cells). See `plan_sorties`.
     """
     settings, fleet = planner.settings, planner.settings.fleet
     if _is_shared(settings):
@@ -81,7 +82,7 @@ def sorties_through(
 
 
 def _is_shared(settings: PlanSettings) -> bool:
-    """Whether a fleet's boats share the cells out before trips are looked for."""
+    """Whether a fleet's boats share the cells out before the search for trips."""
     fleet, sorties = settings.fleet, settings.sorties
     if fleet is None or sorties is None:
         return False
@@ -100,8 +101,8 @@ def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSortie
 
 
 def dealt(planned: PlannedSorties, boats: int) -> PlannedSorties:
-    """Deal sorties out to boats, the longest first, each to the boat that has least to do; one that
-    would have to be taken to another harbour counts as having `MOVE_S` more.
+    """Deal sorties out to boats, the longest first, each to the boat with the least to do. A boat
+    that would have to be taken to another harbour counts as having `MOVE_S` more to do.
     """
     load, harbours = [0.0] * boats, [set[tuple[int, int]]() for _ in range(boats)]
     of: dict[int, int] = {}

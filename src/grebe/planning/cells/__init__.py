@@ -1,1 +1,1 @@
-"""From water to cells: lattices, and the pieces of tiles that lie in it."""
+"""From water to cells: lattices of tiles, and the pieces of tiles within the water."""

@@ -1,9 +1,9 @@
 """Cut polygons into convex pieces, and join pieces whose union is convex.
 
 Target sets are convex (section 6.3); water is not. A polygon is triangulated without new
-vertices (constrained Delaunay) and the triangles are joined again across the longest
-edges first as long as the union stays convex (after Hertel and Mehlhorn 1983): at most
-four times as many pieces as need be, mostly far fewer.
+vertices (constrained Delaunay), and the triangles are joined again, across the longest edges
+first, as long as the union stays convex (after Hertel and Mehlhorn 1983). This gives at most four
+times the minimum number of pieces, mostly far fewer.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     Corners = NDArray[np.float64]
 
-# So far beyond an edge [m] what touches it may reach by rounding.
+# A piece that touches an edge may reach this far beyond it by rounding [m].
 ROUNDING_M = 1e-6
-# A union counts as convex when its hull has no more area than this share beyond it.
+# A union counts as convex when its hull's area exceeds its own by no more than this share.
 CONVEXITY_SHARE = 1e-9
 
 
@@ -31,7 +31,7 @@ def is_convex(polygon: shapely.Polygon) -> bool:
 
 
 def convex_union(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | None:
-    """The union of two pieces where it is convex, without the vertices of their seam."""
+    """The union of two pieces without the vertices of their seam, or None if it is not convex."""
     union = shapely.union(a, b)
     hull = union.convex_hull
     if isinstance(hull, shapely.Polygon) and union.area >= hull.area * (1 - CONVEXITY_SHARE):
@@ -40,8 +40,9 @@ def convex_union(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | No
 
 
 def convex_growth(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | None:
-    """Piece `a` with what of its neighbour `b` keeps it convex: what lies between the sides of `a`
-    beside their common edge, drawn on. None where they share no whole edge of `a`.
+    """Piece `a` extended into its neighbour `b` as far as it stays convex: by the part of `b`
+    between the extended sides of `a` next to their common edge. None if they do not share a
+    complete edge of `a`.
     """
     corners = shapely.get_coordinates(shapely.normalize(a).exterior)[::-1]
     ways = np.diff(corners, axis=0)
@@ -60,8 +61,8 @@ def convex_growth(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | N
 
 
 def _clipped(ring: Corners, corner: Corners, inward: Corners) -> Corners:
-    """What of a convex ring (n, 2), its first point again at its end, is on the inner side of a
-    line: a ring again, empty where nothing is.
+    """The part of a closed convex ring (n, 2) on the inner side of a line: a closed ring, or an
+    empty array.
     """
     away = (ring - corner) @ inward
     kept: list[Corners] = []

@@ -1,7 +1,7 @@
 """Lattices of equal tiles: squares, hexagons, triangles.
 
-A tile of size s has the area s^2 whatever its shape, so that plans of different shapes
-have as many targets. Tiles lie in rows along the first axis.
+A tile of size s has the area s^2 whatever its shape, so plans with different shapes have equally
+many targets. Tiles form rows along the first axis.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     # Row and column of each tile, and its corners (n, m, 2).
     Tiles = tuple[Indices, Indices, Array]
 
-# An excess of less than this share of a cell beyond the last row makes no new row.
+# If less than this share of a cell remains beyond the last row, no new row is made.
 SLIVER = 0.02
 
 # Sides of a regular hexagon and triangle of unit area.
@@ -62,7 +62,7 @@ def _squares(bounds: Array, size: float) -> Tiles:
 
 
 def _lines(low: float, high: float, size: float) -> Array:
-    """Grid lines centred on [low, high]; the outermost tiles take a sliver's excess."""
+    """Grid lines centred on [low, high]; the outermost tiles are stretched over a sliver."""
     count = max(1, math.ceil((high - low) / size - SLIVER))
     lines = (low + high - count * size) / 2 + size * np.arange(count + 1)
     lines[0], lines[-1] = min(lines[0], low), max(lines[-1], high)
@@ -70,7 +70,7 @@ def _lines(low: float, high: float, size: float) -> Array:
 
 
 def _hexagons(bounds: Array, size: float) -> Tiles:
-    """Flat sides across the rows, so that the middles of a row lie on a line."""
+    """Hexagons with flat sides across the rows, so that the centres of a row are on a line."""
     side = _HEXAGON_SIDE * size
     half_wide, half_side = 0.5 * math.sqrt(3) * side, 0.5 * side
     x0, y0, x1, y1 = bounds
@@ -88,7 +88,7 @@ def _hexagons(bounds: Array, size: float) -> Tiles:
 
 
 def _triangles(bounds: Array, size: float) -> Tiles:
-    """Triangles on their base and on their tip in turn."""
+    """Triangles that stand alternately on their base and on their tip."""
     side = _TRIANGLE_SIDE * size
     half, tall = 0.5 * side, 0.5 * math.sqrt(3) * side
     x0, y0, x1, y1 = bounds
@@ -109,6 +109,6 @@ def _placed(
     origin: tuple[float, float],
     unit: tuple[float, float],
 ) -> Array:
-    """Corners from whole numbers of units: neighbours get the very same corners."""
+    """Corners at integer multiples of units, so that neighbours share exactly the same corners."""
     steps = np.stack([across, up], axis=-1)[:, None, :] + ring
     return np.asarray(np.asarray(origin) + steps * np.asarray(unit), dtype=np.float64)

@@ -1,10 +1,9 @@
 """Mesh a region into cells: the target sets' footprints (section 6.2 of the paper).
 
-Tiles of any shape, size and orientation, clipped to the water. What the shore leaves of a
-tile is cut into convex pieces; small pieces join a neighbour where the union stays convex,
-and what is too small even for that is no target, but may be passed through. The cells are
-disjoint and cover the water; the targets made of them have at most eight sides and may lose
-a sliver.
+Tiles of any shape, size and orientation are clipped to the water. Tiles that the shore cuts are
+divided into convex pieces. Small pieces join a neighbour if the union stays convex; the smallest
+of those that cannot are no targets, but may be passed through. The cells are disjoint and cover
+the water. The targets made of them have at most eight sides and may lose a sliver.
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ from grebe.planning.cells.convex import convex_growth, convex_pieces, convex_uni
 Ring = tuple[tuple[float, float], ...]
 
 MAX_SIDES = 8
-# Vertices nearer to each other than this [m] are one.
+# Vertices nearer to each other than this [m] count as one.
 SHORTEST_SIDE_M = 1e-5
 # A clipped piece smaller than this share of a full cell joins a neighbour ...
 SMALLEST_SHARE = 0.25
-# ... and one that cannot is no target below this share.
+# ... and one that cannot join is no target below this share.
 SPECK_SHARE = 0.04
 LEAST_RADIUS_M = 0.5
-# What is thinner than this [m] and joins no neighbour is not even a way, and is left out.
+# A piece thinner than this [m] that joins no neighbour cannot even be passed, and is left out.
 THINNEST_M = 0.03
 MAX_CELLS = 200_000
-# Of the lattice over the region's bounds, most of which may be land.
+# Largest number of cells in the lattice over the region's bounds, most of which may be land.
 MAX_GRID = 2_000_000
 
 
@@ -43,8 +42,8 @@ MAX_GRID = 2_000_000
 class Cell:
     """One cell of a mesh: its place in the lattice and its convex footprint (x north, y east).
 
-    `whole` says that the shore took nothing of its tile; `is_speck` that it is too small to be
-    a target, and only a way between others.
+    `whole`: the shore does not cut its tile; `is_speck`: it is too small to be a target, and only
+    connects others.
     """
 
     row: int
@@ -62,11 +61,11 @@ def mesh_water(
     angle_deg: float = 0.0,
     keeps_slivers: bool = False,
 ) -> list[Cell]:
-    """Cut water, concave and with islands as it may be, into convex cells of area cell_m^2.
+    """Cut water, possibly concave and with islands, into convex cells of area cell_m^2.
 
-    Rows run along `angle_deg`, clockwise from north. `keeps_slivers`: what is too thin to be a way
-    becomes a neighbour's. Raises `PlanError` when the region is smaller than a cell or holds too
-    many.
+    Rows run along `angle_deg`, clockwise from north. With `keeps_slivers`, pieces too thin to be
+    passed are added to a neighbour. Raises `PlanError` when the region is smaller than a cell or
+    holds too many.
     """
     _check_size(water, cell_m, angle_deg)
     upright = affinity.rotate(water, -angle_deg, origin=(0, 0))
@@ -115,13 +114,13 @@ def _check_grid(upright: shapely.Polygon, cell_m: float) -> None:
 
 
 def _polygons(piece: shapely.Geometry) -> list[shapely.Polygon]:
-    """The convex pieces of what the shore leaves of a tile."""
+    """The convex pieces of a tile's part in the water."""
     parts = [p for p in shapely.get_parts(piece) if isinstance(p, shapely.Polygon) and p.area > 0]
     return [convex for part in parts for convex in convex_pieces(part)]
 
 
 def wide_pieces(water: shapely.Geometry) -> list[shapely.Polygon]:
-    """The convex pieces of water that are wide enough to be a way."""
+    """The convex pieces of water that are wide enough to be passed."""
     return [one for one in _polygons(water) if 2 * one.area / one.length >= THINNEST_M]
 
 
@@ -139,7 +138,7 @@ def _turned(cells: list[Cell], angle_deg: float) -> list[Cell]:
 
 
 def _tidy(cells: list[Cell], full_m2: float, *, keeps_slivers: bool) -> list[Cell]:
-    """Join each small piece to a neighbour, smallest first; what stays tiny is a speck."""
+    """Join each small piece to a neighbour, smallest first; pieces that stay tiny are specks."""
     footprints: list[shapely.Polygon | None] = [cell.footprint for cell in cells]
     whole = [cell.whole for cell in cells]
     areas = np.array([cell.footprint.area for cell in cells])
@@ -177,7 +176,7 @@ def _tidy(cells: list[Cell], full_m2: float, *, keeps_slivers: bool) -> list[Cel
 def _grown(
     footprints: Sequence[shapely.Polygon | None], near: Sequence[int], piece: shapely.Polygon
 ) -> tuple[int, shapely.Polygon] | None:
-    """Which of the cells `near` a piece can take most of it, and its footprint then."""
+    """The cell among `near` that can take the most of a piece, and its footprint with it."""
     grown = [
         (shape.area - one.area, j, shape)
         for j in near
@@ -187,16 +186,15 @@ def _grown(
 
 
 def _is_thin(footprint: shapely.Polygon) -> bool:
-    """Whether no boat could turn in a cell: no circle of `LEAST_RADIUS_M` fits in."""
+    """Whether a cell is too thin for a boat to turn: no circle of `LEAST_RADIUS_M` fits in it."""
     return shapely.maximum_inscribed_circle(footprint).length < LEAST_RADIUS_M
 
 
 def target_footprint(ring: Ring) -> Ring:
-    """Return a convex polygon of at most eight sides inside a convex ring, losing as little as can
-    be.
+    """Return a convex polygon of at most eight sides inside a convex ring, losing little area.
 
-    Leaving out a vertex of a convex polygon cuts off the triangle it makes with its
-    neighbours; the smallest triangle goes first, vertices on a straight line before all.
+    Leaving out a vertex of a convex polygon cuts off the triangle that it forms with its
+    neighbours. The smallest triangle is cut off first, so vertices on a straight line go first.
     """
     vertices = list(ring)
     tiny = 1e-9 * shapely.Polygon(ring).area
@@ -210,7 +208,7 @@ def target_footprint(ring: Ring) -> Ring:
 
 
 def _loss_m2(vertices: list[tuple[float, float]], i: int) -> float:
-    """What leaving a vertex out would cost; nothing where it stands on the one before it."""
+    """The area lost by leaving out a vertex; zero if it coincides with the one before it."""
     (x0, y0), (x1, y1) = vertices[i - 1], vertices[i]
     if math.hypot(x1 - x0, y1 - y0) < SHORTEST_SIDE_M:
         return 0.0

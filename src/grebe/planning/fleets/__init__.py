@@ -1,1 +1,1 @@
-"""A survey shared out among boats, alike or not."""
+"""Sharing a survey out among boats, alike or not."""

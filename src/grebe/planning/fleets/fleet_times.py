@@ -1,7 +1,7 @@
-"""How long a fleet takes: its boats sail one sortie each at once, then the next one each.
+"""The time of a fleet whose boats sail one sortie each at the same time, then the next.
 
-A boat that sets out from another harbour than before is brought there by land first. What a sortie
-takes holds the way from its harbour to its first cell, and the way home.
+A boat that sets out from another harbour than before is first brought there by land. The time of a
+sortie includes the path from its harbour to its first cell, and the path home.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from itertools import pairwise, zip_longest
 
 from grebe.core.revision import PlanRevision, Sortie
 
-# What it takes to bring a boat to another harbour by land [s].
+# Time to bring a boat to another harbour by land [s].
 MOVE_S = 1800.0
-# Sorties that set out so near to each other have one harbour [m].
+# Sorties that start within this distance of each other have the same harbour [m].
 SAME_HARBOUR_M = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class BoatTime:
-    """What a boat of a fleet, by its number, is predicted to do: time [s] under way in so many
-    `sorties`, and how often it is brought to another harbour.
+    """The prediction for one boat of a fleet: its number, its time under way [s], the number of its
+    `sorties`, and how often it is moved to another harbour.
     """
 
     boat: int
@@ -37,7 +37,7 @@ class BoatTime:
 
 
 def boat_times(revision: PlanRevision) -> list[BoatTime]:
-    """Return what each boat is predicted to do, in the order of the boats' numbers."""
+    """Return the prediction for each boat, in the order of the boats' numbers."""
     return [
         BoatTime(
             boat=boat,
@@ -50,8 +50,8 @@ def boat_times(revision: PlanRevision) -> list[BoatTime]:
 
 
 def fleet_s(revision: PlanRevision) -> float:
-    """Return how long a fleet takes until the last boat is home [s]: all wait for the slowest of a
-    round, the ways by land before it among it, until the next round begins.
+    """Return the time until the last boat of a fleet is home [s]. Before each next round, all wait
+    for the slowest boat of the round, including its transport by land.
     """
     takes_s = [
         [one.time_s + MOVE_S * moves for one, moves in zip(own, _moves(own), strict=True)]

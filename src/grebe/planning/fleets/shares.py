@@ -1,10 +1,10 @@
-"""Share a survey out among boats: stretches of one good order, as long as each other in time.
+"""Share a survey out among boats: each takes a stretch of one good order, all of about equal time.
 
-A stretch of an order that is short holds cells that lie together, so each boat has its own part of
-the lake and boats seldom meet. The ends of the stretches are moved until the predicted times, the
-ways from the starts with them, are alike; which boat takes which stretch, and from which end, is
-the assignment with the shortest ways out. Boats may be of several kinds: each part is planned for
-the boat that takes it, and a faster one takes more.
+A stretch of a short order contains cells that are close together, so each boat has its own part of
+the lake and boats seldom meet. The ends of the stretches are moved until the predicted times,
+including the paths from the starts, are alike. The assignment with the shortest paths out decides
+which boat takes which stretch, and from which end. Boats may be of several kinds: each part is
+planned for the boat that takes it, and a faster boat takes more.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ def plan_fleet(
     settings: PlanSettings,
     no_go: Sequence[shapely.Polygon] = (),
 ) -> PlannedSorties:
-    """Plan a survey that several boats share, one trip each; `PlanError` says why there is none."""
+    """Plan a survey that several boats share, one trip each.
+
+    Raises `PlanError` with the reason when there is no plan.
+    """
     fleet = settings.fleet
     if fleet is None:
         raise UsageError("How many boats share the survey is not given.", settings=("boats",))
@@ -60,8 +63,8 @@ def shared_out(
 ) -> PlannedSorties:
     """Plan the cells of a draft's order for the boats of the planner's fleet, one trip each.
 
-    `places` (north, east) are where they set out, one for each boat; without any each is launched
-    where its part begins. Raises `PlanError` where there are fewer cells than boats.
+    `places` (north, east) are their starts, one for each boat; without them each boat is launched
+    where its part begins. Raises `PlanError` when there are fewer cells than boats.
     """
     settings, fleet = planner.settings, planner.settings.fleet
     assert fleet is not None
@@ -96,9 +99,11 @@ def shared_out(
 
 @dataclass(frozen=True, kw_only=True)
 class _Sharing:
-    """The order that is shared, with the times of its legs [s], and the ways out from the starts to
-    each cell of the order [s], (boats, n); without starts nobody has a way out. `planners`: one for
-    each boat, or one for all.
+    """The order that is shared out.
+
+    `planners`: one for each boat, or one for all; `legs_s` (n,): the times of the order's legs;
+    `out_s` (boats, n): the times of the paths from the starts to each cell of the order, zero
+    without starts.
     """
 
     planners: Sequence[Planner]
@@ -128,11 +133,11 @@ class _Sharing:
         )  # fmt: skip
 
     def balanced(self) -> tuple[list[Survey], list[int]]:
-        """The parts whose longest is the shortest that was found, and whose they are."""
+        """Return the parts with the smallest maximum time that was found, and the boat of each."""
         chosen: list[tuple[int, bool]] = []
 
         def parts_of(stretches: Sequence[Order]) -> tuple[list[tuple[Survey, int]], list[float]]:
-            # What a stretch may hold is found for the boat that has it: unlike boats do not change.
+            # The size of a stretch is fitted to its boat, so unlike boats keep their stretches.
             if not chosen or len(self.planners) == 1:
                 chosen[:] = self._assigned(stretches)
             parts = [
@@ -146,7 +151,7 @@ class _Sharing:
 
     def _assigned(self, stretches: Sequence[Order]) -> list[tuple[int, bool]]:
         """Which boat takes each stretch, and whether from its far end."""
-        # Plans of one boat, which are most, need not wait for it.
+        # Imported here, so that plans for one boat, which are most, need not wait for it.
         from scipy.optimize import linear_sum_assignment
 
         lengths = np.array([len(one) for one in stretches], dtype=np.int64)

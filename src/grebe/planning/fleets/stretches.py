@@ -1,4 +1,4 @@
-"""Cut an order into stretches, one for each boat, that take as long as each other."""
+"""Cut an order into stretches of equal time, one for each boat."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 P = TypeVar("P")
 
-# Rounds in which the ends of the stretches are moved, and by how much the longest may be over the
-# mean where the search ends.
+# Most rounds in which the ends of the stretches are moved, and the ratio of the longest time to the
+# mean at which the search ends.
 ROUNDS, ALIKE = 8, 1.005
 
 
@@ -26,10 +26,10 @@ def shared_evenly(
     boats: int,
     parts_of: Callable[[Sequence[Order]], tuple[list[P], list[float]]],
 ) -> list[P]:
-    """Return the parts whose longest is the shortest that was found.
+    """Return the parts with the smallest maximum time that was found.
 
-    `legs_s` (n,) is what the order takes to come to each of its cells [s]; `parts_of` makes a part
-    of each stretch, and says how long each takes [s].
+    `legs_s` (n,) are the times of the legs to each cell of the order [s]. `parts_of` makes a part
+    of each stretch, and returns the parts and their times [s].
     """
     weights = np.ones(boats)
     best: tuple[float, list[P]] | None = None
@@ -40,18 +40,18 @@ def shared_evenly(
             best = float(times.max()), parts
         if times.max() < ALIKE * times.mean():
             break
-        # A part that takes too long is given less of the order; half way, for its way out
-        # changes with it.
+        # A part that takes too long gets less of the order, but not by the full ratio, because its
+        # path out changes too.
         weights *= (times.mean() / np.maximum(times, 0.1 * times.mean())) ** 0.7
     assert best is not None
     return best[1]
 
 
 def _cut(order: Order, legs_s: Array, weights: Array) -> list[Order]:
-    """The order in stretches whose legs take times in the ratio of the weights."""
+    """Cut the order into stretches whose legs take times in the ratio of the weights."""
     passed = np.cumsum(legs_s)
     ends = np.searchsorted(passed, passed[-1] * np.cumsum(weights)[:-1] / weights.sum())
-    # Each boat has a cell at least.
+    # Each boat gets at least one cell.
     lowest = np.arange(1, len(weights))
     more = np.clip(np.maximum.accumulate(ends - lowest), 0, len(order) - len(weights))
     return np.split(order, lowest + more)

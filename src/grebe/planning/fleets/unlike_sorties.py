@@ -1,9 +1,9 @@
-"""Sorties of unlike boats: each has a part of the lake, and trips that its own battery lasts for.
+"""Sorties of unlike boats: each has a part of the lake, and trips within its own battery.
 
-The cells are shared out first, as stretches of one good order; which boat takes which, and how much
-of the order it is given, goes by what the stretch takes it in trips: a small battery goes out and
-home more often, so it is given less, and what lies near. Then each boat's trips are found within
-its own stretch, and where they take longer than was thought the boat is given less.
+The cells are first shared out, as stretches of one good order. Which boat takes which stretch, and
+how long the stretch is, depends on the time of the boat's trips through it: a boat with a small
+battery goes out and home more often, so it gets fewer cells, and near ones. Then each boat's trips
+are found within its own stretch. If they take longer than estimated, the boat gets less.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 Heard = Callable[[int, int], None] | None
 
-# What of a trip is left for its cells at the least, as a share, where the way there takes it all:
-# a stretch that a boat cannot come home from takes it so many times as long.
+# The least share of a trip that counts as left for its cells, even if the path there takes all of
+# it. A stretch from which a boat cannot get home thus counts as 1 / LEAST_LEFT times as long.
 LEAST_LEFT = 0.02
-# How often the lake is shared out at the most, and by how much the longest may be over the mean
-# where that ends.
+# How often the lake is shared out at most, and the ratio of the longest time to the mean at which
+# that ends.
 SHARINGS, EVEN = 4, 1.04
 
 
@@ -51,11 +51,12 @@ def share_sorties(
     on_done: Heard = None,
     rounds: int | None = None,
 ) -> PlannedSorties:
-    """Plan sorties for a fleet of unlike boats; `PlanError` says why there are none.
+    """Plan sorties for a fleet of unlike boats. Raises `PlanError` with the reason when there is no
+    plan.
 
-    `places` are the harbours, which all boats may use; without any each boat sets out from its own
-    start, or all from the draft's. `on_done` hears how far the search is, `rounds` says how long it
-    is (None: by the number of cells).
+    `places` are the harbours, which all boats may use; without them each boat sets out from its own
+    start, or all from the draft's. `on_done` is called with the progress of the search. `rounds` is
+    the length of the search (None: by the number of cells).
     """
     fleet = planner.settings.fleet
     assert fleet is not None
@@ -80,8 +81,8 @@ def share_sorties(
 
 @dataclass(frozen=True, kw_only=True)
 class _Boat:
-    """One boat of a fleet: the lake with what its legs cost this boat, how far it may go, and how
-    many rounds a search for its trips has.
+    """One boat of a fleet: the lake with this boat's costs of legs, its endurance, and the rounds
+    of a search for its trips.
     """
 
     number: int
@@ -90,8 +91,8 @@ class _Boat:
     rounds: int | None = None
 
     def takes_s(self, stretch: Order) -> float:
-        """What a stretch takes in trips, or so [s]: each has the less time for its cells the
-        farther they are from its harbour.
+        """Approximate time of the trips through a stretch [s]: the farther the cells of a trip are
+        from its harbour, the less time is left for them.
         """
         out = self.lake.seconds(outwards=True)[:, stretch]
         back = self.lake.seconds(outwards=False)[:, stretch]
@@ -104,18 +105,18 @@ class _Boat:
         return self._through_s(stretch) / max(left, LEAST_LEFT)
 
     def _through_s(self, stretch: Order) -> float:
-        """What the taut way through a stretch takes [s]."""
+        """Time of the taut path through a stretch [s]."""
         north, east = self.lake.draft.network.centres[stretch[0]].tolist()
         footprints = [self.lake.draft.cells[i].footprint for i in stretch.tolist()]
         return self.lake.travel.path_s(taut_way((north, east), footprints))
 
     def check_reach(self, stretch: Order) -> None:
-        """Raise `PlanError` where a cell of the stretch is too far for any trip."""
+        """Raise `PlanError` if a cell of the stretch is too far for any trip."""
         with self.named():
             check_reach(self.lake.part(stretch), self.endurance)
 
     def share(self, stretch: Order, bound_m: float, on_done: Heard) -> _Share:
-        """The fewest trips within the stretch, and their surveys."""
+        """Find the fewest trips within the stretch, and make their surveys."""
         with self.named():
             trips = trips_within(self.lake.part(stretch), self.endurance, self.rounds, on_done)
         parts = trip_surveys(self.lake, trips, bound_m)
@@ -123,7 +124,7 @@ class _Boat:
 
     @contextmanager
     def named(self) -> Generator[None]:
-        """What cannot be planned is said with the boat's name."""
+        """Put the boat's number and name in front of the message of a `PlanError`."""
         try:
             yield
         except PlanError as error:
@@ -165,7 +166,7 @@ def _boats_of(
 
 @dataclass(frozen=True, kw_only=True)
 class _Share:
-    """What one boat has of the lake: a stretch of the order, its trips there, and their surveys."""
+    """One boat's share of the lake: a stretch of the order, its trips there, and their surveys."""
 
     boat: _Boat
     stretch: Order
@@ -174,15 +175,15 @@ class _Share:
 
     @property
     def time_s(self) -> float:
-        """What the trips are predicted to take together [s]."""
+        """Total predicted time of the trips [s]."""
         return sum(part.outcome.time_s for part in self.parts if part.outcome is not None)
 
 
 def _evened(boats: Sequence[_Boat], draft: Draft, bound_m: float, on_done: Heard) -> list[_Share]:
-    """The shares, in the boats' order, whose longest is the shortest that was found.
+    """The shares with the smallest maximum time that was found, in the order of the boats.
 
-    What a stretch takes in trips is estimated before they are known. By how much the trips that
-    were found take longer is what the estimate is corrected by when the lake is shared out again.
+    The time of a stretch is estimated before its trips are known. When the lake is shared out
+    again, the estimate is corrected by its ratio to the time of the trips that were found.
     """
     longer = dict.fromkeys((boat.number for boat in boats), 1.0)
     whose: list[_Boat] = []
@@ -190,7 +191,7 @@ def _evened(boats: Sequence[_Boat], draft: Draft, bound_m: float, on_done: Heard
     for sharing in range(SHARINGS):
         try:
             shared = _shared(boats, draft, longer, whose)
-            # No boat's trips are looked for in vain because another's cannot be.
+            # Checked first, so that no search is wasted because another boat cannot have trips.
             for boat, stretch in shared:
                 boat.check_reach(stretch)
             heard = [
@@ -202,7 +203,7 @@ def _evened(boats: Sequence[_Boat], draft: Draft, bound_m: float, on_done: Heard
                 for (boat, stretch), hears in zip(shared, heard, strict=True)
             ]
         except PlanError:
-            # What was found before holds; another sharing out need not.
+            # The shares found before are valid, even if this sharing out is not.
             if best is None:
                 raise
             break
@@ -218,7 +219,7 @@ def _evened(boats: Sequence[_Boat], draft: Draft, bound_m: float, on_done: Heard
 
 
 def _heard(on_done: Heard, before: int, searches: int) -> Heard:
-    """Who hears of one search, of several that take alike."""
+    """The callback of one search, which reports its progress as that of several equal searches."""
     if on_done is None:
         return None
     return lambda done, most: on_done(before * most + done, searches * most)
@@ -227,29 +228,30 @@ def _heard(on_done: Heard, before: int, searches: int) -> Heard:
 def _shared(
     boats: Sequence[_Boat], draft: Draft, longer: Mapping[int, float], whose: list[_Boat]
 ) -> list[tuple[_Boat, Order]]:
-    """Each boat with its stretch of the order, in the boats' order, all of which take alike by an
-    estimate that is corrected by the boat's factor in `longer`; `whose` stretch each is stays as it
-    was found first.
+    """Each boat with its stretch of the order, in the order of the boats.
+
+    All stretches have about the same estimated time, corrected by the boat's factor in `longer`.
+    `whose` is the boat of each stretch; it is filled by the first call and kept by later ones.
     """
     order = draft.route.order
     legs = boats[0].lake.travel.leg_s(np.diff(draft.network.centres[order], axis=0))
 
     def parts_of(stretches: Sequence[Order]) -> tuple[list[tuple[_Boat, Order]], list[float]]:
-        # How much a stretch may hold is found for the boat that has it.
+        # The size of a stretch is fitted to its boat, so the assignment is kept.
         if not whose:
             whose[:] = _assigned(boats, stretches)
         parts = list(zip(whose, stretches, strict=True))
         return parts, [longer[boat.number] * boat.takes_s(stretch) for boat, stretch in parts]
 
-    # No leg takes no time, that cells at one place are not cut apart at will.
+    # Every leg takes some time, so that cells at the same place are not divided arbitrarily.
     legs_s = np.concatenate([[0.0], legs]) + 1e-3 * float(np.mean(legs))
     found = shared_evenly(order, legs_s, len(boats), parts_of)
     return sorted(found, key=lambda part: part[0].number)
 
 
 def _assigned(boats: Sequence[_Boat], stretches: Sequence[Order]) -> list[_Boat]:
-    """The boat of each stretch: together they take the least time."""
-    # Plans of one boat, which are most, need not wait for it.
+    """The boat of each stretch, by the assignment with the least total time."""
+    # Imported here, so that plans for one boat, which are most, need not wait for it.
     from scipy.optimize import linear_sum_assignment
 
     takes_s = np.array([[boat.takes_s(stretch) for stretch in stretches] for boat in boats])

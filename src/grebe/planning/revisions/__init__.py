@@ -1,1 +1,1 @@
-"""The rest of an order, planned anew while a boat sails."""
+"""Replanning the rest of an order while a boat sails."""

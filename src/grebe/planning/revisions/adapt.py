@@ -1,18 +1,18 @@
-"""Go where it pays: which places to measure next, within a budget of time.
+"""Choose the places to measure next, within a budget of time.
 
-A pure choice: what is known of the water is the covariance of its signal at the places that can be
-gone to, given all that was measured, and how much each of them matters. The boat reads on its way
-too, so a place is worth what a reading there and the readings along the new legs take off the
-weighted variance all over the water, over the time that the way to it adds; the best is taken, the
-covariance brought up to date for all places that are now passed, and so on until the time is
-spent. For variance it is within 1 - 1/e of the best of as many places, for what one reading adds is
-less the more are taken (Krause, Singh and Guestrin 2008, JMLR 9, on near-optimal sensor
-placements); the way's cost makes a heuristic of it.
+The choice is a pure function of the covariance of the signal at the places within reach, given all
+measurements, and of a weight for each place. A place is worth the reduction of the weighted
+variance over all the water, by a reading there and by the readings along the new legs, divided by
+the time that the detour adds. The best place is taken, the covariance is updated for all places
+that are now passed, and so on until the time is spent. For variance, this greedy choice reaches at
+least 1 - 1/e of the best reduction by as many places, because each reading adds less the more are
+taken (Krause, Singh and Guestrin 2008, JMLR 9, on near-optimal sensor placements). With the cost of
+the path it is a heuristic.
 
-Boats that explore together plan one after the other, each as if what the others have announced were
-read already (sequential allocation: Singh, Krause, Guestrin and Kaiser 2009, JAIR 34, on efficient
-informative sensing using multiple robots). What that loses on the best of all joint plans is
-bounded as the single planner's own loss is.
+Boats that explore together plan one after the other, each as if the readings that the others have
+announced were taken already (sequential allocation: Singh, Krause, Guestrin and Kaiser 2009, JAIR
+34, on efficient informative sensing using multiple robots). The loss against the best joint plan is
+bounded like the single planner's own loss.
 """
 
 from __future__ import annotations
@@ -33,20 +33,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# A place costs this much at least [s]: a reading or two.
+# The least cost of a place [s]: a reading or two.
 LEAST_S = 2.0
-# A leg's worth is told from so many points of it.
+# The worth of a leg is estimated from this many of its points.
 POINTS = 8
-# The way is shortened after so many places.
+# The path is shortened each time it has this many more places.
 SHORTENED_EACH = 10
 
 
 @dataclass(frozen=True, kw_only=True)
 class Worth:
-    """What places (m, 2) are worth: `covariance` (m, m) of the signal there given what was
-    measured, `noise` the variance of what is read while the boat passes one, `weights` (m,) how
-    much each place matters, and `apart_m` how far two readings on the way are from each other that
-    tell different things.
+    """What determines the worth of `places` (m, 2).
+
+    `covariance` (m, m): of the signal there, given the measurements; `noise`: the variance of what
+    is read while the boat passes a place; `weights` (m,): how much each place matters; `apart_m`:
+    the distance between two readings on the path that give different information.
     """
 
     places: Array
@@ -57,7 +58,7 @@ class Worth:
 
 
 def once_read(worth: Worth, ways: PlaceWays, announced: Sequence[Array]) -> Worth:
-    """Return what places are worth once others have read along ways (k, 2) that they announced."""
+    """Return what places are worth once others have read along the paths (k, 2) they announced."""
     passed = sorted({place for way in announced for place in ways.passed(way)})
     if not passed:
         return worth
@@ -70,10 +71,10 @@ def once_read(worth: Worth, ways: PlaceWays, announced: Sequence[Array]) -> Wort
 def chosen_places(
     worth: Worth, ways: PlaceWays, start: int, budget_s: float, pace_mps: float, turn_m: float
 ) -> tuple[list[int], Array]:
-    """Return the places to go to, by their numbers, and the variance (m,) that is left then.
+    """Return the places to visit, by their numbers, and the variance (m,) that is left then.
 
-    The way from the place `start` through them keeps the budget at `pace_mps`; to be gone to a
-    place must be worth its way and `turn_m` for each radian that the boat turns there.
+    The path from the place `start` through them keeps the budget at `pace_mps`. The price of a
+    place is the path that it adds, and `turn_m` for each radian that the boat turns there.
     """
     chosen = _Choice(worth, ways, start)
     open_ = np.ones(len(worth.places), dtype=bool)
@@ -88,7 +89,7 @@ def chosen_places(
             if chosen.length_m < before - 1e-9:
                 continue
             break
-        # To some there may be no way: they cost without end, and are not allowed.
+        # Places that no path leads to have an infinite price, and are not allowed.
         worth_each = np.full(len(allowed), -np.inf)
         np.divide(chosen.gains(at), price_s, out=worth_each, where=allowed)
         best = int(np.argmax(worth_each))
@@ -100,7 +101,7 @@ def chosen_places(
 
 
 class _Choice:
-    """The way chosen so far, and the covariance of the signal given what is read along it."""
+    """The path chosen so far, and the covariance of the signal given the readings along it."""
 
     def __init__(self, worth: Worth, ways: PlaceWays, start: int) -> None:
         self._worth, self._ways, self._start = worth, ways, start
@@ -112,17 +113,17 @@ class _Choice:
 
     @property
     def _way(self) -> NDArray[np.int64]:
-        """The places of the way, the start with them."""
+        """The places of the path, including the start."""
         return np.array([self._start, *self.route])
 
     @property
     def length_m(self) -> float:
-        """How long the way is."""
+        """Length of the path [m]."""
         way = self._way
         return float(self._ways.lengths_m[way[:-1], way[1:]].sum())
 
     def insertions(self) -> tuple[Array, NDArray[np.int64]]:
-        """How much longer the way is with each place at the best position of it, and that."""
+        """By how much each place at its best position lengthens the path [m], and that position."""
         way = self._way
         away = self._ways.lengths_m[:, way]
         legs = self._ways.lengths_m[way[:-1], way[1:]]
@@ -131,8 +132,8 @@ class _Choice:
         return added[np.arange(len(away)), position], position
 
     def turns(self, at: NDArray[np.int64]) -> Array:
-        """By how much the boat turns at each place at its position, or before it where that is the
-        last [rad].
+        """By how much the boat turns at each place at its position, or at the place before it if it
+        is the last [rad].
         """
         places = self._worth.places
         way = self._way
@@ -145,8 +146,8 @@ class _Choice:
         return np.abs(np.arctan2(cross, np.sum(into * out, axis=1)))
 
     def gains(self, at: NDArray[np.int64]) -> Array:
-        """What each place at its position takes off the weighted variance, with the readings on
-        the legs to it and from it.
+        """The reduction of the weighted variance by each place at its position, including readings
+        on the legs to it and from it.
         """
         worth = self._worth
         one = worth.weights @ self._covariance**2 / (np.diag(self._covariance) + worth.noise)
@@ -157,7 +158,7 @@ class _Choice:
         return gains + np.where(last, 0.0, self._on_leg(one, after))
 
     def _on_leg(self, one: Array, ends: NDArray[np.int64]) -> Array:
-        """What is read on the legs between all places and `ends` (m,), as if straight."""
+        """The reduction by readings on the legs between all places and `ends` (m,), if straight."""
         places = self._worth.places
         shares = (np.arange(POINTS) + 0.5) / POINTS
         points = places[ends][:, None] + shares[None, :, None] * (places - places[ends])[:, None]
@@ -166,7 +167,7 @@ class _Choice:
         return length / self._worth.apart_m * one[met].mean(axis=1)
 
     def take(self, place: int, position: int) -> None:
-        """Go to a place too, and read on the way."""
+        """Insert a place into the path, and take the readings on its legs."""
         self.route.insert(position, place)
         way = [self._start, *self.route]
         for a, b in zip(
@@ -182,7 +183,7 @@ class _Choice:
         self._covariance -= np.outer(column, column) / (column[place] + self._worth.noise)
 
     def shorten(self) -> None:
-        """Turn stretches of the way round for as long as that makes it shorter (2-opt)."""
+        """Reverse stretches of the path for as long as that makes it shorter (2-opt)."""
         lengths = self._ways.lengths_m
         way = self._way
         found = True
@@ -200,7 +201,7 @@ class _Choice:
         self.route = way[1:].tolist()
 
     def left(self) -> Array:
-        """The variance that is left after what is read along the way as it now is."""
+        """The variance that is left after the readings along the current path."""
         way = [self._start, *self.route]
         met = {one for a, b in pairwise(way) for one in self._ways.along(a, b)}
         passed = sorted({self._start, *met})

@@ -1,8 +1,8 @@
-"""Lead a boat that is not where its order left it to the next target: around land, if need be.
+"""Lead a boat from wherever it is to its next target, around land if necessary.
 
-A mission goes on from wherever its boat is - at the harbour to which it came home, or in a bay into
-which the wind has blown it - and not from the target before the next one, from which the
-corridor leads. The order stays as it is; what is new is the way to its next target.
+A mission goes on from wherever its boat is: at the harbour to which it came home, or in a bay into
+which the wind has blown it. That need not be the target before the next one, where the corridor
+begins. The order stays unchanged; only the path to its next target is new.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from grebe.planning.ways.corridors import REACH_CELLS, Stop, corridors_of, widen
 if TYPE_CHECKING:
     pass
 
-# So far outside its corridor, or inside the shore, a boat may be by the error of its estimate [m].
+# By the error of its estimate a boat may be this far outside its corridor, or beyond the shore [m].
 ASTRAY_M = 0.5
 
 
@@ -32,8 +32,9 @@ def is_led(
     reached: int,
     place: tuple[float, float],
 ) -> bool:
-    """Whether a boat can sail straight on to the next target of a survey, or a part of one, in the
-    water that is `sailable` and is asked for only where its corridor does not say so.
+    """Whether a boat can sail straight on to the next target of a survey, or of a part of one.
+
+    `sailable` returns the water for that; it is called only if the boat is outside the corridor.
     """
     ahead = part.targets[reached:]
     if not ahead:
@@ -48,7 +49,7 @@ def is_led(
 def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway) -> PlanRevision:
     """Return the revision with transits from the boat's place to its next target.
 
-    Transits that led there from the target before are left out.
+    Transits that led there from the previous target are left out.
     """
     part = survey_of(survey, old, halfway.sortie)
     ahead = part.targets[halfway.reached :]
@@ -72,7 +73,7 @@ def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway
 
 
 def _stops(open_: OpenWater, place: tuple[float, float], goal: Target) -> list[Stop]:
-    """What the way passes from a place to a target, and the target."""
+    """The stops on the path from a place to a target, with the target as the last."""
     here, there = open_.nearest(shapely.Point(place)), open_.nearest(goal.set.polygon.centroid)
     last = Stop(footprint=goal.set.polygon, cell=None)
     if here == there:

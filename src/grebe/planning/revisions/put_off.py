@@ -1,9 +1,9 @@
-"""Put off what a slow sortie has no time for: a pure function, as the rest of a re-plan is.
+"""Put off the cells for which a slow sortie has no time: a pure function, like all of replanning.
 
-A prediction is corrected by what was flown: a boat that takes a quarter longer than predicted for
-half of its sortie is reckoned to take a quarter longer for the rest. Where that does not fit, the
-last cells of the order become a sortie of their own, from the same harbour. The last ones, for the
-way home from there is a part of both: what is put off near the harbour costs the least twice.
+Predictions are corrected by the pace so far: a boat that takes a quarter longer than predicted for
+half of its sortie is expected to take a quarter longer for the rest. If that does not fit, the last
+cells of the order become a sortie of their own, from the same harbour. The last cells are chosen
+because the path home from them is a part of both sorties, so cells near the harbour cost least.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Late:
-    """A sortie takes `pace` times as long as predicted; it has sailed for `flown_s`, and has
-    `left_s` until it must be back.
+    """A late sortie: it takes `pace` times as long as predicted, has sailed for `flown_s`, and must
+    be back in `left_s`.
     """
 
     pace: float
@@ -52,9 +52,9 @@ def put_off(
     vessel: Vessel,
     weather: Weather,
 ) -> PlanRevision:
-    """Return the revision in which the last cells of a sortie are one of their own.
+    """Return the revision in which the last cells of a sortie become a sortie of their own.
 
-    Raises `PlanError` where all fits after all, or nothing does, and for a plan without sorties.
+    Raises `PlanError` when all cells fit after all, when none does, and for a plan without sorties.
     """
     if halfway.sortie is None:
         raise PlanError("The plan is one mission; there is no later sortie to put cells off to.")
@@ -86,7 +86,7 @@ def _that_fit(
     survey: Survey, end: Target, ahead: Sequence[Target], halfway: Halfway, late: Late,
     vessel: Vessel, weather: Weather,
 ) -> int:  # fmt: skip
-    """How many of the cells ahead leave time for the way home."""
+    """How many of the cells ahead leave time for the path home."""
 
     def fits(count: int) -> bool:
         way = [*ahead[:count], end]
@@ -104,7 +104,7 @@ def _later(
     plan: PlanRevision, survey: Survey, open_: OpenWater, own: Sortie, cells: Sequence[int],
     vessel: Vessel, weather: Weather,
 ) -> tuple[list[Target], list[shapely.Polygon]]:  # fmt: skip
-    """The targets and corridors of what is put off, from the harbour and back to it."""
+    """The targets and corridors of the cells that are put off, from the harbour and back to it."""
     start = (own.start.north_m, own.start.east_m)
     halfway = Halfway(reached=0, place=start, sortie=own)
     end = plan.targets[own.last - 1]
@@ -119,7 +119,7 @@ def _with_one_more(
     plan: PlanRevision, own: Sortie, number: int, targets: Sequence[Target],
     corridors: Sequence[shapely.Polygon], times_s: tuple[float, float],
 ) -> PlanRevision:  # fmt: skip
-    """The plan with a sortie more, of which and of its `own` the times are predicted anew."""
+    """The plan with one more sortie; `times_s` predicts the times of `own` and of the new one."""
     first, power = len(plan.targets) + 1, own.energy_wh / max(own.time_s, 1e-9)
     shortened, later = (replace(own, time_s=time_s, energy_wh=power * time_s) for time_s in times_s)
     later = replace(later, number=number, first=first, last=first + len(targets) - 1)

@@ -1,8 +1,8 @@
-"""Plan the rest of an order anew: a pure function from where a boat is to a revision.
+"""Replan the rest of an order: a pure function from a boat's position to a revision.
 
-What was reached stays in front as it was. The cells that are left are put in the order that is
-fastest from where the boat is, in the weather that it has turned out to be, without those that are
-closed or out of reach; the ways around land and the corridors are laid anew.
+Targets that were reached stay in front, unchanged. The remaining cells, without those that are
+closed or out of reach, are put in the fastest order from the boat's position in the estimated
+weather. Paths around land and corridors are made anew.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from grebe.planning.ways.travel import travel_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Footprint of the boat's place, for the hull with the first target [m].
+# Radius of the footprint of the boat's place, for its hull with the first target [m].
 PLACE_RADIUS_M = 0.05
-# Kicks of the polish: what there is time for while a boat sails.
+# Kicks of the polish, as many as there is time for while a boat sails.
 KICKS = 2_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class OpenWater:
-    """The cells of a survey and the ways between them, less what is closed.
+    """The cells of a survey and the paths between them, without closed areas.
 
-    `water` is what the boat may use; `targets` are the cells' own, in the order of the cells.
-    Measuring it takes most of the time of a re-plan, and is done before one is needed.
+    `water` is the water that the boat may use; `targets` are those of the cells, in the same order.
+    Measuring the paths takes most of the time of replanning, and is done before it is needed.
     """
 
     water: shapely.Polygon
@@ -54,8 +54,8 @@ class OpenWater:
 
     @cached_property
     def cells(self) -> list[Cell]:
-        """The cells, as the planner's mesh had them, and behind them the water between them, which
-        is only a way: what no target has, and what a closed area leaves of cells.
+        """The targets' cells as in the planner's mesh, followed by the pieces of water between
+        them, which may only be passed: water in no target, and the rest of partly closed cells.
         """
         shapes = footprints_of([target.set for target in self.targets])
         whole = self.cell_m**2 * (1 - 1e-6)
@@ -77,7 +77,7 @@ class OpenWater:
 
     @cached_property
     def ways(self) -> Waterways:
-        """The ways between the cells."""
+        """The paths between the cells."""
         return Waterways(self.cells, self.network, self.water, self.cell_m)
 
     @cached_property
@@ -94,19 +94,19 @@ class OpenWater:
         return int(np.argmin(shapely.distance(self.shapes, place)))
 
     def within_reach(self, place: tuple[float, float]) -> NDArray[np.bool_]:
-        """Which cells a boat can come to from a place."""
+        """Which cells a boat can reach from a place."""
         return self._parts == self._parts[self.nearest(shapely.Point(place))]
 
     @cached_property
     def place_of(self) -> dict[int, int]:
-        """The cell of each target by the target's number."""
+        """The index of each target's cell, by the target's number."""
         return {target.seq: i for i, target in enumerate(self.targets)}
 
     def closing(self, zones: Sequence[shapely.Polygon], place: tuple[float, float]) -> OpenWater:
-        """Return what is left when zones are closed: the part where the boat's place is, or that
-        is nearest to it, with the cells that lie wholly in it.
+        """Return the open water that is left when zones are closed: the part that contains the
+        boat's place, or is nearest to it, with the cells that are completely inside.
 
-        Raises `PlanError` where no cell is left.
+        Raises `PlanError` when no cell is left.
         """
         left = shapely.difference(self.water, shapely.union_all(list(zones)))
         parts = [p for p in shapely.get_parts(left) if isinstance(p, shapely.Polygon) and p.area]
@@ -125,7 +125,7 @@ class OpenWater:
 
 
 def open_water(survey: Survey, water: shapely.Polygon) -> OpenWater:
-    """Return the cells of a whole survey in the water that its boat may use."""
+    """Return all cells of a survey in the water that its boat may use."""
     if survey.outcome is None:
         raise PlanError("The survey does not say how large its cells are; plan it first.")
     cells = tuple(target for target in survey.targets if target.kind == "cell")
@@ -134,8 +134,8 @@ def open_water(survey: Survey, water: shapely.Polygon) -> OpenWater:
 
 @dataclass(frozen=True, kw_only=True)
 class Halfway:
-    """How far an order, or its `sortie`, has come: `reached` targets, and where the boat's `place`
-    (north, east) is.
+    """How far an order, or its `sortie`, has come: the number of `reached` targets, and the boat's
+    `place` (north, east).
     """
 
     reached: int
@@ -155,10 +155,10 @@ def replanned(
     note: str,
     without: Collection[int] = (),
 ) -> PlanRevision:
-    """Return the revision in which the rest is planned anew; `PlanError` where nothing is left.
+    """Return the revision in which the rest is replanned. Raises `PlanError` when nothing is left.
 
-    `without` are the numbers of targets that are left out. What a sortie began it ends at its
-    harbour, and the other sorties stay as they are.
+    `without` are the numbers of targets to leave out. A sortie still ends at its harbour; the other
+    sorties stay unchanged.
     """
     part = survey_of(survey, old, halfway.sortie)
     within_reach = open_.within_reach(halfway.place)
@@ -187,8 +187,8 @@ def put_in_order(
     reason: Reason,
     note: str,
 ) -> PlanRevision:
-    """Return the revision in which the boat goes on to some cells of the open water, by their
-    places in it, in the order that is fastest.
+    """Return the revision in which the boat goes on to some cells of the open water, in the fastest
+    order. `rest` are the cells' indices.
     """
     part = survey_of(survey, old, halfway.sortie)
     done = part.targets[: halfway.reached]
@@ -204,8 +204,8 @@ def way_through_cells(
     old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway, rest: Sequence[int],
     ends_at: Target | None, *, vessel: Vessel, weather: Weather,
 ) -> tuple[list[Target], list[shapely.Polygon]]:  # fmt: skip
-    """Return the targets and corridors of the fastest order of some cells of the open water from
-    where the boat is, with the transits between them, and to where it has to end.
+    """Return the targets and corridors of the fastest order of some cells of the open water, with
+    transits, from the boat's place to the target at which the order has to end, if any.
     """
     cells = np.array(rest, dtype=np.int64)
     order = _ordered(survey, open_, halfway, ends_at, vessel, weather, cells)
@@ -220,7 +220,7 @@ def remaining_s(
     survey: Survey, place: tuple[float, float], ahead: Sequence[Target], weather: Weather,
     vessel: Vessel,
 ) -> float:  # fmt: skip
-    """Predicted time [s] of the taut way from a place through targets."""
+    """Predicted time [s] of the taut path from a place through targets."""
     settings = survey.settings
     if settings is None or not ahead:
         return 0.0
@@ -235,12 +235,12 @@ def _ordered(
     settings = survey.settings
     assert settings is not None
     travel = travel_of(vessel, (settings.speed_min_mps, settings.speed_max_mps), weather)
-    # A boat's part without a harbour is a sortie that does not come back.
+    # A sortie without a harbour, a boat's share of a fleet's survey, does not come back.
     returns = halfway.sortie is not None and ends_at is not None
     costs = costs_of(open_.network, travel, halfway.place, returns=returns)
     if len(rest) < 2:
         return rest
-    # Legs through the centres are not all: an order is taken that is predicted to be faster.
+    # The polish counts legs through the centres only, so its order must also be predicted faster.
     return min(
         polished(costs, rest, KICKS)[0],
         rest,
@@ -251,7 +251,7 @@ def _ordered(
 def _stops(
     open_: OpenWater, place: tuple[float, float], order: NDArray[np.int64], ends_at: Target | None
 ) -> list[Stop]:
-    """Cells and transits from the boat's place on, and back to where the order has to end."""
+    """Cells and transits from the boat's place, and back to where the order has to end."""
     ways = open_.ways
     stops = ways.stops(order)
     begin = np.array([shapely.Point(place).buffer(PLACE_RADIUS_M, quad_segs=1)], dtype=object)
@@ -275,10 +275,10 @@ def _stops(
 def _corridors(
     old: PlanRevision, open_: OpenWater, begin: shapely.Polygon, stops: Sequence[Stop]
 ) -> list[shapely.Polygon]:
-    """A corridor for each leg: the old order's where it had the same leg, there or back.
+    """A corridor for each leg: that of the old order if it has the same leg, in either direction.
 
     Cutting corridors out of the water is most of the work of a plan, and a new order keeps most
-    of the legs of the old one.
+    legs of the old one.
     """
     known = _known_corridors(old, open_.water)
     shapes = np.array([begin, *(stop.footprint for stop in stops)], dtype=object)
@@ -326,7 +326,7 @@ def _targets(
 
 
 def transits_of(old: PlanRevision, stops: Sequence[Stop], fastest_mps: float) -> tuple[Target, ...]:
-    """Return stops as new targets that are only passed through, numbered on from an old order."""
+    """Return stops as new transit targets, numbered consecutively after those of an old order."""
     rings = [target_footprint(ring_vertices(stop.footprint)) for stop in stops]
     sets = [TargetSet(vertices=r, speed_min_mps=0.0, speed_max_mps=fastest_mps) for r in rings]
     return numbered_on(old, [Target(seq=1, kind="transit", set=one) for one in sets])
@@ -336,7 +336,7 @@ def joined(
     old: PlanRevision, sortie: Sortie | None, targets: Sequence[Target],
     corridors: Sequence[shapely.Polygon], *, reason: Reason, note: str,
 ) -> PlanRevision:  # fmt: skip
-    """The whole order with the new one of a sortie in its place."""
+    """Return the complete order, in which a sortie has new targets and corridors."""
     if sortie is None:
         return revised(old, reason=reason, note=note, targets=targets, corridors=corridors)
     before, behind = sortie.first - 1, sortie.last

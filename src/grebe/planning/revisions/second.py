@@ -1,8 +1,8 @@
-"""A survey that was sailed is followed by another one, in the same file: a pure function.
+"""Append a second survey to one that was sailed, in the same file: a pure function.
 
-What was planned and sailed stays in front as it was. The second survey's targets are numbered on,
-and each of its trips is a sortie more, of whichever boat; where the first was one mission, that
-becomes the first sortie.
+The plan of the first survey stays unchanged, in front. The targets of the second are numbered
+consecutively after it, and each of its trips is one more sortie, of any boat. If the first survey
+was one mission, that becomes the first sortie.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def followed_by(
 ) -> PlanRevision:
     """Return the revision of a survey's plan in which the sorties of a second plan follow its own.
 
-    `settings` are those that hold from then on: of the boats, of what their sorties may take, and
-    of their harbours.
+    `settings` apply from then on: to the boats, the limits of their sorties, and their harbours.
+    Raises `PlanError` when the first survey was never planned.
     """
     targets = [*old.targets, *numbered_on(old, second.targets)]
     both = bool(old.corridors) and bool(second.corridors)
@@ -55,7 +55,7 @@ def _in_turn(sorties: Sequence[Sortie]) -> list[Sortie]:
 
 
 def _one_mission(old: PlanRevision, survey: Survey) -> Sortie:
-    """What was sailed as one mission, as the first sortie."""
+    """The first survey, which was one mission, as the first sortie."""
     if survey.start is None or survey.outcome is None:
         raise PlanError("Only a planned survey can be followed by another; plan it first.")
     return Sortie(

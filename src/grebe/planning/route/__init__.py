@@ -1,1 +1,1 @@
-"""Cells in order: first orders, what they cost, how they are made shorter, and bounds."""
+"""Orders of the cells: first orders, their costs, their improvement, and bounds."""

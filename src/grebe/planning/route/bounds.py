@@ -1,4 +1,4 @@
-"""Lower bounds of the length of any route: how far from the best possible a plan can be."""
+"""Lower bounds of the length of any route, which show how far a plan can be from the optimum."""
 
 from __future__ import annotations
 
@@ -15,26 +15,28 @@ from grebe.planning.ways.graph import Links, spanning_forest
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# The ascent looks at all pairs of cells: beyond so many that takes seconds.
+# The ascent looks at all pairs of cells, which takes seconds if there are more cells than this.
 MOST_FOR_ASCENT = 2_500
-# Rounds of the ascent, and of how many pairs they may look at together.
+# Most rounds of the ascent, and most pairs that all rounds together may look at.
 ROUNDS, PAIRS = 400, 100_000_000
-# Within so many cells the centres of most lakes' cells hang together.
+# Distances, in cells, over which the centres of most lakes' cells are connected.
 REACHES = (1.25, 2.0)
 
 
 def lower_bound_m(
     cells: list[Cell], shape: str, cell_m: float, around: Links | None = None
 ) -> float:
-    """Return a length [m] below which no path through all cells' centres can be.
+    """Return a lower bound [m] of the length of any path through all cells' centres.
 
-    The largest of: the Euclidean minimum spanning tree of the centres, which every path
-    through them is; that tree under the best prices on the cells (Held and Karp 1971), up to
-    `MOST_FOR_ASCENT` cells; and for whole squares the parity bound: squares alternate in colour
-    like a chessboard's, a path that changes colour at each step visits as many of one as of the
-    other but for one, so an excess of delta forces delta - 1 diagonal steps. Leaving the other
-    cells out makes no path longer. `around` holds ways around land that are longer than straight
-    ones (`grebe.planning.ways.detours`); only the ascent knows of them.
+    It is the largest of three bounds. Every path through the centres is a spanning tree, so the
+    Euclidean minimum spanning tree is a bound. Up to `MOST_FOR_ASCENT` cells, that tree under the
+    best prices on the cells is a better one (Held and Karp 1971). For whole squares there is the
+    parity bound: squares alternate in colour like a chessboard's, and a path that changes colour at
+    each step visits equally many of both colours, or one more of one. An excess of delta therefore
+    forces delta - 1 diagonal steps. Leaving out the other cells makes no path longer.
+
+    `around` holds paths around land that are longer than straight ones
+    (`grebe.planning.ways.detours`); only the ascent uses them.
     """
     if len(cells) < 2:
         return 0.0
@@ -60,8 +62,8 @@ def _parity_m(cells: list[Cell], cell_m: float) -> float:
 
 
 def _spanning_tree_m(points: np.ndarray, cell_m: float) -> float:
-    """Length of the minimum spanning tree. Where pairs up to some distance hang together, all of
-    its edges are among them; they are always among Delaunay's.
+    """Length of the minimum spanning tree [m]. If the pairs up to some distance connect all points,
+    they contain all of its edges; Delaunay's triangles always do.
     """
     from scipy.spatial import KDTree
 
@@ -77,7 +79,7 @@ def _spanning_tree_m(points: np.ndarray, cell_m: float) -> float:
 def _tree_of(
     points: np.ndarray, low: NDArray[np.int64], high: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """The lengths of the edges of the minimum spanning tree, or trees, of some pairs of points."""
+    """The lengths of the edges of the minimum spanning tree, or forest, of some pairs of points."""
     lengths = np.hypot(*(points[low] - points[high]).T)
     return lengths[spanning_forest(low, high, lengths, len(points))]
 
@@ -100,7 +102,7 @@ def _delaunay_tree_m(points: np.ndarray) -> float:
 def _tree(
     lengths: NDArray[np.float64], price: NDArray[np.float64], degree: NDArray[np.float64]
 ) -> float:
-    """Length of the minimum spanning tree under prices, by Prim; writes the cells' degrees."""
+    """Length of the minimum spanning tree under prices (Prim); writes the cells' degrees."""
     n = lengths.shape[0]
     nearest = np.full(n, np.inf)
     parent = np.full(n, -1)
@@ -130,10 +132,11 @@ def _tree(
 def _priced_tree(lengths: NDArray[np.float64], pitch: float, rounds: int) -> float:
     """Raise the tree's length by prices on the cells: the Held-Karp bound of an open path.
 
-    With a stop that lies beside every cell a path becomes a tour, and a tree with that stop's
-    two links a 1-tree. A price p on a cell makes each of its links dearer by p and every tour by
-    2 p: what the tree costs less twice all prices is a bound for any prices. Those of cells
-    with many links are raised, of leaves lowered (Volgenant and Jonker 1982).
+    With an extra stop at no distance from any cell, a path becomes a tour, and a tree with that
+    stop's two links a 1-tree. A price p on a cell makes each of its links dearer by p and every
+    tour by 2 p, so the cost of the tree less twice the sum of all prices is a bound for any prices.
+    The prices of cells with many links are raised, those of leaves lowered (Volgenant and Jonker
+    1982).
     """
     n = lengths.shape[0]
     price, degree, before = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -143,7 +146,7 @@ def _priced_tree(lengths: NDArray[np.float64], pitch: float, rounds: int) -> flo
         first, second = _two_least(price)
         degree[first] += 1
         degree[second] += 1
-        # Summed up by hand: machine code with the library's sum in it loads SciPy's algebra too.
+        # Summed by hand: machine code that contains NumPy's sum loads SciPy's linear algebra too.
         prices = 0.0
         for i in range(n):
             prices += price[i]
@@ -158,7 +161,7 @@ def _priced_tree(lengths: NDArray[np.float64], pitch: float, rounds: int) -> flo
 
 @machine_code
 def _two_least(values: NDArray[np.float64]) -> tuple[int, int]:
-    """Places of the two smallest values."""
+    """Indices of the two smallest values."""
     first, second = (0, 1) if values[0] <= values[1] else (1, 0)
     for i in range(2, values.shape[0]):
         if values[i] < values[first]:

@@ -1,9 +1,9 @@
-"""What an order of the cells costs: the time of its legs.
+"""The cost of an order of the cells: the time of its legs.
 
-Legs lead through the cells' centres, at the ground speed that current and wind leave, and around
-land by the shortest way. Turns are free: a boat that need only have been in each cell cuts its
-corners, and gains more by them than it loses (docs/theory.md). `grebe.planning.route.polish` makes
-the sum smaller.
+Legs lead through the cells' centres, at the ground speed that current and wind allow, and around
+land by the shortest path. Turns are free: a boat that only has to enter each cell cuts corners,
+and gains more by that than its turns cost (docs/theory.md). `grebe.planning.route.polish` reduces
+the sum.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -24,20 +24,23 @@ from grebe.planning.ways.travel import BEARINGS, Travel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A way between cells that are not linked is led around: longer than straight, with transits.
+# A path between cells that are not linked leads around something. Its cost is the straight line's,
+# times a factor, plus some pitches for its transits.
 DETOUR, DETOUR_PITCHES = 1.5, 1.5
-# What a gate costs besides its way: it must be hit.
+# The cost of a gate besides its path, in pitches: it must be hit.
 GATE_PITCHES = 0.1
-# Moves are tried towards so many neighbours of a cell.
+# Moves are tried towards this many neighbours of a cell.
 MOST_NEAREST = 10
 
 
 class Costs(NamedTuple):
-    """What the kernels read: places (n + 1, 2) with the start as the last, the links with each
-    one's seconds, the `MOST_NEAREST` nearest neighbours of each cell (n, m) with theirs, infinite
-    where there are fewer, slowness by bearing, the detour's seconds, whether
-    there and back take different times, whether the path ends where it started, and whether it
-    may start anywhere.
+    """The input of the kernels.
+
+    `places` (n + 1, 2): the cells' centres, and the start as the last; `starts`, `neighbours` and
+    `link_s`: the links, with their seconds; `nearest` and `nearest_s` (n, m): the `MOST_NEAREST`
+    nearest neighbours of each cell, and their seconds, infinite if there are fewer; `slowness` by
+    bearing; `detour_s`: the fixed cost of a detour; `windy`: there and back take different times;
+    `returns`: the path ends where it started; `anywhere`: it may start anywhere.
     """
 
     places: NDArray[np.float64]
@@ -61,7 +64,7 @@ def costs_of(
     returns: bool,
     anywhere: bool = False,
 ) -> Costs:
-    """Gather what the kernels read."""
+    """Collect the input of the kernels."""
     slowness = travel.slowness
     opposite = np.roll(slowness, BEARINGS // 2)
     pitch_s = network.pitch_m * float(slowness.mean())
@@ -88,15 +91,13 @@ def costs_of(
 
 
 def _links(network: Network) -> tuple[Links, NDArray[np.bool_]]:
-    """Lengths of the network's links and of the ways around land beside them, and which of them
-    are open.
-    """
+    """Lengths of the network's links and of the paths around land, and which of them are open."""
     around, links = network.around, network.links(network.ways_m)
     row = np.append(links.first, around.first)
     column = np.append(links.neighbours, around.neighbours)
     length = np.append(links.values, around.values)
     is_open = np.append(network.is_open, np.zeros(len(around.values), dtype=bool))
-    # Of two ways between the same cells the link counts, which comes first.
+    # Of two paths between the same cells the first counts, which is the link.
     _, place = np.unique(row.astype(np.int64) * len(network) + column, return_index=True)
     starts = np.searchsorted(row[place], np.arange(len(network) + 1))
     both = Links(starts=starts, neighbours=column[place], values=length[place])
@@ -106,7 +107,7 @@ def _links(network: Network) -> tuple[Links, NDArray[np.bool_]]:
 def _nearest(
     links: Links, first: NDArray[np.int64], link_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Each cell's nearest neighbours, nearest first, and their seconds."""
+    """The nearest neighbours of each cell, nearest first, and their seconds."""
     by_time = np.lexsort([link_s, first])
     rank = np.arange(len(first)) - links.starts[first]
     kept, rank = by_time[rank < MOST_NEAREST], rank[rank < MOST_NEAREST]
@@ -125,7 +126,7 @@ def order_cost(costs, path):
 
 @machine_code
 def window_cost(costs, path, low, high):
-    """Cost of the legs between two places, with the way home beyond the last."""
+    """Cost [s] of the legs between two places of a path, with the leg home beyond the last."""
     low, last = max(low, 0), path.shape[0] - 1
     total = 0.0
     for k in range(low, min(high, last)):
@@ -137,7 +138,7 @@ def window_cost(costs, path, low, high):
 
 @inlined_machine_code
 def leg(costs, a, b):
-    """Seconds from place a to place b; a cell's neighbours stand in order."""
+    """Seconds from place a to place b; the neighbours of a cell are sorted."""
     n = costs.places.shape[0] - 1
     if costs.anywhere and n in (a, b):
         return 0.0
@@ -172,13 +173,13 @@ def _slow(costs, dx, dy):
 
 @inlined_machine_code
 def at(path, k):
-    """The cell at a place of the path, or -1 beyond its end."""
+    """The cell at place k of the path, or -1 beyond its ends."""
     return path[k] if 0 <= k < path.shape[0] else -1
 
 
 @inlined_machine_code
 def join(costs, a, b):
-    """Leg between two cells; the way home where the second lies beyond the path's end."""
+    """Seconds of the leg between two cells, or of the leg home if the second is beyond the end."""
     if a < 0:
         return 0.0
     if b < 0:

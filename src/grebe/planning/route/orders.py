@@ -1,7 +1,7 @@
 """First orders of the cells: sweeps in lanes, a tour around a spanning tree, and a greedy walk.
 
-Each is a way to visit every cell once (remark 12); `grebe.planning.route.portfolio` polishes them
-and takes the fastest.
+Each visits every cell once (remark 12). `grebe.planning.route.portfolio` polishes them and takes
+the fastest.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 def sweeps(cells: list[Cell], network: Network, start: tuple[float, float]) -> list[Order]:
-    """Lanes along rows and along columns, each cut into runs of linked cells; from the run
-    that is nearest always on to the nearest end of a run (boustrophedon with decomposition).
+    """Return sweeps in lanes along rows and along columns, each cut into runs of linked cells. A
+    sweep goes on from each run to the nearest end of another (boustrophedon with decomposition).
     """
     return [
         _chained(_runs(cells, network, by_column=by_column), network, start)
@@ -61,8 +61,8 @@ def _chained(runs: list[list[int]], network: Network, start: tuple[float, float]
 
 
 def greedy(cells: list[Cell], network: Network, start: tuple[float, float]) -> Order:
-    """Walk over open links to the unvisited neighbour with the fewest ways on; from a dead end
-    to the nearest cell that is left, through the water.
+    """Return a walk over open links, each time to the nearest unvisited neighbour, with a slight
+    preference for few onward links. From a dead end it goes on to the cell the fewest links away.
     """
     specks = np.array([cell.is_speck for cell in cells])
     away = np.hypot(*(network.centres - start).T)
@@ -127,9 +127,9 @@ def _walk(
 def spanning_tree_tour(
     cells: list[Cell], network: Network, start: tuple[float, float]
 ) -> Order | None:
-    """Circle spanning trees of the 2 x 2 blocks of whole squares (Gabriely and Rimon 2001); the
-    cells that no block holds are swept in runs, and tours and runs are joined end to end. None
-    where there is no block.
+    """Return a tour around spanning trees of the 2 x 2 blocks of whole squares (Gabriely and Rimon
+    2001), or None if there is no block. Cells outside the blocks are swept in runs; tours and runs
+    are joined end to end.
     """
     places = {(cell.row, cell.column): i for i, cell in enumerate(cells) if cell.whole}
     tours = [_around_tree(group, places) for group in _block_groups(places)]
@@ -165,8 +165,8 @@ Block = tuple[int, int]
 
 
 def _block_groups(places: dict[Block, int]) -> list[set[Block]]:
-    """Blocks of four whole squares whose corners have even rows and columns, in groups that
-    hang together by shared sides.
+    """Blocks of four whole squares whose corners have even rows and columns, in groups connected by
+    shared sides.
     """
     corners = {(row - row % 2, column - column % 2) for row, column in places}
     left = {
@@ -191,7 +191,7 @@ def _around_tree(blocks: set[Block], places: dict[Block, int]) -> list[int]:
     """The closed tour around a spanning tree of a group of blocks."""
     listed = sorted(blocks)
     index = {block: i for i, block in enumerate(listed)}
-    # Edges along the rows are cheaper: the tour then has long straight runs.
+    # Edges along the rows are cheaper, which gives the tour long straight runs.
     edges = [
         (index[b], index[n], weight)
         for b in listed
@@ -200,7 +200,7 @@ def _around_tree(blocks: set[Block], places: dict[Block, int]) -> list[int]:
     ]
     linked: set[tuple[Block, Block]] = set()
     if edges:
-        # In the order of their ends, for of edges that cost the same the first is taken.
+        # Sorted by their ends, because the first of several edges of equal cost is taken.
         a, b, weight = np.array(sorted(edges)).T
         kept = spanning_forest(a, b, weight, len(listed))
         pairs = zip(a[kept].astype(int).tolist(), b[kept].astype(int).tolist(), strict=True)
@@ -223,7 +223,7 @@ def _next_square(place: Block, linked: set[tuple[Block, Block]]) -> Block:
     """The next square when the tree is circled with it on the right-hand side."""
     row, column = place
     block = (row - row % 2, column - column % 2)
-    # Each quarter of a block has a way out across one side, and else a way within the block.
+    # Each quarter of a block has an exit across one side, and otherwise a step within the block.
     out, within = {
         (0, 0): ((row, column - 1), (row + 1, column)),
         (1, 0): ((row + 1, column), (row, column + 1)),

@@ -1,8 +1,8 @@
-"""Make an order of the cells faster: 2-opt and Or-opt, then kicks that must pay for themselves.
+"""Make an order of the cells faster, by 2-opt and Or-opt moves and then by kicks.
 
-Both moves are tried between a cell and its neighbours only (Bentley 1992); a kick exchanges two
-short neighbouring stretches of the order, repairs what it broke nearby, and is taken back unless
-the order got faster (iterated local search; Lourenco, Martin and Stutzle 2003).
+Both moves are tried only between a cell and its neighbours (Bentley 1992). A kick exchanges two
+short adjacent stretches of the order and repairs the damage nearby. It is undone if the order
+became slower (iterated local search; Lourenco, Martin and Stutzle 2003).
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 LONGEST_SEGMENT = 3
 LONGEST_KICK = 30
-# Stretches longer than this are not turned round: their cost would eat what they save.
+# Longer stretches are not reversed: the reversal would cost more time than it saves.
 LONGEST_REVERSAL = 50_000
 LONGEST_WINDY_REVERSAL = 1_000
 LEAST_GAIN = 1e-7
-# By so much [s] a gain may differ that is summed up in another order.
+# A gain that is summed in another order may differ by this much [s].
 ROUNDING_S = 1e-9
 MOST_DRAWS = 60
 
@@ -34,7 +34,7 @@ MOST_DRAWS = 60
 def polished(
     costs: Costs, order: NDArray[np.int64], kicks: int, seed: int = 0
 ) -> tuple[NDArray[np.int64], float]:
-    """Return a faster order of the cells and its cost [s]; the order given stays as it is."""
+    """Return a faster order of the cells and its cost [s]; `order` itself is not changed."""
     path = np.concatenate([[len(costs.places) - 1], order]).astype(np.int64)
     total = _improve(costs, path, kicks, seed)
     return path[1:].copy(), float(total)
@@ -42,7 +42,7 @@ def polished(
 
 @inlined_machine_code
 def _reversal_gain(costs, path, i, j):
-    """What turning round path[i..j] saves."""
+    """The seconds saved by reversing path[i..j]."""
     p, a, b, q = at(path, i - 1), path[i], path[j], at(path, j + 1)
     gain = join(costs, p, a) + join(costs, b, q) - join(costs, p, b) - join(costs, a, q)
     if costs.windy:
@@ -62,8 +62,8 @@ def _reverse(path, pos, i, j):
 
 @machine_code
 def _moved(path, i, length, k, flipped, out):
-    """Write to `out` the stretch of the path that changes when path[i..] of `length` moves
-    to between places k and k + 1; returns its first place and its size.
+    """Write to `out` the stretch of the path that changes when the `length` cells from path[i] move
+    to between places k and k + 1. Returns its first place and its size.
     """
     if k < i:
         first, size, m = k + 1, i + length - k - 1, 0
@@ -86,11 +86,11 @@ def _moved(path, i, length, k, flipped, out):
 
 @inlined_machine_code
 def _move_gain(costs, path, i, length, k, flipped):
-    """What moving path[i..i + length - 1] to between k and k + 1 saves."""
+    """The seconds saved by moving path[i..i + length - 1] to between places k and k + 1."""
     j = i + length - 1
     p, q = at(path, i - 1), at(path, j + 1)
     c, d = at(path, k), at(path, k + 1)
-    # Into the gap beside the next cell would change both its neighbours: a reversal does that.
+    # A move past a single cell would change both of that cell's neighbours: a reversal does that.
     if d == p or c == q:
         return -1.0
     first, last = (path[j], path[i]) if flipped else (path[i], path[j])
@@ -105,7 +105,7 @@ def _move_gain(costs, path, i, length, k, flipped):
 
 @inlined_machine_code
 def _taken_out(costs, path, i, length):
-    """What the path saves without path[i..i + length - 1]."""
+    """The seconds saved by taking out path[i..i + length - 1]."""
     j = i + length - 1
     p, q = at(path, i - 1), at(path, j + 1)
     return join(costs, p, path[i]) + join(costs, path[j], q) - join(costs, p, q)
@@ -113,8 +113,8 @@ def _taken_out(costs, path, i, length):
 
 @inlined_machine_code
 def _take_out_each(costs, path, k, saved):
-    """What each short segment with an end at place k saves where it is taken out: at twice its
-    length where it begins there, and one further on where it does not.
+    """Write the seconds saved by taking out each short segment with an end at place k to `saved`:
+    at index 2 * length if the segment begins at k, and one further if it ends there.
     """
     for length in range(1, LONGEST_SEGMENT + 1):
         for side in range(2):
@@ -134,14 +134,14 @@ def _apply_move(path, pos, i, length, k, flipped, spare):
 
 @inlined_machine_code
 def _try_reversals(costs, path, places, link_s, own, beside, best, move):
-    """Both ways to make the cells at two places neighbours by turning a stretch round."""
+    """Try both reversals that make the cells at two places neighbours."""
     low, high = min(places[0], places[1]), max(places[0], places[1])
     reach = LONGEST_WINDY_REVERSAL if costs.windy else LONGEST_REVERSAL
     for shift in range(2):
         i, j = (low + 1, high) if shift == 0 else (low, high - 1)
         if i < 1 or j - i < 1 or j - i > reach:
             continue
-        # What is behind both is replaced, or what is before them.
+        # The legs behind both cells are replaced, or those before them.
         if not costs.windy and own[1 - shift] + beside[1 - shift] - link_s <= best - ROUNDING_S:
             continue
         gain = _reversal_gain(costs, path, i, j)
@@ -153,7 +153,7 @@ def _try_reversals(costs, path, places, link_s, own, beside, best, move):
 
 @inlined_machine_code
 def _far_s(costs, path, far, place, after):
-    """The leg between the far end of a segment and the cell behind a place, or before it."""
+    """Seconds between the far end of a segment and the cell behind a place, or before it."""
     if after == 1:
         return join(costs, far, at(path, place + 1))
     return join(costs, path[place - 1], far)
@@ -161,7 +161,7 @@ def _far_s(costs, path, far, place, after):
 
 @inlined_machine_code
 def _try_moves(costs, path, places, link_s, own, beside, best, move):
-    """All ways to bring a short segment that ends at the first of two places beside the second."""
+    """Try all moves of a short segment with an end at the first of two places to the second."""
     last, pc = path.shape[0] - 1, places[1]
     reach = LONGEST_WINDY_REVERSAL if costs.windy else LONGEST_REVERSAL
     for length in range(1, LONGEST_SEGMENT + 1):
@@ -174,10 +174,11 @@ def _try_moves(costs, path, places, link_s, own, beside, best, move):
                 k = pc if after == 1 else pc - 1
                 if k < 0 or i - 1 <= k <= j or abs(k - i) > reach:
                     continue
-                # The first must come to lie beside the second: first behind it, or last before it.
+                # The cell at the first place must end up next to the second: as the segment's first
+                # cell behind it, or as its last cell before it.
                 flipped = length > 1 and (side == 0) != (after == 1)
                 worth = best - ROUNDING_S
-                # Turned round in a wind, its own legs take another time.
+                # A segment reversed in wind takes another time itself.
                 if not (flipped and costs.windy):
                     most = own[2 * length + side] + beside[after] - link_s
                     if most <= worth:
@@ -194,16 +195,16 @@ def _try_moves(costs, path, places, link_s, own, beside, best, move):
 
 @inlined_machine_code
 def _best_move(costs, path, pos, a, own, beside, move):
-    """Write the move around a cell that saves most to `move`; returns what it saves.
+    """Write the move around a cell that saves most to `move`; returns the seconds it saves.
 
-    Of most moves the new link alone says that they save less than the best one so far: what is
-    taken away for it is looked up in `own`, the cell's legs before and behind it and what its
-    segments save, and `beside`, its neighbour's legs.
+    For most moves the new link alone shows that they save less than the best one so far. The legs
+    that it replaces are looked up in `own` (the cell's legs before and behind it, and the savings
+    of its segments) and in `beside` (its neighbour's legs).
     """
     best, k = LEAST_GAIN, pos[a]
     own[0], own[1] = join(costs, at(path, k - 1), a), join(costs, a, at(path, k + 1))
-    # The most that a new link could replace is the dearer leg: of two links that replace two
-    # others one is always cheaper than its own.
+    # A new link can replace at most the dearer leg: of two links that save time by replacing two
+    # others, one is always cheaper than the one that it replaces.
     at_stake = max(own[0], own[1])
     for s in range(costs.nearest.shape[1]):
         link_s = costs.nearest_s[a, s]
@@ -225,8 +226,8 @@ def _best_move(costs, path, pos, a, own, beside, move):
 
 
 class _Queue(NamedTuple):
-    """Cells that wait for a look: a ring of `cells`, whether each cell is `queued`, and `state`,
-    the place of the first in the ring and how many there are.
+    """The queue of cells to be looked at: a ring of `cells`, whether each cell is `queued`, and
+    `state`, the place of the first in the ring and the number of queued cells.
     """
 
     cells: NDArray[np.int64]
@@ -236,7 +237,7 @@ class _Queue(NamedTuple):
 
 @machine_code
 def _await(queue, path, low, high):
-    """Queue the cells at the places from `low` up to, but not with, `high`."""
+    """Queue the cells at the places from `low` up to, but not including, `high`."""
     for s in range(max(1, low), min(path.shape[0], high)):
         b = path[s]
         if not queue.queued[b]:
@@ -258,9 +259,9 @@ def _next(queue):
 
 @machine_code
 def _settle(costs, path, pos, queue, spare, touched):
-    """Apply improving moves around the queued cells until there is none; returns the gain.
+    """Apply improving moves around the queued cells until there is none; returns the gain [s].
 
-    `touched` keeps the first and the last place of the path that was changed.
+    `touched` is extended to the first and the last place of the path that was changed.
     """
     total = 0.0
     move = np.zeros(5, dtype=np.int64)
@@ -285,7 +286,7 @@ def _settle(costs, path, pos, queue, spare, touched):
 
 @machine_code
 def _dear_place(costs, path, draws):
-    """The place with the dearest leg of so many drawn at random: kicks pay there."""
+    """The place with the dearest leg among some drawn at random, where a kick is likely to pay."""
     best, dearest = 0, -1.0
     for _ in range(min(draws, MOST_DRAWS)):
         k = np.random.randint(0, path.shape[0] - 1)
@@ -309,16 +310,16 @@ def _kick(path, pos, spare, i, first, second):
 
 @machine_code
 def _improve(costs, path, kicks, seed):
-    """Improve a path in place; returns its cost."""
+    """Improve a path in place; returns its cost [s]."""
     np.random.seed(seed)
     n, places = path.shape[0] - 1, costs.places.shape[0]
-    # Cells that are not on the path, but beside it, have no place.
+    # Cells that are not on the path have no place.
     pos = np.full(places, -1)
     for k in range(n + 1):
         pos[path[k]] = k
     spare = np.empty(n + 1, dtype=np.int64)
-    # All of its state is in arrays: a count that begins as a literal 0 would be a type of its own,
-    # for which everything below is compiled a second time.
+    # All of the queue's state is in arrays: a count that begins as a literal 0 would have a type of
+    # its own, for which everything below would be compiled a second time.
     queue = _Queue(
         np.empty(n + 1, dtype=np.int64),
         np.zeros(places, dtype=np.bool_),

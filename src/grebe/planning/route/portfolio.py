@@ -1,9 +1,9 @@
 """Put the cells in order: the sequence Omega_1 ... Omega_K of remark 12, by a portfolio.
 
-Sweeps along rows and columns, a tour around a spanning tree and a greedy walk are each made
-locally as short as may be; the shortest and the fastest of them are improved further. What
-counts in the end is predicted time: the taut way at the speed over ground that current and wind
-leave, with its turns, and the ways around land.
+Sweeps along rows and columns, a tour around a spanning tree and a greedy walk are each improved
+to a local optimum; the shortest and the fastest of them are improved further. The final choice is
+by predicted time: that of the taut path with its turns, at the speed over ground that current and
+wind allow, and of the paths around land.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
-# How the cells may be ordered: for the shortest time, or as a lawn is mown.
-# Kicks of the final improvement: more where there are more cells to place, up to 10,000 cells,
-# and then fewer, because each takes longer.
+# Kicks of the final improvement: more for more cells, up to 10,000 cells; beyond that fewer,
+# because each takes longer.
 FEWEST_KICKS, KICKS_AT_MOST, CELLS_AT_MOST = 2_000, 40_000, 10_000
-# How much longer than the shortest an order's legs may take that is predicted to be faster: more
-# in a current, where the way through the centres says less of the way that is flown.
+# An order that is predicted to be faster may have legs that take longer than the shortest, up to
+# this factor. It is larger in a current, where the path through the centres says less about the
+# path that is sailed.
 SLACK, SLACK_IN_CURRENT = 1.005, 1.02
 
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """An order of the cells, the time [s] of its legs, and the sweep or tour it grew from."""
+    """An order of the cells, the time [s] of its legs, and the sweep or tour that it began as."""
 
     order: Order
     legs_s: float
@@ -66,9 +66,10 @@ def best_route(
     quick: bool = False,
     pattern: Pattern = "free",
 ) -> Route:
-    """Order the cells for the shortest time; `quick` leaves the last polish out. The first cell
-    is near the start, or where it suits the order best if that may be `anywhere`. A `pattern` of
-    rows or columns is swept as it is.
+    """Order the cells for the shortest time.
+
+    The first cell is near the start, or with `anywhere` where it suits the order best. `quick`
+    leaves out the last polish. A `pattern` of rows or columns is swept unchanged.
     """
     costs = costs_of(network, travel, start, returns=returns, anywhere=anywhere)
     if pattern != "free":
@@ -79,7 +80,7 @@ def best_route(
     ways = TautWays([cell.footprint for cell in cells])
 
     def predicted_s(route: Route) -> float:
-        """The taut way through the cells, and what ways around land add."""
+        """Time of the taut path through the cells, and of the paths around land besides."""
         places = costs.places[route.order]
         north, east = places[0].tolist()
         taut = travel.path_s(ways.through((north, east), route.order, steady=ROUGHLY))

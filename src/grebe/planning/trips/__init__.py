@@ -1,1 +1,1 @@
-"""Trips from harbours and back, each as long as a battery lasts."""
+"""Trips from a harbour and back, each within what a battery lasts."""

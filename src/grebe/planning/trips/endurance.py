@@ -1,4 +1,4 @@
-"""How long a sortie may be: so that the boat comes home in the worst of the stated weather."""
+"""How long a sortie may be if the boat has to come home in the worst of the stated weather."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ from grebe.planning.ways.travel import WANDER, ground_speed
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A way home is reckoned longer by this share, and by so much: as the mission's guard does.
+# Added to the time of a path home, a share and a constant, as the mission's guard does.
 HOME_SHARE, HOME_SLACK_S = 0.25, 30.0
-# A flown sortie may take so much longer than predicted before the guard calls the boat home.
+# A sailed sortie may exceed its predicted time by this factor before the guard calls the boat home.
 MARGIN = 1.08
 LEAST_MPS = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Endurance:
-    """How long a sortie may be [s], and by how much a second of the way home counts more, or less,
-    than one of the survey: the way home may be against the weather, at a higher power.
+    """How long a sortie may be.
+
+    `limit_s`: its longest time; `homeward`: the weight of a second of the path home against one of
+    the survey, since the path home may be against the weather, at a higher power; `slowest`: the
+    slowness in the worst weather [s/m].
     """
 
     limit_s: float
@@ -35,17 +38,17 @@ class Endurance:
     slowest: float
 
     def home_s(self, way_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What must be left of a sortie for a way home of so many metres [s]."""
+        """Time that must be left of a sortie for a path home of length `way_m` [s]."""
         worst = WANDER * self.slowest * way_m
         return (1 + HOME_SHARE) * self.homeward * worst + HOME_SLACK_S
 
 
 def endurance_of(vessel: Vessel, settings: PlanSettings, power_w: float) -> Endurance:
-    """Return how far a boat may go that surveys at a power; `PlanError` where no boat gets home in
-    the stated weather.
+    """Return the endurance of a boat that surveys at a mean power. Raises `PlanError` when it would
+    not get home in the stated weather.
 
     The worst of the weather is a current and a wind as strong as stated, straight against the
-    boat, whichever way it goes.
+    boat, in whatever direction it goes.
     """
     sorties = settings.sorties
     if sorties is None:
@@ -66,7 +69,7 @@ def endurance_of(vessel: Vessel, settings: PlanSettings, power_w: float) -> Endu
     limits = [(60 * sorties.minutes, 1.0)] if sorties.minutes is not None else []
     if sorties.battery_wh is not None:
         lasts_s = 3600 * sorties.battery_wh / power_w
-        # A way home is straight: it may take less power than a survey that turns and turns.
+        # A path home is straight, and may take less power than a survey with its many turns.
         limits.append((lasts_s, power / power_w))
     limit_s = (1 - sorties.reserve) * min(one for one, _ in limits) / MARGIN
     homeward = max(factor for _, factor in limits)

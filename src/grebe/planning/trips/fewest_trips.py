@@ -1,8 +1,8 @@
-"""The fewest trips that hold all cells of a lake, each within what a battery lasts.
+"""Find the fewest trips that hold all cells of a lake, each within what a battery lasts.
 
-`grebe.planning.trips.wedges` gives trips to begin with and `grebe.planning.trips.trips` exchanges
-cells between them; then the shortest is dissolved into the others for as long as they can take its
-cells.
+`grebe.planning.trips.wedges` makes the first trips, and `grebe.planning.trips.trips` exchanges
+cells between them. Then the shortest trip is dissolved into the others, again and again, until
+they cannot take its cells.
 """
 
 from __future__ import annotations
@@ -29,17 +29,19 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
-# Rounds of the exchange between trips, for each cell, at least and at most, and how many a share of
-# them is at least for each cell; the share of them that tells whether a number of trips can hold
-# all cells, with the share of the cells that may be left then; and the share that trips take which
-# are nearly good.
+# Rounds of the exchange between trips: for each cell, at least and at most in all, and at least for
+# each cell when only a share of them is used.
 ROUNDS_EACH, LEAST_ROUNDS, MOST_ROUNDS, LEAST_EACH = 250, 200_000, 1_500_000, 5
+# The share of the rounds that shows whether a number of trips can hold all cells, and the share of
+# the cells that may be left over then.
 TRIAL_SHARE, MOST_ABSENT_SHARE = 0.15, 0.03
+# The share of the rounds for trips that are nearly good.
 WARM_SHARE = 0.15
-# How many times the rounds of one exchange all of them take together, as a rule.
+# All exchanges together usually take this many times the rounds of one.
 EXPECTED = 2.5
-# A trip fewer is tried where the others would be so full at most: what trips take over their legs
-# differs by some per cent. Of a small lake, with no more rounds than this, it is searched for anew.
+# One trip fewer is tried if the others would be at most this full: the ratio of trips' times to
+# their legs' varies by some per cent. With at most `SMALL_ROUNDS`, for a small lake, the search for
+# them is a complete one.
 FULLEST, SMALL_ROUNDS = 1.1, 400_000
 MOST_SORTIES = 200
 FITTINGS = 10
@@ -47,8 +49,10 @@ FITTINGS = 10
 
 @dataclass(frozen=True, kw_only=True)
 class Trips:
-    """Orders of cells, the harbour of each by its number, and what they take by their legs
-    through the cells' centres [s]; `bound_s` is below what any trips take in that measure.
+    """Orders of cells, and the number of the harbour of each.
+
+    `legs_s` is the total time of their legs through the cells' centres, `bound_s` a lower bound of
+    that time for any trips, and `limit_s` the limit of each trip.
     """
 
     orders: tuple[Order, ...]
@@ -64,9 +68,11 @@ def trips_within(
     rounds: int | None = None,
     on_done: Callable[[int, int], None] | None = None,
 ) -> Trips:
-    """Return the fewest trips that hold all cells, each within the endurance as it is predicted
-    to be sailed. `rounds` of the exchange between them (None: by the number of cells). `on_done`
-    hears how many rounds are done, and how many there will be, as far as is known.
+    """Return the fewest trips that hold all cells, each predicted to keep within the endurance.
+
+    `rounds` is the length of an exchange between trips (None: by the number of cells). `on_done` is
+    called with the rounds done and the expected total. Raises `PlanError` when there are no such
+    trips.
     """
     count = int(lake.wanted.sum())
     if rounds is None:
@@ -96,21 +102,21 @@ def trips_within(
 
 
 def check_reach(lake: Lake, endurance: Endurance) -> None:
-    """Raise `PlanError` where some cell is too far from every harbour for any trip: what is known
-    before trips are looked for.
+    """Raise `PlanError` if a cell is too far from every harbour for any trip. This is known before
+    the search for trips.
     """
     _refuse_unreachable(lake, ports_of(lake, endurance, _first_factor(lake)))
 
 
 class _Effort:
-    """How many rounds were done, of how many."""
+    """The progress of the search in rounds."""
 
     def __init__(self, rounds: int, on_done: Callable[[int, int], None] | None) -> None:
         self.rounds, self._on_done = rounds, on_done
         self._done = 0
 
     def spend(self, rounds: int) -> None:
-        """Hear of rounds that were done."""
+        """Count rounds that were done, and report the progress."""
         self._done += rounds
         if self._on_done is not None:
             most = max(EXPECTED * self.rounds, self._done + WARM_SHARE * self.rounds)
@@ -118,8 +124,8 @@ class _Effort:
 
 
 def _factor(lake: Lake, endurance: Endurance, effort: _Effort) -> float:
-    """How much longer trips take than their legs through the centres, for turns and corners that
-    are cut: what it is for trips after a short exchange.
+    """The ratio of trips' times to those of their legs through the centres, due to turns and cut
+    corners, estimated from trips after a short exchange.
     """
     ports = ports_of(lake, endurance, _first_factor(lake))
     trips = _Search(lake, ports, int(TRIAL_SHARE * effort.rounds), effort).first()
@@ -127,7 +133,7 @@ def _factor(lake: Lake, endurance: Endurance, effort: _Effort) -> float:
 
 
 def _first_factor(lake: Lake) -> float:
-    """What one way through all cells is predicted to take, over its legs through the centres."""
+    """The ratio of the predicted time of one path through all cells to that of its legs."""
     order = lake.draft.route.order
     footprints = np.array([cell.footprint for cell in lake.draft.cells], dtype=object)[order]
     centres = lake.draft.network.centres[order]
@@ -139,10 +145,10 @@ def _first_factor(lake: Lake) -> float:
 
 
 def bound_s(lake: Lake, ports: Ports, trips: int = 1) -> float:
-    """Return what no such trips through the centres of all cells go below together [s].
+    """Return a lower bound [s] of the total time of trips through the centres of all cells.
 
-    Each cell has a leg to it and one from it, no shorter than its two shortest; each trip has
-    two at its harbour.
+    Each cell has a leg to it and one from it, no shorter than its two shortest legs; each trip has
+    two legs at its harbour.
     """
     out, back = ports.out.min(axis=0), ports.back.min(axis=0)
     legs = np.column_stack([lake.costs.nearest_s[:, :2], np.minimum(out, back)])[lake.wanted]
@@ -175,11 +181,11 @@ class _Search:
 
     @property
     def _again(self) -> tuple[float, float]:
-        """The share of the rounds, and the first temperature, for trips that are nearly good."""
+        """Share of the rounds, and first temperature, for trips that are nearly good."""
         return (1.0, HOT) if self.rounds <= SMALL_ROUNDS else (WARM_SHARE, WARM)
 
     def first(self) -> Trips:
-        """Trips that hold all cells, their number as small as a short exchange has it."""
+        """Return trips that hold all cells, as few as a short exchange finds to be enough."""
         _refuse_unreachable(self.lake, self.ports)
         count = math.ceil(bound_s(self.lake, self.ports) / self.ports.limit_s)
         while count <= MOST_SORTIES:
@@ -192,7 +198,7 @@ class _Search:
         raise _too_many()
 
     def fitted(self, trips: Trips) -> Trips:
-        """Trips of another limit within this one."""
+        """Return trips of another limit, made to fit this one."""
         _refuse_unreachable(self.lake, self.ports)
         orders = _all_trimmed(self.lake, self.ports, trips.harbours, trips.orders)
         return self._with_all(orders, trips.harbours, *self._again)
@@ -210,14 +216,16 @@ class _Search:
         return trips
 
     def repaired(self, trips: Trips, limit_s: float) -> Trips:
-        """The trips as they are, or with cells moved so that each is predicted to keep a limit."""
+        """Return the trips with cells moved so that each is predicted to keep a limit, or unchanged
+        if that fails.
+        """
         orders = repaired(self.lake, self.ports, trips.orders, trips.harbours, limit_s)
         return trips if orders is None else self._trips(orders, trips.harbours)
 
     def _with_all(
         self, orders: list[Order], harbours: NDArray[np.int64], share: float, hot: float
     ) -> Trips:
-        """Exchange cells, with as many trips more as it takes to hold all."""
+        """Exchange cells, and add as many trips as it takes to hold all."""
         while len(orders) <= MOST_SORTIES:
             orders, absent = self._exchanged(orders, harbours, share, hot)
             if not len(absent):
@@ -264,7 +272,7 @@ def _too_many() -> PlanError:
 def _all_trimmed(
     lake: Lake, ports: Ports, harbours: NDArray[np.int64], orders: Sequence[Order]
 ) -> list[Order]:
-    """Trips without the shortest stretch of each that brings it within the limit."""
+    """Trips without the shortest stretch whose removal brings each within the limit."""
     kept: list[Order] = []
     for h, order in zip(harbours, orders, strict=True):
         first, last = shortest_stretch(lake.costs, ports, int(h), order)
@@ -273,6 +281,6 @@ def _all_trimmed(
 
 
 def _predicted_s(lake: Lake, trips: Trips) -> NDArray[np.float64]:
-    """What each trip is predicted to take [s]."""
+    """The predicted time of each trip [s]."""
     pairs = zip(trips.harbours.tolist(), trips.orders, strict=True)
     return np.array([predicted_trip_s(lake, harbour, order) for harbour, order in pairs])

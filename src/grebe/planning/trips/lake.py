@@ -1,4 +1,4 @@
-"""A meshed lake with its harbours: the ways home, what its legs cost, and what trips may take."""
+"""A meshed lake with its harbours: the paths home, the costs of legs, and the limits of trips."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ from grebe.planning.ways.ways_home import WaysHome, ways_home
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Cells that are looked at when a cell looks for a place.
+# Number of nearby cells next to which a place for a cell is sought.
 BESIDE = 12
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lake:
-    """A meshed lake with the ways to its harbours, and what its legs cost."""
+    """A meshed lake with the paths to its harbours and the costs of its legs.
+
+    `wanted` (n,) marks the cells that are to be visited.
+    """
 
     planner: Planner
     draft: Draft
@@ -38,17 +41,17 @@ class Lake:
 
     @property
     def travel(self) -> Travel:
-        """What ways cost the boat."""
+        """What travelling costs the boat."""
         return self.planner.travel
 
     @property
     def pitch_s(self) -> float:
-        """Time from a cell to the next, or so."""
+        """Time from a cell to the next, approximately [s]."""
         return self.draft.cell_m * float(np.mean(self.travel.slowness))
 
     def seconds(self, outwards: bool) -> NDArray[np.float64]:
-        """Time of the ways from the harbours to the cells, or back, (h, n): as long as they are,
-        by the direction from the one to the other.
+        """Time of the paths from the harbours to the cells, or back, (h, n) [s]: their lengths at
+        the slowness along the straight line.
         """
         sign = 1.0 if outwards else -1.0
         rows: list[NDArray[np.float64]] = []
@@ -59,7 +62,7 @@ class Lake:
         return np.array(rows)
 
     def part(self, order: NDArray[np.int64]) -> Lake:
-        """The lake of which some cells alone are gone to, in an order; the others are water."""
+        """Return the lake with only the cells of an order to visit; the others are plain water."""
         wanted = np.zeros(len(self.wanted), dtype=np.bool_)
         wanted[order] = True
         route = Route(order=order, legs_s=0.0, method=self.draft.route.method)
@@ -67,13 +70,13 @@ class Lake:
 
 
 def lake_seen_by(planner: Planner, lake: Lake, homes: tuple[WaysHome, ...]) -> Lake:
-    """Return a lake for another boat: with what its legs cost that one, and with its harbours."""
+    """Return the lake for another boat: with that boat's costs of legs, and with its harbours."""
     costs = costs_of(lake.draft.network, planner.travel, homes[0].place, returns=True)
     return replace(lake, planner=planner, homes=homes, costs=costs)
 
 
 def lake_of(planner: Planner, draft: Draft, places: Sequence[tuple[float, float]]) -> Lake:
-    """Measure the ways from each place to the cells; it is moved into the nearest cell."""
+    """Measure the paths from each place to the cells; each place is moved into its nearest cell."""
     cells, network = draft.cells, draft.network
     shapes = np.array([cell.footprint for cell in cells], dtype=object)
     homes: list[WaysHome] = []
@@ -95,7 +98,7 @@ def lake_of(planner: Planner, draft: Draft, places: Sequence[tuple[float, float]
 
 
 def ports_of(lake: Lake, endurance: Endurance, factor: float) -> Ports:
-    """Gather what the exchange reads, where a trip takes `factor` times its legs' time."""
+    """Collect the input of the exchange, for trips that take `factor` times their legs' time."""
     centres = lake.draft.network.centres
     members = np.flatnonzero(lake.wanted)
     many = min(BESIDE + 1, len(members))

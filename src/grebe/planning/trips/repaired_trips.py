@@ -1,8 +1,8 @@
-"""Trips of which one is predicted to take too long, though others have room: cells change boats.
+"""Move cells from a trip that is predicted to take too long to trips that have room.
 
-The exchange between trips counts legs through the centres, and what a trip is predicted to take is
-more or less than these by its own turns: of trips that all keep the limit by their legs one may
-be a per cent over it. To draw in the limit of all would cost a trip; some cells of the one do.
+The exchange between trips counts legs through the centres. The predicted time of a trip differs
+from these by its own turns, so a trip that keeps the limit by its legs may be a per cent over it.
+A tighter limit for all would cost one more trip; moving a few cells of the one trip is enough.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
-# So many cells change trips at most, and so many of the cheapest changes are tried for each.
+# Most cells that change trips, and how many of the cheapest changes are tried for each.
 MOST_CHANGES, TRIED = 24, 12
-# What is predicted is no less than this share of the legs through the centres.
+# A predicted time is no less than this share of that of the legs through the centres.
 LEGS_ARE = 0.6
 
 
 def predicted_trip_s(lake: Lake, harbour: int, order: Order) -> float:
-    """What a trip is predicted to take, by its taut way and back [s]."""
+    """Predicted time of a trip [s]: of its taut path, and of the path home."""
     if not len(order):
         return 0.0
     footprints = [_hit(lake, stop) for stop in lake.ways.stops(order)]
@@ -42,7 +42,7 @@ def predicted_trip_s(lake: Lake, harbour: int, order: Order) -> float:
 
 
 def _hit(lake: Lake, stop: Stop) -> shapely.Polygon:
-    """What of a stop the boat must come to: of a cell its core."""
+    """The part of a stop that the boat must reach: for a cell, its core."""
     core = lake.planner.settings.core
     if stop.cell is None or core == 1.0:
         return stop.footprint
@@ -52,8 +52,8 @@ def _hit(lake: Lake, stop: Stop) -> shapely.Polygon:
 def repaired(
     lake: Lake, ports: Ports, orders: Sequence[Order], harbours: NDArray[np.int64], limit_s: float
 ) -> list[Order] | None:
-    """Return the trips with cells moved until each is predicted to keep the limit; None where
-    that is not come to.
+    """Return the trips with cells moved until each is predicted to keep the limit, or None if that
+    fails.
     """
     found = [np.asarray(order) for order in orders]
     seconds = [
@@ -76,7 +76,11 @@ def _change(
     lake: Lake, ports: Ports, orders: Sequence[Order], harbours: NDArray[np.int64],
     seconds: Sequence[float], limit_s: float,
 ) -> tuple[int, Order, Order, float, float] | None:  # fmt: skip
-    """A cell of the longest trip in another one that has room: which, and both as they are then."""
+    """The move of a cell from the longest trip to another with room, or None.
+
+    Returned as the other trip, the longest one without the cell, the other with it, and the two
+    predicted times [s].
+    """
     worst = int(np.argmax(seconds))
     room_s = [limit_s - spent for spent in seconds]
     for _, k, other, at in _cheapest(lake, ports, orders, harbours, room_s)[:TRIED]:
@@ -96,8 +100,8 @@ def _cheapest(
     lake: Lake, ports: Ports, orders: Sequence[Order], harbours: NDArray[np.int64],
     room_s: Sequence[float],
 ) -> list[tuple[float, int, int, int]]:  # fmt: skip
-    """What each cell of the longest trip would cost in each other one that has the room [s], the
-    cheapest first: the cost, the cell's place, the other trip, and its place there.
+    """The moves of each cell of the longest trip to each other trip with room, the cheapest first:
+    the cost [s], the cell's place, the other trip, and the place there.
     """
     worst = int(np.argmin(room_s))
 
@@ -122,7 +126,7 @@ def _cheapest(
 
 
 def _near(lake: Lake, order: Order, cell: int) -> list[int]:
-    """Places in a trip beside its cells that lie nearest to a cell, and its ends."""
+    """Places in a trip beside those of its cells that are nearest to a cell, and its ends."""
     centres = lake.draft.network.centres
     away = np.hypot(*(centres[order] - centres[cell]).T)
     beside = {int(i) + step for i in np.argsort(away)[:4] for step in (0, 1)}

@@ -1,5 +1,5 @@
-"""Trips of a boat as surveys: the targets, ways around land and corridors of each, from its harbour
-and back to it.
+"""Turn the trips of a boat into surveys: each has the targets, paths around land and corridors from
+its harbour and back to it.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
-# A harbour's last target: a square of so many metres about it, or half of a smaller cell.
+# Side of the last target, a square around the harbour, or half a cell if that is smaller [m].
 HARBOUR_M = 6.0
 
 
 def trip_surveys(lake: Lake, trips: Trips, bound_m: float) -> list[Survey]:
-    """Return the survey of each trip; `bound_m` is what the ways through all cells of the lake do
-    not go below.
+    """Return the survey of each trip. `bound_m` is a lower bound of the length of a path through
+    all cells of the lake.
     """
     return [
         lake.planner.survey(_draft_of(lake, harbour, order), lake.ways, bound_m)

@@ -1,7 +1,7 @@
-"""Trips from a harbour as they stand: when each cell is reached, and whether home is in time.
+"""The state of trips from harbours: when each cell is reached, and whether the boat gets home.
 
-A trip may not last longer than its limit, and from each of its cells the way home must fit into
-what is left of it. Cells are put in and taken out without working all of it out again.
+A trip may not exceed its limit, and at each of its cells the path home must fit into the time that
+is left. Cells are inserted and removed without computing a whole trip again.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -21,9 +21,12 @@ if TYPE_CHECKING:
 
 
 class Ports(NamedTuple):
-    """Seconds from each harbour to each cell, `out` (h, n), and `back`; `home` (h, n) is what must
-    be left at a cell for the way home in the worst weather. `beside` (n, m) are the cells nearest
-    to each; `limit_s` bounds a trip. `at` (trips,) is the harbour of each trip.
+    """The harbours as the exchange between trips sees them.
+
+    `out` (h, n) and `back` (h, n): seconds from each harbour to each cell, and back; `home` (h, n):
+    seconds that must be left at a cell for the path home in the worst weather; `beside` (n, m): the
+    cells nearest to each; `limit_s`: the limit of a trip; `pitch_s`: seconds from a cell to the
+    next, approximately.
     """
 
     out: NDArray[np.float64]
@@ -35,10 +38,12 @@ class Ports(NamedTuple):
 
 
 class Fleet(NamedTuple):
-    """Trips as they stand: `routes` (trips, n) of cells with their `sizes`; `spent` (trips, n) the
-    seconds at each cell, and `takes` (trips,) those of the whole trip. `over` (trips, n + 1) is by
-    how much longer the trip would take if it turned for home, in the worst weather, at the worst of
-    the cells from there on, or nothing.
+    """The state of all trips.
+
+    `routes` (trips, n): cells in order; `sizes` (trips,): how many; `spent` (trips, n): seconds at
+    which each cell is reached; `takes` (trips,): seconds of each trip; `over` (trips, n + 1): how
+    much longer than `takes` the trip would last if it turned for home, in the worst weather, at
+    the worst of the cells from there on, and 0 if no longer.
     """
 
     routes: NDArray[np.int64]
@@ -49,7 +54,7 @@ class Fleet(NamedTuple):
 
 
 def empty_fleet(trips: int, cells: int) -> Fleet:
-    """Trips without any of so many cells."""
+    """Return empty trips, with room for `cells` each."""
     return Fleet(
         routes=np.full((trips, cells), -1),
         sizes=np.zeros(trips, dtype=np.int64),
@@ -61,7 +66,7 @@ def empty_fleet(trips: int, cells: int) -> Fleet:
 
 @machine_code
 def trip_s(costs, ports, harbour, route, size):
-    """Seconds of a trip from its harbour through its cells and back."""
+    """Seconds of a trip from its harbour through its cells and back to it."""
     if size == 0:
         return 0.0
     total = ports.out[harbour, route[0]] + ports.back[harbour, route[size - 1]]
@@ -72,8 +77,8 @@ def trip_s(costs, ports, harbour, route, size):
 
 @machine_code
 def shortest_stretch(costs, ports, harbour, route):
-    """First and last but one place of the shortest stretch without which a trip keeps its limit,
-    with the way home from each of its cells; both are 0 where it does so whole.
+    """The shortest stretch [first, last) without which a trip keeps its limit, also with the path
+    home from each of its cells; (0, 0) if the complete trip does.
     """
     size = route.shape[0]
     fleet = _fleet_of(costs, ports, harbour, route)
@@ -118,7 +123,7 @@ def _fleet_of(costs, ports, harbour, route):
 
 @machine_code
 def clock(costs, ports, fleet, harbour, t):
-    """Work out what a trip has spent at each cell, and how much longer the ways home take."""
+    """Compute when a trip reaches each cell, and how much longer the paths home take."""
     size = fleet.sizes[t]
     if size == 0:
         fleet.takes[t] = fleet.over[t, 0] = 0.0
@@ -148,7 +153,7 @@ def copy_trip(source, target, t):
 
 @machine_code
 def take_out(costs, ports, fleet, trip_of, place_of, harbour, t, first, length, waiting, count):
-    """Take a string out of a trip and let it wait."""
+    """Take a string of cells out of a trip and add it to those that wait; returns their number."""
     size, behind = fleet.sizes[t], first + length
     for k in range(first, behind):
         waiting[count] = fleet.routes[t, k]
@@ -181,7 +186,7 @@ def take_out(costs, ports, fleet, trip_of, place_of, harbour, t, first, length, 
 
 @machine_code
 def reached_s(costs, ports, fleet, harbour, t, k, cell):
-    """When a cell is reached that is the k-th of a trip."""
+    """Seconds at which a cell is reached if it is at place k of a trip."""
     if k == 0:
         return ports.out[harbour, cell]
     return fleet.spent[t, k - 1] + leg(costs, fleet.routes[t, k - 1], cell)
@@ -189,7 +194,7 @@ def reached_s(costs, ports, fleet, harbour, t, k, cell):
 
 @machine_code
 def _look_home(ports, fleet, harbour, t, last):
-    """Work out how much longer the ways home take from a trip's cells up to the last."""
+    """Compute how much longer the paths home take from a trip's cells up to place `last`."""
     for k in range(last, -1, -1):
         home = fleet.spent[t, k] + ports.home[harbour, fleet.routes[t, k]] - fleet.takes[t]
         fleet.over[t, k] = max(home, fleet.over[t, k + 1])
@@ -197,7 +202,7 @@ def _look_home(ports, fleet, harbour, t, last):
 
 @machine_code
 def put_in(ports, fleet, trip_of, place_of, harbour, t, k, cell, adds, at_s):
-    """Put a cell before place k of a trip, where it is reached at `at_s`."""
+    """Insert a cell at place k of a trip, where it is reached at `at_s` and adds `adds` seconds."""
     size = fleet.sizes[t]
     for j in range(size, k, -1):
         moved = fleet.routes[t, j - 1]
@@ -211,8 +216,8 @@ def put_in(ports, fleet, trip_of, place_of, harbour, t, k, cell, adds, at_s):
     trip_of[cell], place_of[cell] = t, k
     fleet.sizes[t] = size + 1
     fleet.takes[t] += adds
-    # The way home from what comes before is no longer than it was, and the trip is: where the worst
-    # of all cells comes later, nothing changes for them.
+    # The trip is longer now, the paths home from the cells before place k are not. If the worst of
+    # all cells comes later, nothing changes for them.
     if k > 0 and adds >= 0 and fleet.over[t, 0] == fleet.over[t, k + 1]:
         home = at_s + ports.home[harbour, cell] - fleet.takes[t]
         if home <= fleet.over[t, k + 1]:

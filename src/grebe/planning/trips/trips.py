@@ -1,9 +1,9 @@
-"""Make trips from a harbour cheaper together: ruin and recreate under simulated annealing.
+"""Reduce the total cost of trips from harbours: ruin and recreate under simulated annealing.
 
-Strings of neighbouring cells are taken out of trips that lie beside each other and are put back,
-each where it costs least and the trip may still grow; the result is kept as annealing has it (slack
-induction by string removals; Christiaens and Vanden Berghe 2020). Moving cells, exchanging them
-and exchanging the ends of trips are all special cases. No trip lasts longer than it may.
+Strings of neighbouring cells are taken out of neighbouring trips. Then each cell is put back where
+it costs least and the trip has room. Simulated annealing decides whether the result is kept (slack
+induction by string removals; Christiaens and Vanden Berghe 2020). Moving cells, exchanging them and
+exchanging the ends of trips are all special cases. No trip exceeds its limit.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -31,17 +31,17 @@ from grebe.planning.trips.trip_times import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Mean number of cells that are taken out at a time, and the longest string of them.
+# Mean number of cells that are taken out at a time, and the longest string.
 MEAN_REMOVED, LONGEST_STRING = 10, 10
-# How often the best place for a cell is passed over, so that not every recreation is the same.
+# Probability of passing over a place for a cell, so that not every recreation is the same.
 BLINK = 0.01
-# Annealing's first temperature, that of trips that are nearly good, and the last, as shares of the
-# time from a cell to the next.
+# Temperatures of the annealing: the first one, the first for trips that are nearly good, and the
+# last, as multiples of the time from a cell to the next.
 HOT, WARM, COLD = 3.0, 0.3, 0.003
-# What a cell that is in no trip costs, in pitches: more than any way there.
+# Cost of a cell that is in no trip, in pitches: more than any path to it.
 ABSENT_PITCHES = 1000.0
-# Of more cells without a trip than these only those beside the place of the ruin look for one: a
-# round that tried thousands of them would take a hundred times as long.
+# If more cells than this are without a trip, only those beside the place of the ruin look for one:
+# a round that tried thousands of them would take a hundred times as long.
 MOST_TRIED = 20
 
 
@@ -55,8 +55,8 @@ def improved_trips(
 ) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
     """Return cheaper trips, and the cells for which there is no room in them.
 
-    `harbours` (trips,) are the trips' own; cells that no trip holds are taken in where they can
-    be. `hot` is the annealing's first temperature.
+    `harbours` (trips,) are those of the trips. Cells that are in no trip are taken in if possible.
+    `hot` is the first temperature of the annealing.
     """
     n = len(costs.places) - 1
     now, kept = empty_fleet(len(trips), n), empty_fleet(len(trips), n)
@@ -75,9 +75,9 @@ def improved_trips(
 
 @machine_code
 def _best_place(costs, ports, fleet, harbours, trip_of, place_of, cell, choice, at_s):
-    """Write the cheapest place for a cell, trip and place, to `choice`, and when it is reached
-    there to `at_s`; returns what it adds. The ends of trips elsewhere are looked at where none of
-    those beside it has room.
+    """Write the cheapest place for a cell, as trip and place, to `choice`, and the time at which it
+    is reached there to `at_s`; returns the seconds it adds. The ends of all trips are tried only if
+    no trip beside the cell has room.
     """
     best = np.inf
     trips, near = fleet.sizes.shape[0], ports.beside.shape[1]
@@ -111,7 +111,7 @@ def _best_place(costs, ports, fleet, harbours, trip_of, place_of, cell, choice, 
 
 @machine_code
 def _place_of_ruin(cells, waiting, count):
-    """A random cell; where many wait for a trip, every other time one of them."""
+    """A random cell; if many wait for a trip, every other time one of those."""
     if count > MOST_TRIED and np.random.random() < 0.5:
         return waiting[np.random.randint(0, count)]
     return np.random.randint(0, cells)
@@ -119,7 +119,7 @@ def _place_of_ruin(cells, waiting, count):
 
 @machine_code
 def _rest(ports, waiting, count, seed):
-    """Put those that wait too far from the place of the ruin first; returns how many they are."""
+    """Put the waiting cells too far from the place of the ruin first; returns their number."""
     if count <= MOST_TRIED:
         return 0
     resting = count
@@ -143,7 +143,7 @@ def _is_beside(ports, seed, cell):
 
 @machine_code
 def _ruin(costs, ports, fleet, harbours, trip_of, place_of, waiting, count, touched, seed):
-    """Take strings out of some trips around a cell."""
+    """Take strings out of some trips around a cell; returns the number of waiting cells."""
     strings = np.random.randint(1, max(2, int(4 * MEAN_REMOVED / (1 + LONGEST_STRING))) + 1)
     for s in range(ports.beside.shape[1] + 1):
         cell = seed if s == 0 else ports.beside[seed, s - 1]
@@ -166,9 +166,7 @@ def _ruin(costs, ports, fleet, harbours, trip_of, place_of, waiting, count, touc
 
 @machine_code
 def _sort_waiting(ports, waiting, first, count, keys):
-    """Those that look for a trip in a random order, or the farthest from home first, or the
-    nearest.
-    """
+    """Sort the cells that look for a trip: at random, farthest from home or nearest first."""
     kind = np.random.randint(0, 7)
     for i in range(first, count):
         away = ports.out[:, waiting[i]].min()
@@ -178,7 +176,7 @@ def _sort_waiting(ports, waiting, first, count, keys):
 
 @machine_code
 def _recreate(costs, ports, fleet, harbours, trip_of, place_of, waiting, first, count, touched):
-    """Put those that look for a trip where each costs least; returns how many wait on."""
+    """Put the cells that look for a trip where each costs least; returns how many still wait."""
     choice, at_s = np.zeros(2, dtype=np.int64), np.zeros(1)
     left = first
     for w in range(first, count):
@@ -196,7 +194,7 @@ def _recreate(costs, ports, fleet, harbours, trip_of, place_of, waiting, first, 
 
 @machine_code
 def _cost(ports, fleet, count):
-    """What the trips take together; a cell that waits costs more than any way to it."""
+    """The total time of the trips; a cell that waits costs more than any path to it."""
     total = ABSENT_PITCHES * ports.pitch_s * count
     for t in range(fleet.sizes.shape[0]):
         total += fleet.takes[t]
@@ -205,8 +203,8 @@ def _cost(ports, fleet, count):
 
 @machine_code
 def _all_in_time(ports, fleet, touched):
-    """Whether the trips that were touched keep the limit: where two cells are not linked, what
-    lay between them may have been the shorter way.
+    """Whether the touched trips keep the limit. They may not: between two cells that are not
+    linked, the path through a cell that was taken out may have been the shorter one.
     """
     for t in range(fleet.sizes.shape[0]):
         if touched[t] and fleet.takes[t] + fleet.over[t, 0] > ports.limit_s:
@@ -216,7 +214,7 @@ def _all_in_time(ports, fleet, touched):
 
 @machine_code
 def _take_back(fleet, old, trip_of, place_of, touched):
-    """Put the trips that were touched back as they were."""
+    """Restore the trips that were touched."""
     for t in range(fleet.sizes.shape[0]):
         if touched[t]:
             for k in range(fleet.sizes[t]):
@@ -230,7 +228,7 @@ def _take_back(fleet, old, trip_of, place_of, touched):
 
 @machine_code
 def _anneal(costs, ports, fleet, old, kept, harbours, waiting, count, rounds, hot):
-    """Improve trips; the best are `kept`. Returns how many cells still wait for one."""
+    """Improve trips and store the best in `kept`; returns how many cells still wait for a trip."""
     np.random.seed(0)
     trips, n = fleet.routes.shape
     trip_of, place_of, keys = np.full(n, -1), np.full(n, -1), np.zeros(n)

@@ -1,7 +1,7 @@
-"""Trips to begin with: wedges of a lake, each with its tip at a harbour.
+"""First trips: wedges of a lake, each with its tip at a harbour.
 
-The cells are put in the order in which a ray that turns around the harbour meets them; stretches of
-that order are wedges, and each is made a round trip.
+The cells are put in the order in which a ray that turns around the harbour meets them. Stretches of
+that order are wedges, and each becomes a round trip.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
     Order = NDArray[np.int64]
 
-# Kicks of the polish of one trip.
+# Kicks in the polish of one trip.
 KICKS = 300
 
 
 def wedges(lake: Lake, ports: Ports, count: int) -> tuple[list[Order], NDArray[np.int64]]:
-    """So many trips: wedges of the water around each harbour that take equally long, or so."""
+    """Return `count` trips and their harbours: wedges of about equal time around each harbour."""
     nearest = np.argmin(ports.out, axis=0)
     members = [lake.wanted & (nearest == h) for h in range(len(lake.homes))]
     sizes = np.array([one.sum() for one in members])
@@ -44,7 +44,7 @@ def wedges(lake: Lake, ports: Ports, count: int) -> tuple[list[Order], NDArray[n
 def _even_stretches(
     walk: Order, out_s: NDArray[np.float64], pitch_s: float, parts: int
 ) -> list[Order]:
-    """Cut a walk into so many stretches whose trips take equally long, or so."""
+    """Cut a walk into `parts` stretches whose trips take about equally long."""
     low, high = 0.0, 2 * float(out_s[walk].max(initial=0.0)) + pitch_s * len(walk)
     for _ in range(40):
         middle = 0.5 * (low + high)
@@ -56,10 +56,10 @@ def _even_stretches(
 
 
 def _filled(walk: Order, out_s: NDArray[np.float64], pitch_s: float, most_s: float) -> list[Order]:
-    """Stretches of a walk, each as long as `most_s` lets its trip be, a cell at least.
+    """Stretches of a walk, each as long as its trip may be within `most_s`, and at least one cell.
 
-    A trip takes no less than to its farthest cell and back, and than to its nearest and back and a
-    pitch each cell.
+    A trip takes at least the time to its farthest cell and back, and at least the time to its
+    nearest cell and back plus a pitch for each cell.
     """
     stretches: list[Order] = []
     first, nearest, farthest = 0, np.inf, 0.0
@@ -72,7 +72,7 @@ def _filled(walk: Order, out_s: NDArray[np.float64], pitch_s: float, most_s: flo
 
 
 def _shared(sizes: NDArray[np.int64], count: int) -> list[int]:
-    """Share `count` trips out by the numbers of cells, the largest remainders first."""
+    """Share `count` trips out in proportion to the numbers of cells, largest remainders first."""
     exact = count * sizes / sizes.sum()
     parts = np.floor(exact).astype(int)
     for h in np.argsort(parts - exact)[: count - parts.sum()]:

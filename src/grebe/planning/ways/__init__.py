@@ -1,1 +1,1 @@
-"""Ways through the water: between cells, around land, home, and what they cost."""
+"""Paths through the water: between cells, around land, home, and their costs."""

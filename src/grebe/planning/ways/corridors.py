@@ -1,10 +1,10 @@
-"""The way between consecutive targets: transits around land, and a corridor to stay in.
+"""The path between consecutive targets: transits around land, and a corridor to stay in.
 
-Wherever the convex hull of two consecutive targets is water, the boat may go straight from
-one to the other. Where it is not, transit targets are put in along the shortest path over
-linked cells, pulled tight; at a link that is not open a gate stands on either side of the
-cells' shared edge. Each leg has a corridor: a convex polygon of water that holds both its
-targets, as large as the shore lets it be, to which the controller keeps.
+If the convex hull of two consecutive targets is water, the boat may go straight from one to the
+other. If not, transit targets are inserted along the shortest path over linked cells, pulled
+tight; at a link that is not open, a gate leads across the cells' shared edge. Each leg has a
+corridor, to which the controller keeps: a convex polygon of water that contains both its targets,
+as large as the shore allows.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 # How far a corridor may reach beyond the hull of its targets, in cells.
 REACH_CELLS = 2.0
-# A gate's first size, of the shared edge's length along it and of the cell's across it.
+# A gate's first size: a share of the shared edge along it, and a share of the cell size across it.
 GATE_ALONG, GATE_ACROSS = 0.8, 0.2
 GATE_HALVINGS = 12
-# At a wedge's edge a shorter gate can stand where a long one cannot.
+# At the edge of a wedge a shorter gate can fit where a long one cannot.
 GATE_SHARES = (1.0, 0.5, 0.2)
-# Depths of a gate to either side of its edge that are tried first [m].
+# Depths to either side of the edge that are tried for a single gate across it [m].
 GATE_DEPTHS_M = (1.0, 0.6, 0.3)
 _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 CLOSED_FACTOR = 1.3
@@ -43,14 +43,14 @@ TRANSIT_REACH_M = 0.75
 
 @dataclass(frozen=True, kw_only=True)
 class Stop:
-    """A footprint on the way; `cell` is its index, None for a transit."""
+    """A footprint on the path; `cell` is the index of its cell, None for a transit."""
 
     footprint: shapely.Polygon
     cell: int | None
 
 
 class Waterways:
-    """Finds ways between the cells of a mesh."""
+    """Finds paths between the cells of a mesh."""
 
     def __init__(
         self, cells: list[Cell], network: Network, water: shapely.Polygon, cell_m: float
@@ -59,14 +59,14 @@ class Waterways:
         self._allowed = water.buffer(ROUNDING_M, join_style="mitre")
         shapely.prepare(self._allowed)
         self._water = water
-        # A gate must be hit: better a somewhat longer way over open links.
+        # A gate must be hit, so a somewhat longer path over open links is better.
         dearer = np.where(network.is_open, 1.0, CLOSED_FACTOR)
         self._links = network.links(network.ways_m * dearer)
 
     def stops(self, order: NDArray[np.int64]) -> list[Stop]:
         """Return the cells in their order with the transits between them."""
         footprints = np.array([cell.footprint for cell in self._cells], dtype=object)[order]
-        # Of cells that an open link joins it is known.
+        # Known for cells that an open link joins; the others are tested.
         straight = self._network.opens(order[:-1], order[1:])
         ask = np.flatnonzero(~straight)
         straight[ask] = self.straight(footprints[ask], footprints[ask + 1])
@@ -105,7 +105,7 @@ class Waterways:
         return chain
 
     def _pulled(self, chain: list[shapely.Polygon]) -> list[shapely.Polygon]:
-        """Leave out what can be skipped: from each footprint on to the farthest in one go."""
+        """Skip footprints: go from each one straight to the farthest that allows it."""
         kept = [chain[0]]
         here = 0
         while here < len(chain) - 1:
@@ -117,11 +117,11 @@ class Waterways:
         return kept
 
     def _gate(self, i: int, j: int) -> list[shapely.Polygon]:
-        """One rectangle across the cells' shared edge where it can be joined to both, else two flat
-        ones on either side of it.
+        """One rectangle across the cells' shared edge if it can be joined to both, else two flat
+        ones, one on either side of it.
 
-        Whatever the cells look like, the way from a cell to its own rectangle is that cell, and
-        the way from one rectangle to the other leads straight across the edge.
+        The flat ones fit cells of any shape: the path from a cell to its own rectangle stays in
+        that cell, and the path from one rectangle to the other leads straight across the edge.
         """
         a, b = self._cells[i].footprint, self._cells[j].footprint
         ends = shapely.get_coordinates(shapely.intersection(a, b, grid_size=ROUNDING_M))
@@ -148,7 +148,7 @@ class Waterways:
         half: NDArray[np.float64],
         inwards: NDArray[np.float64],
     ) -> shapely.Polygon:
-        """A rectangle along an edge, as deep into the cell as it lets it be."""
+        """A rectangle along an edge, as deep into the cell as the cell allows."""
         room = cell.buffer(ROUNDING_M, join_style="mitre")
         base = middle + 2 * ROUNDING_M * inwards
         for share, halving in itertools.product(GATE_SHARES, range(GATE_HALVINGS)):
@@ -188,11 +188,11 @@ def corridors_of(
 
 
 def widened(stops: list[Stop], corridors: list[shapely.Polygon]) -> list[Stop]:
-    """Let each transit grow within what the corridors before and behind it have in common.
+    """Let each transit grow within the intersection of the corridors before and behind it.
 
-    A gate can be a hand's breadth deep, and a boat that is seen ten times a second would step
-    over it. Both corridors are convex and hold the gate: so does what they share, and the ways
-    to it and from it stay within them.
+    A gate can be a hand's breadth deep, and a boat whose position is known ten times a second could
+    pass it unnoticed. Both corridors are convex and contain the gate, and so does their
+    intersection; the legs to it and from it stay within them.
     """
     grown = list(stops)
     for k, stop in enumerate(stops):

@@ -1,8 +1,9 @@
-"""How far it is around land: shortest ways between cells near the shore that no link joins.
+"""Shortest paths around land, between cells near the shore that no link joins.
 
-An order that jumps from one cell to another pays for the way between them. Straight distance
-says little about it beside a spit, so it is measured: on a visibility graph of the cells'
-centres and of the corners of the shore (Lozano-Perez and Wesley 1979), drawn a little coarser.
+An order that jumps from one cell to another pays for the path between them. Beside a spit the
+straight distance says little about its length, so the length is measured: on a visibility graph
+of the cells' centres and the corners of the slightly simplified shore (Lozano-Perez and Wesley
+1979).
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ if TYPE_CHECKING:
 
     Places = NDArray[np.float64]
 
-# What a boat can pass between [m].
+# The narrowest gap that a boat can pass [m].
 PASSAGE_M = 0.4
-# How much of a cell the shore may be drawn wider than it is.
+# The water may be drawn wider than it is by this share of a cell.
 COARSENESS = 0.01
-# Ways are looked for between cells whose centres are nearer than so many cells, over lines of
-# sight as long, up to a length of so many cells.
+# Paths are sought between cells whose centres are less than `REACH_CELLS` cells apart, over lines
+# of sight up to the same length; they may be `FARTHEST_CELLS` cells long.
 REACH_CELLS, FARTHEST_CELLS = 3.0, 12.0
-# Beyond so many centres that takes longer than it saves.
+# With more centres the search takes longer than it saves.
 MOST_CENTRES = 4_000
 
 
 def ways_around(
     centres: Places, near_shore: NDArray[np.bool_], water: shapely.Polygon, cell_m: float
 ) -> Links:
-    """Return lengths [m] of the shortest ways between cells, one of them near the shore, both ways
-    the same; none for `MOST_CENTRES` and more.
+    """Return lengths [m] of the shortest paths between pairs of cells of which one is near the
+    shore, in both directions; none for more than `MOST_CENTRES` cells.
     """
     n = len(centres)
     if n > MOST_CENTRES or not near_shore.any():
@@ -55,21 +56,19 @@ def ways_around(
 def _both_ways(
     first: NDArray[np.int64], second: NDArray[np.int64], lengths: Places, count: int
 ) -> Links:
-    """Links there and back."""
+    """Links in both directions."""
     return links_of(np.append(first, second), np.append(second, first), np.tile(lengths, 2), count)
 
 
 def _room(water: shapely.Polygon, coarse_m: float) -> BaseGeometry:
-    """The water without what is too narrow for a boat, its shore drawn coarser and wider."""
+    """The water without passages too narrow for a boat, slightly widened and simplified."""
     half = 0.5 * PASSAGE_M
     passable = water.buffer(-half, join_style="mitre").buffer(half + coarse_m, join_style="mitre")
     return passable.simplify(0.9 * coarse_m)
 
 
 def _corners(room: BaseGeometry) -> Places:
-    """The shore's corners that a shortest way can bend around: those where the water is on the
-    outer side.
-    """
+    """The corners of the shore that a shortest path can bend around: the water's reflex corners."""
     rings = shapely.get_rings(shapely.orient_polygons(room))
     corners = [_reflex(shapely.get_coordinates(ring)[:-1]) for ring in rings]
     return np.vstack(corners)
@@ -81,7 +80,7 @@ def _reflex(ring: Places) -> Places:
 
 
 def _sight(nodes: Places, room: BaseGeometry, reach_m: float) -> Links:
-    """Lengths of the lines of sight between nodes up to a reach."""
+    """Lengths of the lines of sight between nodes, up to a reach."""
     points = np.asarray(shapely.points(nodes), dtype=object)
     first, second = shapely.STRtree(points).query(points, predicate="dwithin", distance=reach_m)
     once = first < second

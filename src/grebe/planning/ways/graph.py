@@ -1,6 +1,6 @@
-"""Links between numbered places, the shortest ways over them, and their parts and trees.
+"""Graphs of links between numbered places: shortest paths, connected parts and spanning trees.
 
-SciPy has all of it; its import takes longer than a plan of a thousand cells needs for them.
+SciPy has all of these, but its import takes longer than they take in a plan of a thousand cells.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Links:
-    """Links in compressed rows: those of place i lead to `neighbours[starts[i]:starts[i + 1]]`, in
-    ascending order, with their `values` beside them.
+    """Links in compressed rows.
+
+    Those of place i lead to `neighbours[starts[i]:starts[i + 1]]`, in ascending order; `values`
+    has one value per link, in the same order.
     """
 
     starts: Indices
@@ -50,7 +52,7 @@ class Links:
         return found
 
     def among(self, kept: Indices) -> Links:
-        """The links among some places, which are numbered anew in the order given."""
+        """The links among some places, which are renumbered in the given order."""
         number = np.full(len(self), -1)
         number[kept] = np.arange(len(kept))
         first, second = number[self.first], number[self.neighbours]
@@ -65,8 +67,8 @@ class Links:
 
 
 def links_of(first: Indices, second: Indices, values: NDArray[Any], count: int) -> Links:
-    """Put links between `count` places in rows; of several from one place to another the largest
-    counts.
+    """Return links between `count` places in compressed rows; of several values for the same link
+    the largest counts.
     """
     order = np.lexsort([-values, second, first])
     first, second, values = first[order], second[order], values[order]
@@ -77,8 +79,8 @@ def links_of(first: Indices, second: Indices, values: NDArray[Any], count: int) 
 
 
 def shortest_ways(links: Links, begin: int, end: int) -> Indices:
-    """Return the place before each on the shortest ways from one place, until that to another is
-    known; -1 where there is none.
+    """Return the place before each on the shortest paths from `begin`, or -1 if there is none. The
+    search ends when the path to `end` is known.
     """
     count = len(links)
     away, before = np.full(count, np.inf), np.full(count, -1)
@@ -87,7 +89,7 @@ def shortest_ways(links: Links, begin: int, end: int) -> Indices:
 
 
 def distances(links: Links, begins: Indices, farthest: float) -> Floats:
-    """Return how far it is from each of some places to every place, infinite beyond `farthest`."""
+    """Return the distances from each of `begins` to every place, infinite beyond `farthest`."""
     return _distances(*_rows(links), begins.astype(np.int64), farthest)
 
 
@@ -125,8 +127,8 @@ def _spread(
     away: Floats,
     before: Indices,
 ) -> None:
-    """Write how far each place is from one, infinite until then, and the place before it
-    (Dijkstra), up to a place `end` or a distance.
+    """Write the distance of each place from `begin` to `away`, infinite at first, and the place
+    before it to `before` (Dijkstra), up to the place `end` or the distance `farthest`.
     """
     heap, keys = np.empty(len(values) + 1, dtype=np.int64), np.empty(len(values) + 1)
     size = 1
@@ -149,7 +151,7 @@ def _spread(
 
 @machine_code
 def _rise(heap: Indices, keys: Floats, size: int, place: int, key: float) -> None:
-    """Put a place into a heap of so many."""
+    """Insert a place into a heap of `size` places."""
     k = size
     while k > 0 and keys[(k - 1) // 2] > key:
         heap[k], keys[k] = heap[(k - 1) // 2], keys[(k - 1) // 2]
@@ -159,7 +161,7 @@ def _rise(heap: Indices, keys: Floats, size: int, place: int, key: float) -> Non
 
 @machine_code
 def _sink(heap: Indices, keys: Floats, size: int) -> None:
-    """Put the last of a heap, which is at `size`, in the place of its first."""
+    """Replace the first place of a heap by its last, which is at `size`."""
     place, key, k = heap[size], keys[size], 0
     while 2 * k + 1 < size:
         child = 2 * k + 1
@@ -173,8 +175,8 @@ def _sink(heap: Indices, keys: Floats, size: int) -> None:
 
 
 def parts_of(links: Links) -> tuple[int, Indices]:
-    """Return how many parts hang together, and the number of each place's part; links lead both
-    ways.
+    """Return the number of connected parts, and the part of each place. Links must lead in both
+    directions.
     """
     part = _parts(links.starts.astype(np.int64), links.neighbours.astype(np.int64))
     return int(part.max(initial=-1)) + 1, part
@@ -205,8 +207,8 @@ def _parts(starts: Indices, neighbours: Indices) -> Indices:
 def spanning_forest(
     first: Indices, second: Indices, values: Floats, count: int
 ) -> NDArray[np.bool_]:
-    """Return which of some edges between `count` places are those of the shortest trees that join
-    what hangs together; of those that cost the same the first ones.
+    """Return which edges between `count` places form the minimum spanning forest; of edges of equal
+    value the first are taken.
     """
     by_value = np.argsort(values, kind="stable")
     return _forest(first.astype(np.int64), second.astype(np.int64), by_value, count)
@@ -214,7 +216,7 @@ def spanning_forest(
 
 @machine_code
 def _forest(first: Indices, second: Indices, by_value: Indices, count: int) -> NDArray[np.bool_]:
-    """Kruskal's; each place knows one above it in its tree."""
+    """Kruskal's algorithm; `above` holds a place above each in its tree."""
     above = np.arange(count)
     kept = np.zeros(len(first), dtype=np.bool_)
     for k in by_value:

@@ -1,9 +1,9 @@
-"""The way home: the shortest way through the water from wherever the boat is to one place.
+"""The path home: the shortest path through the water from wherever the boat is to one place.
 
-Home stands still while the boat moves, so the shore's corners are asked once how far it is home
-from each (a visibility graph, Lozano-Perez and Wesley 1979); from then on any place only looks
-for the best corner in its sight. The way keeps off the shore by a clearance where the water lets
-it, and becomes transit targets with corridors, so that whoever steers a survey steers it too.
+Home does not move, so the distance home from each corner of the shore is computed once (a
+visibility graph, Lozano-Perez and Wesley 1979). From then on, the path from any place needs only
+the best corner in sight. The path keeps a clearance from the shore where the water allows it. It
+becomes transit targets with corridors, so the controller that sails a survey can sail it too.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ if TYPE_CHECKING:
 
     Places = NDArray[np.float64]
 
-# How far a way keeps off the shore where there is room, and where there is less [m].
+# Clearances from the shore, the first where there is room, the others where there is less [m].
 CLEARANCES_M = (1.0, 0.5, 0.25, 0.1)
-# The shore is drawn coarser by these shares of its clearance until it has few corners enough.
+# The shore is simplified by these shares of the clearance until it has few enough corners.
 COARSENESS = (0.3, 1.0, 3.0, 10.0)
 MOST_CORNERS = 300
-# Half the size of home and of a waypoint, as a share of the clearance: a boat that cuts a corner
-# by so much is still off the shore.
+# Radius of home and of a waypoint, as a share of the clearance: a boat that cuts a corner by this
+# much still keeps off the shore.
 WAYPOINT_SHARE = 0.9
 # How far the corridor of a leg may reach to either side [m].
 CORRIDOR_REACH_M = 5.0
-# How far from its predecessor the first footprint of a way is drawn around the boat [m].
+# Radius of the footprint around the boat from which a path begins [m].
 START_RADIUS_M = 0.05
 SLIVER_M = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Homeward:
-    """Ways home within some water.
+    """Paths home within some water.
 
-    `water` is a local polygon that the boat may be in; `home` (north, east) lies in it. `room` is
-    where ways may lead: the water less `clearance_m` at the shore.
+    `water` is the local polygon in which the boat may be; `home` (north, east) is in it. `room` is
+    where paths may lead: the water less `clearance_m` at the shore.
     """
 
     water: shapely.Polygon
@@ -57,8 +57,8 @@ class Homeward:
     clearance_m: float
 
     def way_from(self, place: tuple[float, float]) -> Places:
-        """Return the shortest way from a place, (n, 2), home its last row; `PlanError` where no
-        water leads there.
+        """Return the shortest path from a place, (n, 2), with home as its last row. Raises
+        `PlanError` when no water leads there.
         """
         begin = _into(self.room, place)
         legs = [np.array([place])] + ([np.array([begin])] if begin != place else [])
@@ -84,7 +84,7 @@ class Homeward:
 
     @cached_property
     def _nodes(self) -> Places:
-        """The harbour, then the corners of the shore that a shortest way can bend around."""
+        """The harbour, then the corners of the shore that a shortest path can bend around."""
         rings = shapely.get_rings(shapely.orient_polygons(self.room))
         corners = [_reflex(shapely.get_coordinates(ring)[:-1]) for ring in rings]
         return np.vstack([[self._harbour], *corners])
@@ -102,7 +102,7 @@ class Homeward:
 
     @cached_property
     def _tree(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """From each node the length of the way home, and the next node on it."""
+        """For each node the length of the path home, and the next node on it."""
         nodes = self._nodes
         first, second = np.triu_indices(len(nodes), 1)
         lines = shapely.linestrings(np.stack([nodes[first], nodes[second]], axis=1))
@@ -123,10 +123,10 @@ class Homeward:
 
 
 def homeward(water: shapely.Polygon, home: tuple[float, float]) -> Homeward:
-    """Prepare the ways home within `water`, at the largest clearance that leaves it whole.
+    """Prepare the paths home within `water`, at the largest clearance that leaves it in one piece.
 
-    Where the water is so narrow that a clearance would cut off a twentieth of it, a smaller one is
-    taken. Raises `PlanError` for a home on land.
+    A clearance that would cut off more than a twentieth of narrow water is not used. Raises
+    `PlanError` when home is on land or the water is too narrow for the smallest clearance.
     """
     if not shapely.intersects_xy(water.buffer(max(CLEARANCES_M)), *home):
         raise PlanError(
@@ -143,8 +143,8 @@ def homeward(water: shapely.Polygon, home: tuple[float, float]) -> Homeward:
 
 
 def _drawn_coarser(water: shapely.Polygon, clearance_m: float) -> shapely.Polygon | None:
-    """The water less a clearance, with as many corners as can be looked through; None where the
-    clearance leaves nothing.
+    """The water less a clearance, with few enough corners to search; None if the clearance leaves
+    nothing.
     """
     best: shapely.Polygon | None = None
     whole = _largest(water.buffer(-clearance_m))
@@ -154,7 +154,7 @@ def _drawn_coarser(water: shapely.Polygon, clearance_m: float) -> shapely.Polygo
         room = _largest(drawn)
         if room is None or whole is None or room.area < 0.8 * whole.area:
             return best
-        # What is simplified by less than what it was drawn in by stays within the clearance.
+        # Drawn in by as much as it is then simplified, the shore keeps the clearance.
         room = _largest(shapely.intersection(room, whole, grid_size=SLIVER_M))
         if room is None:
             return best
@@ -170,7 +170,7 @@ def _largest(geometry: shapely.Geometry) -> shapely.Polygon | None:
 
 
 def _into(room: shapely.Polygon, place: tuple[float, float]) -> tuple[float, float]:
-    """The place, or the nearest to it within the room."""
+    """The place, or the point of the room nearest to it."""
     point = shapely.Point(place)
     if room.covers(point):
         return place
@@ -180,7 +180,7 @@ def _into(room: shapely.Polygon, place: tuple[float, float]) -> tuple[float, flo
 
 
 def _reflex(ring: Places) -> Places:
-    """The corners of an oriented ring at which the water is on the outer side."""
+    """The reflex corners of the water along an oriented ring."""
     before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     return ring[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0]
 
@@ -188,10 +188,10 @@ def _reflex(ring: Places) -> Places:
 def transit_survey(
     survey: Survey, ways: Homeward, state: tuple[float, ...], speed_max_mps: float
 ) -> Survey:
-    """Return the survey whose only targets are the transits of the way home from a state.
+    """Return the survey whose only targets are the transits of the path home from a state.
 
-    Each transit's hull with the next lies in the water: both are drawn around places from which
-    the way between keeps its clearance.
+    The hull of each transit and the next is in the water: both are drawn around places between
+    which the path keeps its clearance.
     """
     way = ways.way_from((state[0], state[1]))
     steps = np.hypot(*np.diff(way, axis=0).T)
@@ -230,5 +230,5 @@ def transit_survey(
 
 
 def way_length_m(way: Places) -> float:
-    """Length [m] of a way (n, 2)."""
+    """Length [m] of a path (n, 2)."""
     return float(sum(np.hypot(*(b - a)) for a, b in itertools.pairwise(way)))

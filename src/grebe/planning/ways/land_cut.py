@@ -1,7 +1,7 @@
-"""A corridor's cut: a box around a leg's hull, with the land taken off it by straight cuts.
+"""Cut a corridor: take a box around a leg's hull and remove the land from it by straight cuts.
 
-The nearest land goes first, each time along the line through its nearest point that leaves the
-hull whole. What is left is convex, holds the hull and is water.
+The nearest land is cut off first, each time along the line through its nearest point that leaves
+the hull intact. The rest is convex, contains the hull and is water.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 MOST_CUTS = 12
 MOST_SIDES = 12
-# Shore that reaches no deeper into a box than this is beside it [m].
+# Shore that reaches into a box by no more than this counts as outside it [m].
 BESIDE_M = 1e-7
-# Land no further from a hull than this touches it [m].
+# Land no farther from a hull than this counts as touching it [m].
 TOUCHING_M = 1e-3
 
 
 def without_land(
     hulls: NDArray[np.object_], boxes: NDArray[np.object_], water: shapely.Polygon
 ) -> NDArray[np.object_]:
-    """Cut the land off boxes, each around a convex hull of water. Where that takes too many cuts
-    the hull is what is left.
+    """Cut the land off boxes, each around a convex hull of water. If that takes too many cuts or
+    leaves too many sides, the result is the hull itself.
     """
     shore = _shore(water)
     box, side = shapely.STRtree(np.asarray(shapely.linestrings(shore))).query(boxes)
@@ -62,13 +62,13 @@ def _shore(water: shapely.Polygon) -> Floats:
 def _cut_all(
     corners: Floats, starts: Integers, bounds: Floats, shore: Floats, side: Integers, near: Integers
 ) -> tuple[Floats, Integers]:
-    """What is left of each box by its `bounds` (n, 4), corners (n, `MOST_SIDES`, 2) and how many,
-    0 where that is none: the ring of hull i is corners[starts[i]:starts[i + 1]], closed and
-    anticlockwise, and the shore beside it is shore[side[near[i]:near[i + 1]]].
+    """The rest of each box with `bounds` (n, 4): its corners (n, `MOST_SIDES`, 2) and their number,
+    which is 0 if the cut failed. The ring of hull i is corners[starts[i]:starts[i + 1]], closed and
+    anticlockwise; the shore beside it is shore[side[near[i]:near[i + 1]]].
     """
     n = len(bounds)
     found, sides = np.zeros((n, MOST_SIDES, 2)), np.zeros(n, dtype=np.int64)
-    # Each cut adds a corner at most, and the first stands at the end once more.
+    # Each cut adds at most one corner, and the ring repeats its first corner at the end.
     region, spare = np.empty((5 + MOST_CUTS, 2)), np.empty((5 + MOST_CUTS, 2))
     for i in range(n):
         for k in range(5):
@@ -94,8 +94,8 @@ def _cut_all(
 def _nearest_land(
     hull: Floats, region: Floats, shore: Floats, beside: Integers
 ) -> tuple[float, float, float, float]:
-    """How far the nearest shore within a convex region, a closed ring, is from a hull, infinite
-    where there is none, and the line a x + b y = c that parts them: (distance, a, b, c).
+    """The distance from a hull to the nearest shore within a convex region (a closed ring), or
+    infinity, and the line a x + b y = c that separates them: (distance, a, b, c).
     """
     nearest, a, b, c = np.inf, 0.0, 0.0, 0.0
     for k in beside:
@@ -121,8 +121,8 @@ def _nearest_land(
 def _gap(
     hull: Floats, px: float, py: float, qx: float, qy: float
 ) -> tuple[float, float, float, float, float]:
-    """The distance from a hull to the stretch from p to q beside it, the place on the stretch, and
-    the way to it: (distance, x, y, way x, way y).
+    """The distance from a hull to the segment from p to q outside it, the nearest point of the
+    segment, and the vector to it: (distance, x, y, way x, way y).
     """
     nearest, x, y, way_x, way_y = np.inf, px, py, 0.0, 0.0
     for k in range(len(hull) - 1):
@@ -141,7 +141,7 @@ def _gap(
 
 @machine_code
 def _foot(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> tuple[float, float]:
-    """The place on the stretch from a to b that is nearest to another."""
+    """The point of the segment from a to b that is nearest to (x, y)."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     share = ((x - ax) * dx + (y - ay) * dy) / square if square > 0 else 0.0
@@ -153,8 +153,8 @@ def _foot(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> tup
 def _own_side(
     hull: Floats, px: float, py: float, qx: float, qy: float
 ) -> tuple[float, float, float]:
-    """The hull's own side (a, b, c) that leaves the most of the stretch from p to q beyond it: for
-    land that the hull touches.
+    """The hull's own side (a, b, c) that has the segment from p to q farthest beyond it: the cut
+    for land that the hull touches.
     """
     best, a, b, c = -np.inf, 0.0, 0.0, 0.0
     for k in range(len(hull) - 1):
@@ -172,9 +172,9 @@ def _own_side(
 
 @machine_code
 def _clipped(region: Floats, count: int, a: float, b: float, c: float, out: Floats) -> int:
-    """Put the part of a convex region where a x + b y <= c into `out`; how many corners it has
-    (Sutherland and Hodgman 1974). The region's `count` corners, and those of its part, are closed:
-    the first follows the last once more.
+    """Write the part of a convex region where a x + b y <= c to `out` and return its number of
+    corners (Sutherland and Hodgman 1974). Both rings are closed: the first corner follows the last
+    once more and is not counted.
     """
     kept = 0
     for k in range(count):

@@ -1,4 +1,4 @@
-"""A mesh whose cells hang together: a boat can go from each of them to each other."""
+"""A mesh whose cells are connected: a boat can go from each of them to each other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from grebe.core.plan_settings import Shape
 from grebe.planning.cells.mesh import Cell, mesh_water
 from grebe.planning.ways.network import Network, connect, reachable
 
-# No more than this share of the water may hang apart from the rest before the mesh keeps slivers.
+# If more than this share of the water is cut off from the rest, the mesh keeps slivers.
 LITTLE_WATER = 0.001
 
 
@@ -22,11 +22,12 @@ def meshed(
     angle_deg: float,
     near: tuple[float, float],
 ) -> tuple[list[Cell], Network]:
-    """Return the cells that a boat can go between, those that hang together with the water `near` a
-    place, and their links.
+    """Return the largest connected part of a mesh, and its links; of equal parts the one nearest to
+    `near`.
 
-    At a bend of narrow water a sliver may reach from bank to bank, and the water is parted where it
-    is left out. Then the mesh keeps its slivers; elsewhere it needs none. Raises as `mesh_water`.
+    At a bend of narrow water a sliver may reach from bank to bank, and leaving it out would divide
+    the water. In that case the mesh keeps its slivers; otherwise it does without. Raises
+    `PlanError` like `mesh_water`.
     """
     for keeps_slivers in (False, True):
         cells = mesh_water(

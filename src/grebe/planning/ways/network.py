@@ -1,9 +1,9 @@
 """Which cells a boat can go between: neighbours whose joint convex hull is water.
 
-Two convex cells that share an edge can always be passed between. Where their joint hull
-leaves the water - the shore bends there - the way leads through a gate at the shared edge,
-which `grebe.planning.ways.corridors` builds; such a link is not *open*. Where the shore has cut
-cells small, cells that do not touch are linked too if their joint hull is water.
+A boat can always pass between two convex cells that share an edge. If their joint hull leaves the
+water, because the shore bends there, the path leads through a gate at the shared edge, which
+`grebe.planning.ways.corridors` builds; such a link is not *open*. Where the shore cuts cells
+small, cells that do not touch are linked too if their joint hull is water.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 
     Indices = NDArray[np.int64]
 
-# What rounding may put a hull outside the water that it touches [m].
+# Rounding may put a hull this far outside the water that it touches [m].
 ROUNDING_M = 1e-6
-# Cut cells are linked to all cells within so many cell sizes that are in plain sight.
+# Cells that the shore cuts are linked to all cells in plain sight within this many cell sizes.
 SIGHT_CELLS = 1.0
-# Where a way may cross a shared edge, as shares of it.
+# Where a path may cross a shared edge, as shares of its length.
 CROSSINGS = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Network:
-    """Links between cells in compressed rows: those of cell i are
-    `neighbours[starts[i]:starts[i + 1]]`, with `is_open` and `ways_m`, the length of the way
-    between the two centres, beside them.
+    """Links between cells in compressed rows.
 
-    `centres` (n, 2) are the cells' centroids [m], `pitch_m` their typical distance. `around`
-    holds the lengths of the shortest ways from cells near the shore to those around them.
+    The links of cell i lead to `neighbours[starts[i]:starts[i + 1]]`; `is_open` and `ways_m`, the
+    length of the path between the two centres, are in the same order. `centres` (n, 2) are the
+    cells' centroids [m], `pitch_m` their typical distance. `around` holds the lengths of the
+    shortest paths from cells near the shore to those around them.
     """
 
     centres: NDArray[np.float64]
@@ -54,7 +54,7 @@ class Network:
         return len(self.centres)
 
     def matrix(self) -> csr_array:
-        """The links as a sparse matrix of their ways' lengths."""
+        """The links as a sparse matrix of path lengths."""
         from scipy.sparse import csr_array
 
         shape = (len(self), len(self))
@@ -65,7 +65,7 @@ class Network:
         return self.links(self.is_open).of(i, j)
 
     def links(self, values: NDArray[Any]) -> Links:
-        """The links with some values of theirs."""
+        """The links with `values`, one per link."""
         return Links(starts=self.starts, neighbours=self.neighbours, values=values)
 
 
@@ -107,7 +107,7 @@ def _touching(shapes: NDArray[np.object_]) -> tuple[Indices, Indices]:
 def _in_sight(
     shapes: NDArray[np.object_], whole: NDArray[np.bool_], water: shapely.Polygon, cell_m: float
 ) -> tuple[Indices, Indices]:
-    """Pairs that do not touch, a cut cell among them, and whose joint hull is water."""
+    """Pairs that do not touch, have a cut cell among them, and whose joint hull is water."""
     cut = np.flatnonzero(~whole)
     places, second = shapely.STRtree(shapes).query(
         shapes[cut], predicate="dwithin", distance=SIGHT_CELLS * cell_m
@@ -122,9 +122,8 @@ def _in_sight(
 
 
 def reachable(network: Network, cells: list[Cell], near: tuple[float, float]) -> list[Cell]:
-    """Return the cells that hang together with the largest share of the water.
-
-    Of parts of equal size the one nearest to `near` counts.
+    """Return the cells of the connected part with the most water; of equal parts the one nearest to
+    `near`.
     """
     count, part = parts_of(network.links(network.ways_m))
     if count == 1:
@@ -143,7 +142,7 @@ def _open(
     water: shapely.Polygon,
     cell_m: float,
 ) -> NDArray[np.bool_]:
-    """Whether each pair's joint hull is water; far from the shore it need not be computed."""
+    """Whether each pair's joint hull is water; far from the shore this need not be computed."""
     deep_water = water.buffer(-4 * cell_m)
     shapely.prepare(deep_water)
     deep = shapely.intersects(deep_water, shapes)
@@ -159,8 +158,8 @@ def _open(
 def _through_edges(
     shapes: NDArray[np.object_], centres: NDArray[np.float64], first: Indices, second: Indices
 ) -> NDArray[np.float64]:
-    """Length of the way from centre to centre through each pair's shared edge [m]; infinite
-    where the edge is too short for a boat.
+    """Length of the path from centre to centre through each pair's shared edge [m]; infinite if
+    the edge is too short for a boat.
     """
     edges = shapely.intersection(shapes[first], shapes[second], grid_size=ROUNDING_M)
     ways = np.full(len(first), np.inf)

@@ -1,4 +1,4 @@
-"""Ways between places all over the water: how long they are, and what they pass."""
+"""Paths between places all over the water: their lengths, and the places that they pass."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Places of a grid so near to each other are linked, in pitches: those beside and across.
+# Places of a grid within this many pitches of each other are linked: neighbours beside and across.
 LINKED = 1.5
-# Ways over such links are no more than 1.082 times as long as straight ones; what is longer leads
-# around land.
+# Paths over such links are at most 1.082 times as long as straight ones; a longer path leads around
+# land.
 AROUND_LAND = 1.09
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceWays:
-    """`lengths_m` (m, m) of the ways between `places` (m, 2), which lie `pitch_m` apart; `before`
-    (m, m) is the place before the second on the way over links from the first.
+    """`lengths_m` (m, m) of the paths between `places` (m, 2), which are `pitch_m` apart; `before`
+    (m, m) is the place before the second on the path over links from the first.
     """
 
     places: Array
@@ -36,7 +36,7 @@ class PlaceWays:
     before: NDArray[np.int64]
 
     def along(self, first: int, last: int) -> list[int]:
-        """The places that a way passes, both ends with it."""
+        """The places that the path between two places passes, both ends included."""
         corners = [last]
         straight = float(np.hypot(*(self.places[last] - self.places[first])))
         if self.lengths_m[first, last] > straight + 1e-9:
@@ -50,7 +50,7 @@ class PlaceWays:
         return list(dict.fromkeys(met))
 
     def passed(self, way: Array) -> list[int]:
-        """The places that a way (n, 2) of straight legs comes by."""
+        """The places that a path (n, 2) of straight legs passes."""
         points = shapely.get_coordinates(
             shapely.segmentize(shapely.linestrings(way), 0.5 * self.pitch_m)
         )
@@ -63,9 +63,7 @@ class PlaceWays:
 
 
 def place_ways(places: Array, pitch_m: float, water: shapely.Polygon) -> PlaceWays:
-    """Measure the ways along the water between places on a grid of it; infinite where there is
-    none.
-    """
+    """Measure the paths through the water between places of a grid; infinite if there is none."""
     pairs = KDTree(places).query_pairs(LINKED * pitch_m, output_type="ndarray")
     shapely.prepare(water)
     inside = shapely.covers(water, shapely.linestrings(places[pairs]))

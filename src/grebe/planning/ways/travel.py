@@ -1,8 +1,8 @@
-"""What a way costs: seconds a metre in each direction, and seconds a turn.
+"""The cost of a path: seconds per metre in each direction, and seconds per turn.
 
-The boat keeps its speed window over ground. On a leg it goes at the window's top unless
-current and wind leave it less; what they leave follows from the surge that its thrusters can
-hold against drag and wind, and from the current's components along and across the leg.
+The boat keeps its speed window over ground. On a leg it goes at the top of the window unless
+current and wind slow it down. Its speed then follows from the surge that its thrusters can hold
+against drag and wind, and from the current's components along and across the leg.
 """
 
 from __future__ import annotations
@@ -25,23 +25,26 @@ if TYPE_CHECKING:
 
 # Share of full thrust that a leg may use; the rest is for steering.
 THRUST_SHARE = 0.9
-# Of the time that a turn would take on the spot at half the largest yaw moment: a boat
-# turns while it goes on. Fitted on taut ways flown by `lookahead` (docs/theory.md).
+# A turn costs this share of its time on the spot at half the largest yaw rate, because a boat
+# turns while it goes on. Fitted on taut paths sailed by `lookahead` (docs/theory.md).
 TURN_SHARE = 0.5
-# How much longer a flown way takes than its taut legs and turns: 0.90 to 1.24 of eight flights'
-# predictions without it (docs/benchmarks.md).
+# A sailed path takes longer than its taut legs and turns by this factor: without it, eight surveys
+# took 0.90 to 1.24 times their predictions (docs/benchmarks.md).
 WANDER = 1.05
-# A turn is made with one thruster ahead and one astern, at its limits, and ended the same way: what
-# that takes beyond the power of going straight, over the time of a turn at the largest yaw rate.
-# Fitted on flown surveys of five vessels in cells of 10 to 40 m (docs/benchmarks.md).
+# A turn is made with one thruster ahead and one astern, at their limits, and ended the same way.
+# Its extra energy is this factor, times the excess of that power over the power of going straight,
+# times the duration of a turn at the largest yaw rate. Fitted on sailed surveys of five vessels in
+# cells of 10 to 40 m (docs/benchmarks.md).
 TURN_ENERGY = 2.0
 BEARINGS = 72
 
 
 @dataclass(frozen=True, kw_only=True)
 class Travel:
-    """`slowness` (72,) [s/m] by the bearing of the leg over ground, in steps of 5 degrees from
-    north, and `turn_s_per_rad`; `power_w` of going straight, and `turn_j_per_rad` beyond it.
+    """What travelling costs a boat.
+
+    `slowness` (72,) [s/m] by the bearing of the leg over ground, in steps of 5 degrees from north;
+    `turn_s_per_rad`; `power_w` of going straight; `turn_j_per_rad`, the extra energy of turning.
     """
 
     slowness: Array
@@ -73,13 +76,13 @@ class Travel:
         return (self.power_w * self.path_s(points) + turning_j) / 3600
 
     def mean_power_w(self, points: Array) -> float:
-        """The power [W] of a path through `points` (n, 2), its turns with it."""
+        """Mean power [W] of a path through `points` (n, 2), turns included."""
         seconds = self.path_s(points)
         return 3600 * self.path_wh(points) / seconds if seconds > 0 else self.power_w
 
 
 def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> Travel:
-    """Return what ways cost this vessel; `PlanError` where the weather is too strong for it."""
+    """Return what travelling costs a vessel. Raises `PlanError` when the weather is too strong."""
     bearings = np.arange(BEARINGS) * (2 * math.pi / BEARINGS)
     speeds = np.array([ground_speed(vessel, speed[1], weather, b) for b in bearings])
     if speeds.min() < min(speed[0], 0.9 * vessel.speed_max_mps):
@@ -103,13 +106,13 @@ def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> T
 
 
 def _legs(points: Array) -> Array:
-    """The legs (m, 2) of a path that are any."""
+    """The legs (m, 2) of a path, without those of no length."""
     way = np.diff(points, axis=0)
     return way[np.hypot(*way.T) > 1e-9]
 
 
 def _turned(way: Array) -> float:
-    """The angles between legs (m, 2), summed [rad]."""
+    """The sum of the angles between legs (m, 2) [rad]."""
     if len(way) == 0:
         return 0.0
     bearing = np.arctan2(way[:, 1], way[:, 0])
@@ -117,7 +120,7 @@ def _turned(way: Array) -> float:
 
 
 def ground_speed(vessel: Vessel, wanted: float, weather: Weather, bearing: float) -> float:
-    """Speed over ground along a bearing: the wanted one, or what the weather leaves."""
+    """Speed over ground along a bearing [m/s]: the wanted one, or what the weather allows."""
     north, east = math.cos(bearing), math.sin(bearing)
     along = weather.current_north_mps * north + weather.current_east_mps * east
     across = weather.current_east_mps * north - weather.current_north_mps * east

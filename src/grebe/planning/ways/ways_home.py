@@ -1,8 +1,8 @@
-"""How far it is from every cell to a harbour, along the water.
+"""The length of the shortest path through the water from every cell to a harbour.
 
-The shortest ways over linked cells are pulled straight on the way: each cell looks past the cell
-before it to where that one came from, as far as the line of sight is water (Nash, Koenig and Tovey
-2010, Lazy Theta*).
+The shortest paths over linked cells are straightened as they are built: a cell skips its
+predecessor, and comes directly from that one's last bend, if the line of sight to it is water
+(Nash, Koenig and Tovey 2010, Lazy Theta*).
 """
 
 from __future__ import annotations
@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class WaysHome:
-    """Ways between a harbour and the cells: `ways_m` (n,) their lengths, `before` (n,) the cell
-    before each on the shortest way from the harbour over links (-1: the harbour), and `bends`
-    (n,) the place at which each one's way last bends, a cell, or -1 for the harbour itself.
+    """Paths between a harbour and the cells.
+
+    `ways_m` (n,): their lengths; `before` (n,): the cell before each on the shortest path from the
+    harbour over links (-1: the harbour); `bends` (n,): the cell at which each path from the harbour
+    last bends (-1: the harbour itself).
     """
 
     place: tuple[float, float]
@@ -37,7 +39,7 @@ class WaysHome:
 def ways_home(
     network: Network, water: shapely.Polygon, place: tuple[float, float], cell: int
 ) -> WaysHome:
-    """Measure the ways to a place (north, east) within a cell."""
+    """Measure the paths to a place (north, east) within a cell."""
     lengths, before = dijkstra(network.matrix(), indices=cell, return_predecessors=True)
     before = before.astype(np.int64)
     allowed = water.buffer(ROUNDING_M, join_style="mitre")
@@ -57,7 +59,7 @@ def ways_home(
             ways[i] = so_far + float(np.hypot(*(places[i] - places[bend])))
         else:
             bends[i] = behind
-            # By the links: a link that is not open is longer than straight.
+            # The length over the link, since a link that is not open is longer than straight.
             ways[i] = ways[behind] + lengths[i] - lengths[behind]
     return WaysHome(place=place, cell=cell, ways_m=ways, before=before, bends=bends)
 
@@ -65,17 +67,17 @@ def ways_home(
 def around_the_harbour(
     network: Network, ways: WaysHome, wanted: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Return the wanted cells as a ray that turns around the harbour meets them.
+    """Return the wanted cells in the order in which a ray that turns around the harbour meets them.
 
-    Where the ways bend around land it turns around each bend in the same manner, so that a stretch
-    of this order is a wedge of the water with its tip at the harbour (the sweep of Gillett and
+    Where paths bend around land, the ray turns around each bend in the same manner. A stretch of
+    this order is then a wedge of the water with its tip at the harbour (the sweep of Gillett and
     Miller 1974, around land).
     """
     bearings: dict[int, tuple[float, ...]] = {-1: ()}
     first = _first_bearing(network, ways, wanted)
 
     def of(cell: int) -> tuple[float, ...]:
-        """Bearings of the bends on the way to a cell, and of the cell from the last of them."""
+        """Bearings of the bends on the path to a cell, and of the cell from the last of them."""
         chain = [cell]
         while chain[-1] not in bearings:
             chain.append(int(ways.bends[chain[-1]]))
@@ -91,7 +93,9 @@ def around_the_harbour(
 
 
 def _first_bearing(network: Network, ways: WaysHome, wanted: NDArray[np.bool_]) -> float:
-    """The middle of the widest gap between the cells in sight of the harbour: land, most often."""
+    """The bearing of the middle of the widest gap between the cells in sight of the harbour, which
+    is mostly land.
+    """
     way = (network.centres - np.array(ways.place))[wanted & (ways.bends < 0)]
     if len(way) < 2:
         return 0.0
@@ -102,8 +106,8 @@ def _first_bearing(network: Network, ways: WaysHome, wanted: NDArray[np.bool_]) 
 
 
 def _bearing(network: Network, ways: WaysHome, bend: int, cell: int, first: float) -> float:
-    """Bearing of a cell from the bend of the way before it, [rad]; at the harbour clockwise from
-    the first, at a bend from the way there.
+    """Bearing [rad] of a cell from the last bend before it: at the harbour clockwise from `first`,
+    at a bend relative to the leg that leads there.
     """
     if bend < 0:
         way = network.centres[cell] - np.array(ways.place)
