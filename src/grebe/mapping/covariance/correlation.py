@@ -144,7 +144,7 @@ def lower_covariance(code, sill, reach, jitter, distance, passing, memory, apart
 def lower_slopes(
     code, sill, reach, jitter, distance, passing, memory, apart, inverse, rest, by_one
 ):
-    """Sums (4,) over all pairs of samples of
+    """Sums (4,) of the following term over all pairs of samples.
 
         (rest_i rest_j + by_one_i by_one_j - inverse_ij) dC_ij,
 

@@ -314,7 +314,7 @@ class _Whitened:
         return float(-0.5 * (float(self.rest @ self.rest) + log_det + np.log(information)))
 
     def backward(self, rows: Array) -> Array:
-        """Whitened rows (k, n) multiplied by the inverse of the factor, (k, n)."""
+        """Multiply rows (k, n), given whitened, by the covariance's inverse, (k, n)."""
         (solve,) = get_lapack_funcs(("trtrs",), (self.upper,))
         return solve(self.upper, rows.T, lower=0)[0].T
 
