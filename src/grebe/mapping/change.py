@@ -175,9 +175,7 @@ def fit_change(readings: Readings, moment_s: float | None = None) -> Change:
 
 
 def _is_smooth(readings: Readings, rough: _Problem, lag_s: float) -> bool:
-    """Whether a smooth covariance explains the readings better, and under it a change is not
-    clear.
-    """
+    """Whether a smooth covariance explains the readings better and leaves no clear change."""
     try:
         smooth = _Problem.of(readings, SMOOTH)
     except ValueError:
@@ -189,8 +187,8 @@ def _is_smooth(readings: Readings, rough: _Problem, lag_s: float) -> bool:
 
 
 def earlier(times: Array, positions: Array, seconds: float) -> Array:
-    """Where the boat was so many seconds before each of its readings, (n, 2). Where this is not
-    known, across a gap or before the first reading, the reading keeps its place.
+    """Where the boat was `seconds` before each of its readings, (n, 2). If that is unknown, across
+    a gap or before the first reading, the reading keeps its place.
     """
     order = np.argsort(times, kind="stable")
     when, way = times[order], positions[order]

@@ -29,11 +29,11 @@ SAME_PLACE_M = 4.0
 FEWEST_PAIRS = 30
 # Two runs of one line share at least this part of the shorter run; with less, they only touch.
 SMALLEST_SHARE = 0.2
-# A gap longer than so many usual steps is not interpolated.
+# A gap longer than this many usual steps is not interpolated.
 GAP_STEPS = 5.0
 DELAYS_S = np.arange(0.0, 31.0, 1.0)
 TAUS_S = np.arange(0.0, 31.0, 1.0)
-# A correction must reduce the difference of the passes by so much more than chance does.
+# A correction must reduce the difference of the passes by this much more than chance does.
 CLEAR_GAIN = 0.15
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 BINS = 4
-# The prior at a place weighs as much as so many pairs there; the variation is at most this factor
+# The prior at a place weighs as much as this many pairs there; the variation is at most this factor
 # from the mean.
 PRIOR_PAIRS, MOST = 3.0, 8.0
 # More readings than this are thinned before they are paired.

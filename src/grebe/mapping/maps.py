@@ -237,8 +237,9 @@ class Mapper:
         return best_of(methods, told, self._domain, scale), reason
 
     def _scale(self, readings: Readings, *, is_bed: bool, may_be_log: bool) -> Scale:
-        """Return the scale that was set, or the one that suits the readings. Plumes do not carry a
-        lake bed, and the zero of a temperature is not a limit, so neither uses the logarithm.
+        """Return the scale that was set, or the one that suits the readings. A lake bed is always
+        linear, because plumes do not carry it. So is a quantity whose zero is no limit, such as
+        temperature, unless a scale is set.
         """
         asked = self.settings.scale
         if is_bed:
@@ -263,7 +264,7 @@ def _readings(
 
 
 def _used(found: Best) -> Method:
-    """Return the method that made the field: a quantity about which its companions say nothing is
+    """Return the method that made the field: a quantity to which its companions add nothing is
     mapped alone.
     """
     told = found.model.companions
@@ -355,8 +356,8 @@ def map_all(
 
     `on_done` is called after each quantity with the number done and the total. `each` runs the
     task for every quantity, in this process or elsewhere; the maps are the same. Raises
-    `InputError` if the time asked for lies outside the survey, or if a quantity to be mapped
-    together with others was not measured.
+    `InputError` if the requested time is outside the survey, or if a quantity to be mapped together
+    with others was not measured.
     """
     _refuse_moment(mapper.settings.moment, samples.times)
     _refuse_together(mapper.settings.together, samples, quantities)

@@ -36,7 +36,7 @@ def sd_with(field_sd: Array, calibration: Calibration, micro_sd: float, places: 
 
 def possible(mean: Array, quantity: Quantity, values: Array) -> Array:
     """Clip a mean to the quantity's possible range, widened by what was actually read: between
-    readings of a depth of 2 m, a smooth field may rise above the water.
+    readings of a depth of 2 m, a smooth field may come out above the surface.
     """
     low, high = quantity.span
     return np.clip(mean, min(low, float(values.min())), max(high, float(values.max())))
@@ -61,8 +61,8 @@ class QuantityMap:
     `reason` says why its method was used.
 
     `micro_sd`, the variation within metres, is part of `sd`; a sensor's `noise_sd` is not.
-    `calibration` holds the factors on the standard deviations that left-out stretches and lines
-    ask for. `change` is the change of all the water during the survey, and the sensor's lag. If
+    `calibration` holds factors of the standard deviations, found from left-out stretches and
+    lines. `change` is the change of all the water during the survey, and the sensor's lag. If
     `is_of_moment`, both are removed and the map is of the time `change.moment_s`; if not, each
     place is as it was when the boat was near. `readings` are those that made the map, brought to
     its time.

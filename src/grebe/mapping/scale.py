@@ -2,8 +2,8 @@
 
 What a plume carries - turbidity, chlorophyll - is positive and skewed: some readings are ten times
 the rest and vary ten times as much. On the quantity's own scale one variance serves both, so clear
-water is called as uncertain as the plume, with intervals down to negative turbidities. The
-logarithm is nearly normal. It is mapped by the same methods and transformed back by the moments of
+water appears as uncertain as the plume, down to negative turbidities. The logarithm is nearly
+normal. It is mapped by the same methods and transformed back by the moments of
 the lognormal distribution, so that the map shows the quantity's mean and not its median (Cressie
 1993, section 3.2.2: lognormal kriging).
 """
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # The logarithm is not considered where the standard deviation is a smaller share of the mean than
 # this: the two scales then differ by little more than a factor.
 LEAST_SPREAD = 0.3
-# How much the logarithm must add to the log likelihood. The values, one for every so many metres,
+# How much the logarithm must add to the log likelihood. The values, one for every `APART_M` metres,
 # are taken as independent and normal.
 CLEAR_GAIN, APART_M = 10.0, 10.0
 
@@ -57,7 +57,7 @@ class Scale(Protocol):
         ...
 
     def slope(self, at: float) -> float:
-        """How much of the quantity's unit one unit of the scale is, at a value in that unit."""
+        """How many of the quantity's units one unit on the scale is, at a value in that unit."""
         ...
 
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# A gap longer than so many usual steps is a pause.
+# A gap longer than this many usual steps is a pause.
 PAUSE_STEPS = 5.0
 
 

@@ -101,8 +101,8 @@ def gather(
     """Read a survey file and map its samples. `on_mapped` is called with the number of quantities
     done and the total; `each` makes the map of each quantity.
 
-    With `every_s`, also make movies of what changed, with a map every so many seconds. The maps are
-    then of one time: the middle of the survey, if no other is set.
+    With `every_s`, also make movies of what changed, with a map every `every_s` seconds. The maps
+    are then of one time: the middle of the survey, if no other is set.
     """
     samples = survey_file.samples()
     survey, meta, lags = survey_file.survey, survey_file.meta(), survey_file.lags()

@@ -155,7 +155,7 @@ def after_number(unit: str) -> str:
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """A number with so many significant figures, without an exponent for ordinary sizes."""
+    """A number with `digits` significant figures, without an exponent for ordinary sizes."""
     if value == 0 or not np.isfinite(value):
         return f"{value:g}"
     decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))

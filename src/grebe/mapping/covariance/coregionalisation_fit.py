@@ -3,7 +3,7 @@
 The likelihood is restricted: each quantity's mean is integrated out. Ranges, standard deviations
 and noise have the priors of `grebe.mapping.covariance.posterior`. The correlations within a
 structure have the prior of Lewandowski, Kurowicka and Joe (2009) with a shape of 2, under which no
-correlation is perfect. Quantities are taken to share structure only if that clearly gains.
+correlation is perfect. Quantities share structure only if that clearly raises the posterior.
 """
 
 from __future__ import annotations

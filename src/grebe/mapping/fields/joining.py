@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Up to so many samples, one system is solved and only samples of the same place are merged.
+# Up to this many samples, one system is solved and only samples of the same place are merged.
 EXACT_LIMIT = 400
 # Two samples closer than this in place and time are the same: without a nugget, they would make the
 # system singular.

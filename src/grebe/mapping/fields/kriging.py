@@ -265,7 +265,7 @@ class _Targets:
         return found
 
     def shared(self, samples: _Samples) -> Array:
-        """Covariance (n, k) of the samples' signal with what all targets share at each moment."""
+        """Covariance (n, k) of the samples' signal with what all targets share at each time."""
         if not isinstance(self.passing, Moments):
             return np.zeros((len(samples.noise), 1))
         return self.passing.fleeting.covariance(samples.times, self.passing.at)
@@ -354,5 +354,5 @@ def _mean(samples: _Samples, trend: _Trend, targets: _Targets, model: Covariance
 
 
 def _whole_is_little(samples: int, targets: int) -> bool:
-    """Whether so many samples and targets can be solved quickly as one system."""
+    """Whether this many samples and targets can be solved quickly as one system."""
     return samples <= EXACT_LIMIT or (samples <= MEAN_LIMIT and samples**2 * targets <= LITTLE_WORK)

@@ -2,7 +2,7 @@
 
 If models fit equally well, their mean predicts better than most of them, and their differences add
 to its uncertainty (Hoeting et al. 1999, "Bayesian model averaging"). The weights are equal: weights
-from left-out readings would favour the model that overshoots least there, not elsewhere.
+from left-out readings would favour the model that overshoots least at those, not elsewhere.
 """
 
 from __future__ import annotations

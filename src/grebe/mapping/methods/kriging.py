@@ -107,8 +107,8 @@ class KrigingField:
     """The signal by kriging with a given covariance, of place alone or of place and time.
 
     With a `fleeting` part, each place is shown as it was when the boat came nearest, as far as that
-    part is known there: fully on the boat's path, and less and less within some metres of it. If
-    the readings are for a single time, the fleeting part is that of the whole water at that time.
+    part is known there: fully on the boat's path, and not at all beyond some metres from it. If the
+    readings are for a single time, the fleeting part is that of all the water at that time.
     """
 
     covariance: CovarianceModel

@@ -89,5 +89,5 @@ def _tried(method: Method, readings: Readings, domain: Domain, scale: Scale) -> 
 
 
 def _every(count: int) -> int:
-    """The step by which so many readings are thinned for validation."""
+    """The step by which `count` readings are thinned for validation."""
     return -(-count // MOST_FOR_PROOF)

@@ -1,9 +1,9 @@
 """Bubbles in a conductivity cell, distinguished from water by the other sensors.
 
-A bubble lowers the conductivity at once, keeps it low for seconds to minutes, and leaves at once,
-because there is less water in the field between the electrodes. Water of lower conductivity is
-different water. It comes with another temperature, oxygen or pH, over the metres that mixing takes,
-or it stays.
+A bubble displaces water in the field between the electrodes. It lowers the conductivity at once,
+keeps it low for seconds to minutes, and leaves at once. Water of lower conductivity is different
+water: it comes with another temperature, oxygen or pH, over the metres that mixing takes, or it
+stays.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Quality control of samples: QARTOD's tests, run by ioos_qc, and tests for a survey boat.
 
 Nothing is deleted. Each value gets a flag (1 good, 3 suspect, 4 failed, 9 missing), the worst of
-its tests; suspect and failed values are left out of the map. QARTOD's tests are gross range, spike,
-flat line and rate of change (IOOS QARTOD manuals), with wider limits for a noisy sensor. The others
-are location (outside the water), time (going back), a sonde that is still settling after it was put
-in, samples out of the water, bubbles in the conductivity cell, and excursions to values that are
-not the water's.
+its tests; suspect and failed values are left out of the map. ioos_qc runs gross range, spike, flat
+line and rate of change (IOOS QARTOD manuals), with wider limits for a noisy sensor. The others are
+location (outside the water), time (going back), a sonde that is still settling after it was put in,
+samples out of the water, bubbles in the conductivity cell, and excursions to values that are not
+the water's.
 """
 
 from __future__ import annotations
