@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 # The cost of a factorisation grows with the cube of the samples; more than these are thinned.
 MOST_SAMPLES = 350
-# The prior: a range below this share of the extent, but at most this many metres, has the probability
+# The prior: a range below this share of the extent, at most this many metres, has the probability
 # `UNLIKELY`; so has a standard deviation above this many of the values' own.
 SHORT_SHARE, SHORT_M, UNLIKELY, LARGE_SDS = 0.05, 5.0, 0.05, 2.0
 # Standard deviation of the logarithm of the noise that second differences give.

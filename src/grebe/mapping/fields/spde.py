@@ -1,4 +1,4 @@
-"""A field that knows the shore: correlation follows the way around land, not across it.
+"""A field that knows the shore: correlation follows the path around land, not across it.
 
 A covariance of distances through the water is not positive definite. Instead, the field solves a
 stochastic differential equation on the water, (kappa^2 - Laplace) x = white noise, with no flux

@@ -1,8 +1,8 @@
 """How far a map's standard deviations can be trusted, on the boat's path and off it.
 
 A sensor's readings agree better along one pass than between two: the water changes between passes,
-and sensors lag and drift. A covariance of place alone cannot distinguish the two cases. So two kinds
-of pieces are left out: stretches of the path, framed by readings of the same pass, and whole lines,
+and sensors lag and drift. A covariance of place alone cannot distinguish the two. So two kinds of
+pieces are left out: stretches of the path, framed by readings of the same pass, and whole lines,
 framed by other passes only. Each kind gives a factor by which standard deviations are wrong. Beside
 the path, the first factor gives way to the second within metres.
 """

@@ -1,4 +1,4 @@
-"""A sonde that settles after it was put in: all sensors are judged together, and with the boat.
+"""A sonde that settles in the water: all sensors are judged together, and with the boat's motion.
 
 A sensor brought into the water from elsewhere approaches its value exponentially, steepest at the
 first reading. Gradients under a moving boat look the same, and like a settling sonde they affect
