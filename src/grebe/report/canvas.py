@@ -159,9 +159,8 @@ def legend_above(axes: Axes, **more: Any) -> None:
 
 
 def _draw_scale(axes: Axes) -> None:
-    """Draw a scale bar of a round length and a north arrow above the map's right end, and the
-    title, which may be long, above both. Distances are in points, because a wide lake has a low
-    map.
+    """Draw a scale bar of a round length and a north arrow above the map's right end, below the
+    title, which may be long. Distances are in points, because the map of a wide lake is low.
     """
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=BAND_PT)
     left, right = axes.get_xlim()
@@ -190,14 +189,14 @@ def _draw_scale(axes: Axes) -> None:
 
 
 def figure_size(survey: Survey) -> tuple[float, float]:
-    """The size of a figure for a map of this region, limited in shape."""
+    """The size of a figure for a map of this region."""
     ratio = aspect(survey)
     width = 6.4 if ratio <= 1 else 5.6
     return width, width * ratio * 0.82 + 1.1
 
 
 def aspect(survey: Survey) -> float:
-    """Height over width of the region, limited in both directions."""
+    """Height over width of the region, limited so that its map is neither too wide nor too tall."""
     north0, east0, north1, east1 = survey.water.bounds
     return float(np.clip((north1 - north0) / (east1 - east0), 0.4, 1.6))
 

@@ -83,7 +83,7 @@ def fit_passes(
         model=model,
         candidates=(model,),
         standard_errors=problem.standard_errors(model, at),
-        reason=f"{KIND} of place and what passes differ by, by the posterior mode under priors",
+        reason=f"{KIND} in place and a process in time, by the posterior mode under priors",
     )
     return fit, problem.fleeting(at)
 

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 # A quantity's samples are merged to at most this many places, starting with this size [m].
 MOST_PLACES, JOINED_M = 500, 0.5
-# A smaller share of the standard deviation is no gain; and the number of places where it is
-# checked.
+# A reduction of the standard deviation by less than this share is no gain; the number of places at
+# which it is evaluated.
 NO_GAIN, LOOKED_AT = 0.02, 300
 # A kept reading within this distance is the same one [m].
 SAME_M = 1e-6
@@ -98,7 +98,7 @@ class Together:
             nugget=nugget,
             sill=sill,
             practical_range_m=reach,
-            reason="ranges, noise and what the quantities share by the posterior mode under priors",
+            reason="ranges, noise and shared structure by the posterior mode under priors",
             semivariance=partial(_semivariance, covariance),
             empirical=_shown(readings),
         )
