@@ -59,7 +59,7 @@ def test_a_late_sensor_is_found_by_its_opposing_lanes(lag_s):
 
 
 def test_a_map_of_one_moment_holds_the_water_of_that_moment():
-    """Without it, 95 % intervals held half of a water that drifts by 1.5 standard deviations."""
+    """As measured, 95 % intervals held half of water that drifts by 1.5 standard deviations."""
     held = {}
     for moment in (None, "middle"):
         within = []

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 OUTSIDE_M = 25.0
 # A gap this many times as long as the usual interval is reported.
 GAP_FACTOR = 10.0
-# The factor by which the flat line test's clock is slowed; the fastest sonde that can be tested
-# [s].
+# How many times slower the flat line test's clock runs; the fastest sonde that can be tested [s].
 SLOWED, FASTEST_S = 100, 0.02
 # Noise is estimated from at least this many samples.
 FEWEST_SAMPLES = 30
@@ -72,7 +71,7 @@ class Quality:
 def check_quality(
     samples: Samples, water: shapely.Polygon, quantities: Quantities = BUILTIN
 ) -> Quality:
-    """Flag each value of the samples, which must be in order of time, by the limits of
+    """Flag each value of the samples, in the order in which they were taken, by the limits of
     `quantities`.
 
     Existing flags are ignored. Raises `InputError` if a quantity is unknown.
@@ -151,7 +150,7 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
         )
     }
     if np.any(gone := np.asarray(results["gross range"]) == Flag.FAIL) and not gone.all():
-        # A value out of range is no neighbour of those within: next to -9999, nothing is a spike.
+        # A value out of range is no neighbour of those within it, so -9999 makes no spike.
         rest = _tests(values[~gone], times[~gone], quantity)
         return {name: _with(one, gone) for name, one in rest.items()} | {
             "gross range": np.asarray(results["gross range"]).astype(np.int64)
