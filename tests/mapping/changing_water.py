@@ -1,4 +1,4 @@
-"""Readings of made water that changes while a boat sails lanes over it."""
+"""Readings of synthetic water that changes while a boat sails lanes over it."""
 
 import numpy as np
 import shapely
@@ -11,7 +11,7 @@ WATER = shapely.box(0, 0, SIDE, SIDE)
 
 
 def lanes():
-    """There and back along lanes, then across them: (n, 2) places a metre apart, and times [s]."""
+    """Places (n, 2) a metre apart, along lanes back and forth and then across; and times [s]."""
     way = []
     for k, east in enumerate(np.arange(5.0, SIDE, SPACING)):
         north = np.arange(2.0, SIDE - 1)
@@ -24,7 +24,7 @@ def lanes():
 
 
 def waves(places, seed):
-    """A smooth random field of variance 1 and waves of some 40 to 120 m."""
+    """A smooth random field of variance 1, made of waves some 40 to 120 m long."""
     rng = np.random.default_rng(seed)
     waves = rng.normal(0, 2 * np.pi / 80, (60, 2))
     phases = rng.uniform(0, 2 * np.pi, 60)

@@ -63,7 +63,7 @@ def test_the_volume_is_the_integral_of_the_area():
 
 
 def test_the_volume_s_sd_is_that_of_a_common_error():
-    """All depths off by one draw of sd 0.5 m: the volume is off by that times the area."""
+    """If all depths are off by one draw of sd 0.5 m, the volume is off by that times the area."""
     rng = np.random.default_rng(1)
     offsets = rng.normal(0, 0.5, 4000)
     lake = bathymetry(np.full(50, 20.0), 1000.0, 20.0 + offsets[:, None] + np.zeros(50))
@@ -82,7 +82,7 @@ def test_no_depths_and_no_water_are_refused(depths, area):
 
 
 def sounded(**settings):
-    """A paraboloid sounded in its middle only."""
+    """A paraboloid that was sounded only in its middle."""
     rng = np.random.default_rng(3)
     places = rng.uniform(-60, 60, (200, 2))
     values = DEEP * (1 - np.sum(places**2, axis=1) / RADIUS**2) + rng.normal(0, 0.05, 200)
@@ -103,7 +103,7 @@ def test_the_shore_is_depth_zero_only_where_it_is_asked_for():
 
 
 def test_the_bed_does_not_change_but_where_a_moment_is_asked_for():
-    """A sonar's zero that drifts, or a tide, by a metre within the hour."""
+    """A drift of the sonar's zero, or a tide, of a metre within the hour."""
     rng = np.random.default_rng(3)
     lanes = [
         np.column_stack([np.arange(-60.0, 60, 3)[:: (-1) ** i], np.full(40, east)])

@@ -1,4 +1,4 @@
-"""Water that changes while it is measured, and a sensor that answers late."""
+"""Water that changes while it is measured, and a sensor that responds late."""
 
 import numpy as np
 import pytest
@@ -32,14 +32,14 @@ def test_nothing_is_made_up_of_water_that_stays_as_it_is(seed):
     change = fit_change(read(seed))
     assert not change.is_heeded
     assert change.lag_s == 0
-    # And what could have stayed unseen is less than the field's own variation.
+    # And an undetected change is smaller than the field's own variation.
     assert change.unseen_sd < 1.5
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_smooth_plume_is_no_change(seed):
-    """Lanes one after the other across a plume: by a rough covariance alone four of six such waters
-    seemed to have changed, and a map of one moment took the plume away.
+    """Lanes one after the other across a plume. With a rough covariance alone, four of six such
+    waters seemed to have changed, and a map of one time lost the plume.
     """
     rng = np.random.default_rng(seed)
     north, east = np.meshgrid(np.arange(0.0, 121.0, 10.0), np.arange(0.0, 121.0, 4.0))
@@ -59,7 +59,7 @@ def test_a_late_sensor_is_found_by_its_opposing_lanes(lag_s):
 
 
 def test_a_map_of_one_moment_holds_the_water_of_that_moment():
-    """Of water that drifts by 1.5 of its standard deviations the 95 % intervals held half."""
+    """As measured, 95 % intervals held half of water that drifts by 1.5 standard deviations."""
     held = {}
     for moment in (None, "middle"):
         within = []

@@ -1,4 +1,4 @@
-"""Several quantities together: against gstat, against kriging alone, and on made water."""
+"""Several quantities together: against gstat, against kriging alone, and on synthetic water."""
 
 import csv
 from importlib.util import find_spec
@@ -15,7 +15,7 @@ HOME = Path(find_spec("skgstat").submodule_search_locations[0])
 
 
 def observed(model, *pairs):
-    """Positions and values of each quantity, in their order."""
+    """Observations from positions and values of each quantity, in order."""
     positions = np.concatenate([at for at, _ in pairs])
     of = np.repeat(np.arange(len(pairs)), [len(at) for at, _ in pairs])
     return Observed(
@@ -27,7 +27,7 @@ def observed(model, *pairs):
 
 
 def test_cokriging_agrees_with_gstat():
-    """gstat 2.1-0 and sp 1.6-0, R: log(zinc) of every third place of meuse with log(lead) of all,
+    """gstat 2.1-0 and sp 1.6-0, R: log(zinc) at every third place of meuse with log(lead) at all,
 
     z <- function(a,b,n) { m <- vgm(a,"Exp",150); m <- vgm(b,"Exp",500,add.to=m)
                            vgm(n,"Nug",0,add.to=m) }
@@ -55,7 +55,7 @@ def test_cokriging_agrees_with_gstat():
     ):  # fmt: skip
         mean, variance = solved.estimate(to, wanted)
         assert mean == pytest.approx(means, abs=1e-6)
-        # gstat's is of an observation: the nugget more.
+        # gstat's variance is that of an observation, which is larger by the nugget.
         assert variance + model.nuggets[wanted] == pytest.approx(variances, abs=1e-6)
 
 
@@ -81,7 +81,7 @@ def test_of_quantities_that_share_nothing_each_is_kriged_alone():
 
 
 def test_of_proportional_covariances_at_the_same_places_the_other_tells_nothing():
-    """Wackernagel (2003), chapter 25: autokrigeability. Noise has to be proportional too."""
+    """Wackernagel (2003), chapter 25: autokrigeability. The noise must be proportional too."""
     rng = np.random.default_rng(2)
     sill = np.array([[1.0, 0.9], [0.9, 2.0]])
     model = Coregionalisation(

@@ -1,4 +1,4 @@
-"""Readings that are somewhere else altogether, a sensor that is stuck, and maps within reason."""
+"""Excursions of readings, a sensor that is stuck, and maps within the possible range."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def samples(**columns: np.ndarray) -> Samples:
 
 
 def good(key: str, values: np.ndarray) -> np.ndarray:
-    """Which values pass."""
+    """Which values pass quality control."""
     return check_quality(samples(**{key: values}), WATER).flags[key] == Flag.GOOD
 
 

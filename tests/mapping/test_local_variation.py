@@ -1,4 +1,4 @@
-"""Where the water varies more than elsewhere is found from readings along a few passes."""
+"""Readings along a few passes show where the water varies more than elsewhere."""
 
 import numpy as np
 import pytest

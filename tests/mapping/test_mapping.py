@@ -89,7 +89,7 @@ def test_kriging_is_that_of_gstools():
     ours = krige(positions, values, targets, CovarianceModel(
         kind="exponential", sill=1.0, range_m=30.0, nugget=0.1))  # fmt: skip
     assert ours.mean == pytest.approx(mean, abs=1e-8)
-    # GSTools counts the nugget into the variance, we give the signal's.
+    # GSTools includes the nugget in the variance; ours is the signal's.
     assert ours.variance + 0.1 == pytest.approx(variance, abs=1e-8)
 
 
@@ -139,7 +139,7 @@ def test_an_exact_variogram_is_fitted_exactly():
 
 @pytest.mark.slow
 def test_intervals_cover_what_they_promise():
-    """Calibration on simulated truth: 95 % intervals of the signal, over 20 fields."""
+    """Coverage of the 95 % intervals of the signal, over 20 simulated fields."""
     inside, standardised = [], []
     for seed in range(20):
         positions, targets = scatter(250, seed), scatter(200, seed + 99)
@@ -269,8 +269,8 @@ def test_conditioned_water_goes_through_the_samples():
 
 
 def test_windows_by_tiles_are_as_good_as_all_samples_along_a_track():
-    """Two thousand samples along legs: the tiles' map is the whole system's to a fortieth of
-    its own error, and nowhere farther from it than a quarter.
+    """For two thousand samples along legs, the map by tiles differs from that of the complete
+    system by a fortieth of its own error, and nowhere by more than a quarter.
     """
     rng = np.random.default_rng(4)
     corners = rng.uniform(0, 300, (15, 2))

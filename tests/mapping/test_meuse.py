@@ -55,7 +55,7 @@ def test_the_fitted_models(meuse, kind, weighting, nugget, sill, reach):
 
 
 def left_out(positions, values, model, functions=None):
-    """Errors and variances of observations, each sample left out in turn."""
+    """Errors and variances of observations when each sample is left out in turn."""
     errors, variances = [], []
     for i in range(len(values)):
         keep = np.arange(len(values)) != i
@@ -85,7 +85,7 @@ def test_leave_one_out_by_universal_kriging(meuse):
 
 
 def test_the_likeliest_model_is_likelier_than_the_fitted_one(meuse):
-    """Of one kind, restricted likelihood by definition; the range comes with its uncertainty."""
+    """Within one kind, it maximises the restricted likelihood; the range has a standard error."""
     positions, values, _ = meuse
     fit = fit_reml(positions, values)
     assert 0.3 < fit.model.sill < 3.0

@@ -1,4 +1,4 @@
-"""Maps of one quantity at several moments, made of one map."""
+"""Maps of one quantity at several times, made from one map."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What two passes over one place differ by, told apart from what places differ by."""
+"""Differences between two passes over one place, distinguished from those between places."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ DOMAIN = Domain(WATER, make_grid(WATER, 4.0))
 
 
 def lanes(spacing_m=10.0, step_m=2.0):
-    """Lanes back and forth over a square of 100 m, and three across, at 1 m/s: places and times."""
+    """Places and times on lanes over a square of 100 m, at 1 m/s: back and forth, three across."""
     way = []
     for i, east in enumerate(np.arange(5.0, 100.0, spacing_m)):
         north = np.arange(5.0, 96.0, step_m)[:: 1 if i % 2 == 0 else -1]
@@ -40,7 +40,7 @@ def lanes(spacing_m=10.0, step_m=2.0):
 
 
 def drawn(seed, space=SPACE, fleeting=FLEETING):
-    """Readings along the lanes of a field, of a course in time and of noise; and the field."""
+    """Readings along the lanes, the sum of a field, a process in time and noise; and the field."""
     rng = np.random.default_rng(seed)
     places, times = lanes()
     far = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
@@ -141,7 +141,7 @@ def test_kriging_in_place_and_time_is_the_solution_of_the_whole_system():
 
 @pytest.mark.parametrize("every", [2, 1])
 def test_several_moments_are_solved_as_each_by_itself(every):
-    """As one system, and by tiles."""
+    """Solved as one system, and by tiles."""
     readings, *_ = drawn(8)
     some = slice(None, None, every)
     at, values, times = readings.positions[some], readings.values[some], readings.times[some]
@@ -168,7 +168,7 @@ def test_a_fit_tells_what_passes_differ_by():
         readings, *_ = drawn(seed)
         fit, fleeting = fit_passes(readings.positions, readings.values, readings.times, "matheron")
         found.append((fleeting.variance, fleeting.memory_s, fit.model.range_m))
-    # One field of a few ranges tells its own range, not the process's: the median of some.
+    # A single field of a few ranges shows its own range and not the process's: take a median.
     ratio = np.median(found, axis=0) / (FLEETING.variance, FLEETING.memory_s, SPACE.range_m)
     assert (np.abs(np.log(ratio)) < np.log(1.5)).all(), ratio
 
@@ -195,7 +195,7 @@ def test_between_passes_that_disagree_it_errs_less_than_a_smooth_field_of_place_
 
 
 def test_its_intervals_hold_water_of_another_moment():
-    """The field and the course are drawn at places and times that nobody read."""
+    """The field and the process in time are drawn at places and times without readings."""
     z = []
     for seed in range(6):
         rng = np.random.default_rng(seed)
@@ -211,7 +211,7 @@ def test_its_intervals_hold_water_of_another_moment():
         readings = Readings(positions=places, values=values, times=times, moment_s=later)
         found = Passes().fit(readings, DOMAIN)
         z.append((found.mean(others) - field[len(places) :] - course[-1]) / found.sd(others))
-    # All places of a draw share one course: six courses, and some hundred fields.
+    # All places of a draw share one process in time: six of these, and some hundred fields.
     assert np.mean(np.abs(z) < 1.96) > 0.85
 
 
@@ -257,7 +257,7 @@ def test_without_times_the_rough_covariance_is_left():
 
 
 def test_nobody_knows_the_way_between_readings_far_apart():
-    """A line of 100 m was left out between two others, which the straight way joins across it."""
+    """A line of 100 m was left out between two others, and a straight path would join them."""
     south, north = np.arange(0.0, 100.0), np.arange(100.0, 0.0, -1.0)
     way = np.concatenate(
         [np.column_stack([south, 0 * south]), np.column_stack([south, 0 * south + 20])]
@@ -267,7 +267,7 @@ def test_nobody_knows_the_way_between_readings_far_apart():
     assert np.allclose(off_the_way(way, line), 10.0)
     _, away = passed(way, times, line)
     assert np.allclose(away, 10.0)
-    # A gap that is short enough is the way.
+    # A gap that is short enough belongs to the path.
     gap = np.delete(way, slice(30, 60), axis=0)
     assert np.allclose(off_the_way(gap, way[30:60]), 0.0)
     when, away = passed(gap, np.delete(times, slice(30, 60)), way[30:60])
@@ -287,6 +287,6 @@ def test_a_node_whose_cell_the_way_crosses_is_on_it():
 
 
 def test_few_lines_tell_less_of_how_wide_an_interval_must_be():
-    """Student's quantiles for 4 and for 100 degrees of freedom, from any table of them."""
+    """Student's quantiles for 4 and for 100 degrees of freedom, from a table."""
     assert for_few(5) == pytest.approx(2.776 / 1.96, rel=1e-3)
     assert for_few(101) == pytest.approx(1.984 / 1.96, rel=1e-3)

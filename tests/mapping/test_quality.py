@@ -24,7 +24,7 @@ TRACKS = DATA / "tracks"
 
 
 def record(n=900, **values):
-    """A boat going north at 1 m/s with a reading each second."""
+    """A boat that goes north at 1 m/s, with a reading every second."""
     positions = np.column_stack([np.arange(float(n)), np.zeros(n)])
     rng = np.random.default_rng(1)
     calm = {
@@ -58,7 +58,7 @@ def test_a_spike_is_found_and_its_neighbours_are_not(place, sign):
     flags = flags_of(one, "ph")
     assert flags[place] == Flag.FAIL
     assert flags[place - 2] == Flag.GOOD
-    # A rate of change names the sample after a jump; nothing further is touched.
+    # The rate of change flags the sample after a jump; nothing else is flagged.
     assert (flags != Flag.GOOD).sum() <= 3
 
 
@@ -82,7 +82,7 @@ def test_a_stuck_sensor_is_found():
 
 @pytest.mark.parametrize(("given", "stands_still"), [({}, True), ({"flat_fail_s": 900.0}, False)])
 def test_a_sonde_may_hang_in_one_depth_and_its_battery_may_last(given, stands_still):
-    """How the sonde was may stand still, if nobody says for how long; and so it is read again."""
+    """The sonde's own state may stand still unless a time is set, also after it is read back."""
     battery = {
         "battery_v": {
             "label": "Battery",
@@ -189,7 +189,7 @@ def test_limits_are_read_and_bad_ones_named(tmp_path):
 
 
 def lagged(times, truth, delay, tau, fine=0.05):
-    """What a sensor of that delay and time constant says of a signal (a function of time)."""
+    """Readings of a signal (a function of time) by a sensor of this delay and time constant."""
     t = np.arange(times[0] - 200, times[-1] + fine, fine)
     said = np.empty_like(t)
     said[0] = truth(t[0] - delay)
@@ -251,7 +251,7 @@ def test_two_runs_in_opposite_directions_tell_the_lag():
         seen = lagged(times, lambda t, p=place: line(np.interp(t, times, p)), 5.0, 0.0)
         passes.append(Pass(times=times, positions=np.column_stack([place, zero]), values=seen))
     found = estimate_lag(*passes)
-    # A short time constant looks like a delay: what is told apart is their sum.
+    # A short time constant looks like a delay, so only their sum is determined.
     assert found.lag.delay_s + found.lag.tau_s == pytest.approx(5.0, abs=1.0)
     assert found.advised
     assert found.after < 0.2 * found.before
@@ -267,16 +267,16 @@ def run(*arguments):
     return done.stdout
 
 
-# One track of each lake is mapped; `benchmarks.holdout` maps them all, and judges them harder.
+# One track of each lake is mapped; `benchmarks.holdout` maps them all, with stricter checks.
 MAPPED = {"China-catabot-20200915", "Sunapee-20200812-path-3"}
-# Beside these the tracks have oxygen saturation, chlorophyll, depths and more.
+# The tracks also have oxygen saturation, chlorophyll, depths and more.
 FOUR = {"temperature_degc", "dissolved_oxygen_mgl", "ph", "conductivity_uscm"}
 
 
 @needs_tracks
 @pytest.mark.slow
 def test_every_real_track_is_imported_and_checked_and_those_mapped_are_validated(tmp_path):
-    """The settling of the sonde is found where the record shows it, and only there."""
+    """The sonde's settling is found where the record shows it, and only there."""
     header = TRACKS / "China-catabot-20200915.csv"
     settling = {}
     for track in sorted(TRACKS.glob("*.csv")):
@@ -297,16 +297,16 @@ def test_every_real_track_is_imported_and_checked_and_those_mapped_are_validated
             assert check["rmse"] < most * check["nearest_rmse"]
             assert one["sd_factors"]["off_way"] >= 1.0
     assert settling == {
-        # Oxygen falls with the boat still, and pH begins far below all that the record holds later.
+        # Oxygen falls while the boat holds its position, and pH begins far below all later values.
         "China-catabot-20200915": {"dissolved_oxygen_mgl", "ph"},
         "Sunapee-20200517-longpath-05ms": set(),
         "Sunapee-20200517-longpath-1ms": set(),
-        # It begins minutes after the sonde was wet.
+        # The record begins minutes after the sonde was put in.
         "Sunapee-20200812-path-3": set(),
     }
     passes = [tmp_path / f"Sunapee-20200517-longpath-{one}.gpkg" for one in ("05ms", "1ms")]
     lags = json.loads(run("lag", *passes, "--json"))
-    # The water changed between the runs by more than any lag: nothing is gained by correcting.
+    # The water changed between the runs by more than any lag would: correcting gains nothing.
     assert all(not one["advised"] for one in lags.values())
 
 

@@ -1,4 +1,4 @@
-"""Quantities that are positive and skewed: mapped by their logarithm, and brought back."""
+"""Positive, skewed quantities: their logarithm is mapped and transformed back."""
 
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def test_all_that_is_said_is_in_the_unit_of_the_quantity(one):
     read = one.values
     assert read.min() > 0
     assert read.mean() == pytest.approx(one.mean[one.grid.inside].mean(), rel=0.3)
-    # In part it is taken for water that varies within metres.
+    # Part of it is taken for water that varies within metres.
     assert one.noise_sd == pytest.approx(0.03 * np.nanmedian(one.mean), rel=0.65)
     assert 0.3 < one.validation.rmse / read.std() < 1.2
     assert 0.1 < one.error95 < read.std()

@@ -1,4 +1,4 @@
-"""A map that takes in readings as they come is the map of all of them."""
+"""A map that takes in readings as they come equals the map of all of them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STILL = Model(kind="", text="", nugget=0.0)
 
 
 def lanes(count):
-    """Places (n, 2) of a boat that sails lanes 20 m apart."""
+    """Places (n, 2) along lanes 20 m apart."""
     there = np.linspace(4, 196, 200)
     ways = [
         np.column_stack([np.full(200, north), there[:: 1 if k % 2 else -1]])
@@ -36,7 +36,7 @@ def lanes(count):
 
 
 def water_of(kind, range_m, count, seed=3):
-    """A covariance, readings of a field that has it, and the field's truth at the nodes."""
+    """A covariance, readings of a field that has it, and the field's true values at the nodes."""
     model = CovarianceModel(kind=kind, sill=1.0, range_m=range_m, nugget=0.01)
     at, rng = lanes(count), np.random.default_rng(seed)
     _, fields = circulant_fields(model, GRID, np.vstack([at, GRID.nodes]), 1, rng, 3)
@@ -45,7 +45,7 @@ def water_of(kind, range_m, count, seed=3):
 
 
 def told(model, at, values, each=10):
-    """The field that has heard of `each` readings at a time."""
+    """The field after it has taken in the readings, `each` at a time."""
     prior = StraightPrior(model=model, nodes=GRID.nodes)
     field = SequentialField(prior, STILL, float(values.mean()), float(values.var()))
     for start in range(0, len(values), each):
@@ -67,7 +67,7 @@ def test_the_map_is_the_one_of_all_the_readings_within_a_share_of_its_own_error(
 
 
 def test_readings_at_the_nodes_give_the_kriging_of_them_to_the_digit():
-    """Nothing is lost where the nodes tell all of a reading."""
+    """Nothing is lost if the nodes determine a reading completely."""
     model = CovarianceModel(kind="matern32", sill=2.0, range_m=30.0, nugget=0.05)
     rng = np.random.default_rng(5)
     chosen = rng.choice(len(GRID.nodes), 100, replace=False)
@@ -112,7 +112,7 @@ def test_between_the_nodes_it_is_as_sure_as_it_says():
 
 
 def test_behind_land_it_is_the_field_with_no_flux_through_the_shore():
-    """On the mesh itself the two are one model: the same numbers, but for the unknown mean."""
+    """On the mesh itself, the two models give the same numbers, apart from the unknown mean."""
     water = WATER.difference(shapely.box(20, 90, 80, 110))
     grid = make_grid(water, 4.0)
     rng = np.random.default_rng(2)

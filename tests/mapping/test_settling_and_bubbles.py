@@ -1,4 +1,4 @@
-"""A sonde that settles is found at any pace, a gradient is not; bubbles are told from water."""
+"""Settling is found at any pace, and a gradient is not; bubbles are distinguished from water."""
 
 import numpy as np
 import pytest

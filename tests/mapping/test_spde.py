@@ -17,7 +17,7 @@ SEA = shapely.box(0, 0, 200, 200)
 
 
 def prior_covariance(mesh, kappa, node):
-    """Covariance of the free field of unit sill between a node and all others."""
+    """Covariance of the unconditional field of unit sill between a node and all others."""
     operator = spde._operator(mesh, kappa)
     area = mesh.step_m**2
     precision = csc_matrix(operator @ operator) / area / (4 * np.pi * kappa**2)
@@ -46,10 +46,10 @@ def test_far_from_land_it_is_matern_s_covariance():
 
 
 def test_a_straight_shore_reflects():
-    """Beside a wall with no flux the covariance is that of the open water plus its mirror image."""
+    """At a wall without flux, the covariance is that of open water plus its mirror image."""
     mesh = spde.Mesh(make_grid(SEA, 2.0), SEA)
     kappa = 4 / 40
-    wall = -1.0  # half a step beyond the first row of nodes, which lie at 1 m
+    wall = -1.0  # half a step beyond the first row of nodes, which are at 1 m
     wall = mesh.nodes[:, 0].min() - 1.0
     place = nearest(mesh, (9, 100))
     found = prior_covariance(mesh, kappa, place)
@@ -63,7 +63,7 @@ def test_a_straight_shore_reflects():
 
 
 def test_a_wall_parts_the_water():
-    """Two places 10 m apart on either side of a long wall know nothing of each other."""
+    """Two places 10 m apart on either side of a long wall are uncorrelated."""
     water = SEA.difference(shapely.box(-1, 99, 180, 101))
     mesh = spde.Mesh(make_grid(water, 2.0), water)
     found = prior_covariance(mesh, 4 / 40, nearest(mesh, (20, 95)))
@@ -87,12 +87,12 @@ def test_the_selected_inverse_is_the_inverse():
 
 
 def field(seed, count=250, noise=0.1):
-    """A field of the model's own kind on water with a wall, and samples of it."""
+    """A field drawn from the model itself on water with a wall, and samples of it."""
     water = shapely.box(0, 0, 300, 200).difference(shapely.box(-1, 95, 220, 105))
     mesh = spde.Mesh(make_grid(water, 4.0), water)
     rng = np.random.default_rng(seed)
     kappa = 4 / 150
-    # Applied twice: smooth, as what spreads through water is.
+    # Applied twice, for a field as smooth as one that spreads through water.
     operator = spde._factor(spde._operator(mesh, kappa))
     truth = operator.solve(operator.solve(rng.normal(size=len(mesh.nodes))))
     truth /= truth.std()
@@ -152,7 +152,7 @@ def test_equal_values_are_refused_by_the_fit():
 
 
 def test_samples_on_both_sides_of_a_thin_spit_are_kept_apart():
-    """Samples a metre from a wall as thin, on a grid of 4 m: each side keeps its own value."""
+    """With samples a metre from a wall as thin, on a grid of 4 m, each side keeps its value."""
     water = shapely.box(0, 0, 100, 100).difference(shapely.box(-1, 50.2, 80, 51.2))
     rng = np.random.default_rng(2)
     north = rng.uniform(2, 75, 120)

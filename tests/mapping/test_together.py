@@ -1,4 +1,4 @@
-"""A sparse quantity that is helped by a dense one, and those that nothing helps."""
+"""A sparse quantity that a dense one helps to map, and quantities that nothing helps."""
 
 import csv
 import json
@@ -42,8 +42,8 @@ def lanes():
 
 
 def made(seed, correlation, every=12):
-    """Readings of a quantity each so many places along the lanes and of another one at all of them;
-    and the first one's truth at the nodes.
+    """Readings of one quantity at each `every`-th place along the lanes and of another at all of
+    them; and the first one's true values at the nodes.
     """
     rng = np.random.default_rng(seed)
     dense = lanes()
@@ -162,7 +162,7 @@ def test_what_is_asked_for_together_is_mapped_together():
     assert sparse.model.companions.heeded
     within = np.abs(sparse.mean[sparse.grid.inside] - truth) <= 1.96 * sparse.sd[sparse.grid.inside]
     assert within.mean() > 0.85
-    # The dense one gains next to nothing by the sparse one.
+    # The dense one gains next to nothing from the sparse one.
     assert dense.model.companions.spared < 0.05
 
 

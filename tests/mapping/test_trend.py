@@ -1,4 +1,4 @@
-"""Trends over a series of surveys: exact on lines, honest where there is none."""
+"""Trends over a series of surveys: exact for lines, and not found where there is none."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_a_line_is_found_exactly_and_without_doubt_but_the_maps(seed, count):
 
 
 def test_the_trend_of_the_mean_is_that_of_ordinary_least_squares():
-    """Against scipy's regression, its standard error and its probability."""
+    """Compared with scipy's regression, its standard error and its probability."""
     rng = np.random.default_rng(3)
     times = np.array([0.0, 1.1, 1.9, 3.2, 4.0, 5.3])
     mean = 0.2 * times[:, None] + rng.normal(0, 0.3, (6, 1)) + rng.normal(0, 0.1, (6, PLACES))
@@ -44,8 +44,8 @@ def test_the_trend_of_the_mean_is_that_of_ordinary_least_squares():
 
 @pytest.mark.parametrize("day_sd", [0.0, 0.5])
 def test_water_without_a_trend_is_seldom_said_to_have_one(day_sd):
-    """Whether the days differ as a whole or not: some place is called changed in at most one of
-    ten series; places that rise together with the day are one observation.
+    """Whether or not the days differ as a whole, at most one of ten series calls any place
+    changed: places that rise together with the day are one observation.
     """
     rng = np.random.default_rng(0)
     false = 0

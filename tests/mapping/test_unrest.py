@@ -1,4 +1,4 @@
-"""Where a map errs more than elsewhere: found where it is so, and nowhere else."""
+"""Places where a map errs more than elsewhere are found, and no others."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from grebe.mapping.proof.validation import Errors
 
 
 def errors_of(rng, sizes, places):
-    """Errors of blocks' own, of given sizes (n,), where their standard deviations say 1."""
+    """Independent errors of given sizes (n,), with standard deviations stated as 1."""
     return Errors(
         places=places,
         error=sizes * rng.normal(size=len(places)),
@@ -20,7 +20,7 @@ def errors_of(rng, sizes, places):
 
 
 def lanes(step=3.0):
-    """Places along lanes over 200 m x 200 m."""
+    """Places along lanes that cover 200 m x 200 m."""
     along, across = np.meshgrid(np.arange(0, 200, step), np.arange(0, 200, 20.0))
     return np.column_stack([along.ravel(), across.ravel()])
 
@@ -48,7 +48,7 @@ def test_errors_are_nearer_to_normal_with_it_on_stretches_that_did_not_tell_it()
     def kurtosis(z):
         return np.mean(z**4) / np.mean(z**2) ** 2
 
-    # That of normal errors is 3.
+    # The kurtosis of normal errors is 3.
     assert kurtosis(calm) - 3 < 0.5 * (kurtosis(raw) - 3)
 
 

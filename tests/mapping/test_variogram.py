@@ -1,4 +1,4 @@
-"""Estimators, directions, likelihood and noise of the covariance."""
+"""Variogram estimators, directions, likelihood and noise."""
 
 import gstools as gs
 import numpy as np
@@ -54,7 +54,7 @@ def test_an_anisotropic_covariance_reaches_as_far_as_it_says(kind, ratio, angle)
 def test_a_direction_is_found():
     model = gs.Exponential(dim=2, len_scale=[40, 10], angles=np.radians(90))
     positions = scatter(900, size=200)
-    # GSTools turns from its first axis, our north, towards its second, our east.
+    # GSTools measures angles from its first axis, our north, towards its second, our east.
     values = gs.SRF(model, seed=5)(positions.T)
     fit = fit_variogram(positions, values).model
     assert fit.ratio < 0.6
@@ -69,7 +69,7 @@ def test_no_direction_is_found_where_there_is_none():
 
 @pytest.mark.slow
 def test_restricted_likelihood_finds_the_truth_within_its_errors():
-    """Over twenty fields the range, and the noise, lie about the truth."""
+    """Over twenty fields, range and noise scatter around the truth."""
     ranges, nuggets = [], []
     for seed in range(20):
         positions = scatter(300, seed)

@@ -1,4 +1,4 @@
-"""What a map of depths tells of a lake: its area, its volume, and how both fall with depth.
+"""Bathymetry from a map of depths: a lake's area, its volume, and how both fall with depth.
 
 Hutchinson (1957), A Treatise on Limnology I, chapter 2; Wetzel (2001), section 3.III. Each node
 stands for an equal share of the water's area.
@@ -23,9 +23,8 @@ LEVELS = 41
 
 @dataclass(frozen=True, kw_only=True)
 class Hypsography:
-    """At each of `depth_m` (k,), ascending from 0: the area [m2] of the water that is at least
-    so deep, and the volume [m3] that lies below; with standard deviations (k,), zero without
-    draws.
+    """At each of `depth_m` (k,), ascending from 0: the area [m2] of the water at least that deep
+    and the volume [m3] below it, with standard deviations (k,) that are zero without draws.
     """
 
     depth_m: Array
@@ -37,9 +36,10 @@ class Hypsography:
 
 @dataclass(frozen=True, kw_only=True)
 class Bathymetry:
-    """Numbers of a lake from its depths [m, m2, m3]; standard deviations from draws of the map.
+    """Figures of a lake from its depths [m, m2, m3], with standard deviations from draws of the
+    map.
 
-    `max_depth_m` is that of the estimated map, which is smoother than the lake bed.
+    `max_depth_m` is the maximum of the estimated map, which is smoother than the lake bed.
     """
 
     area_m2: float
@@ -70,12 +70,13 @@ def volume_below(depths: Array, levels: Array, area_m2: float) -> Array:
 def bathymetry(
     depths: Array, area_m2: float, draws: Array | None = None, levels: Array | None = None
 ) -> Bathymetry:
-    """Numbers of a lake of `area_m2` from depths (m,) at nodes spread evenly over it.
+    """Compute the figures of a lake of `area_m2` from depths (m,) at nodes spread evenly over it.
 
-    `draws` (count, m) are equally likely depths: their spread about their mean is the
-    uncertainty. A depth below zero counts as zero. `levels` (k,) are those of the curve; by
-    default evenly from 0 to the greatest depth.
-    Raises `ValueError` for depths that are not finite, or a water of no area.
+    `draws` (count, m) are equally likely depths, whose spread about their mean is the uncertainty.
+    A depth below zero counts as zero. `levels` (k,) are the depths of the curve; by default they
+    run evenly from 0 to the greatest depth.
+
+    Raises `ValueError` if a depth is not finite or the water has no area.
     """
     if not (len(depths) and np.isfinite(depths).all() and area_m2 > 0):
         raise ValueError("a bathymetry needs finite depths and a water with an area")

@@ -1,15 +1,15 @@
-"""How the water changed, and how late the sensor was, while a survey was under way.
+"""How the water changed during a survey, and how late the sensor was.
 
-A map is of one moment, and its samples are of an hour. What changes everywhere alike and slowly,
-the warming of a day or the drift of a sensor, is a smooth process of the time; beside a covariance
-of place it is found by restricted likelihood, because lines that lie side by side, or cross, were
-sailed at different times (Diggle and Ribeiro 2007, ch. 3, for the likelihood). What two passes
-differ by within minutes, a third process, is told apart from it and left in the readings: there is
-no moment without it. A sensor that answers late is found likewise: where the boat was some seconds
-before, opposing lines agree.
+A map shows one time, but its samples span an hour. What changes slowly and everywhere alike - the
+warming of a day, the drift of a sensor - is modelled as a smooth process of time. It can be
+separated from the covariance of place by restricted likelihood, because lines that are side by side
+or cross were sailed at different times (Diggle and Ribeiro 2007, ch. 3, for the likelihood). A
+third process holds the differences of two passes within minutes. It is distinguished from the slow
+change and left in the readings: no time of the survey is free of it. A sensor's lag is estimated
+in the same way: opposing lines agree at the places where the boat was some seconds before.
 
-Either is heeded only where the likelihood is clearly for it, and how large a change would have
-stayed unseen is told.
+A change or a lag is used only if the likelihood clearly favours it. How large a change could have
+gone undetected is reported.
 """
 
 from __future__ import annotations
@@ -35,36 +35,36 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 KIND = "exponential"
-# Water that is smoother than that looks, under it, as if it changed: a change must be clear under
-# this one too, where it explains the readings better.
+# Under the exponential covariance, smoother water can look like a change. So where this covariance
+# explains the readings better, a change must be clear under it too.
 SMOOTH = "gaussian"
-# Log likelihood that a change, or a lag, must add to be heeded.
+# Log likelihood that a change, or a lag, must add to be used.
 CLEAR_GAIN = 4.0
-# What the log likelihood may lose until a change is taken for impossible: 95 % of a chi square
-# with one degree of freedom, in halves.
+# The loss of log likelihood beyond which a change is ruled out: half the 95 % quantile of a chi
+# square with one degree of freedom.
 UNSEEN_LOSS = 1.92
-# Shares of the values' variance from which a search for a change begins, and its ends.
+# Shares of the values' variance at which a search for a change starts, and the search's bounds.
 SHARES, SHARE_BOUNDS = (1e-3, 1e-2, 1e-1, 1.0), (1e-6, 30.0)
-# Lags that are tried [s]; readings further apart than this in time are not on one way [s].
+# Lags to try [s]; across longer gaps between readings, the path is unknown [s].
 LAGS_S, LONGEST_GAP_S = (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0, 22.0, 26.0, 30.0), 20.0
 KNOTS = 24
 FEWEST = 60
-# What is slow is told by few readings, if they come from the whole of the time.
+# A slow change needs few readings, if they come from the whole time.
 MOST_SAMPLES = 240
-# As shares of the survey's time: how slow a change is, and how long two passes remember what they
-# differ by.
+# As shares of the survey's time: how slow a change is, and the memory of the process by which two
+# passes differ.
 SLOW, FLEETING = 0.5, 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """What all of the water changed by between other times and the map's moment.
+    """The change of all the water, relative to the map's time.
 
-    `moment_s` [unix s]; `times` (p,) [unix s], and there `mean` (p,) and `covariance` (p, p) of
-    the change, on the readings' scale: 0 at the moment. `lag_s`: the sensor's. `gain` and
-    `lag_gain`: what either adds to the log likelihood. `unseen_sd`: the standard deviation, over
-    the whole survey, of a change that the samples do not rule out; infinite where they rule out
-    none.
+    `moment_s`: the map's time [unix s]. `mean` (p,) and `covariance` (p, p) are those of the change
+    at `times` (p,) [unix s], on the readings' scale; the change is 0 at `moment_s`. `lag_s`: the
+    sensor's lag. `gain` and `lag_gain`: what change and lag add to the log likelihood. `unseen_sd`:
+    the standard deviation, over the whole survey, of the largest change that the samples do not
+    rule out; infinite if they rule out none.
     """
 
     moment_s: float
@@ -78,12 +78,12 @@ class Change:
 
     @property
     def is_heeded(self) -> bool:
-        """Whether the samples are clearly for a change of all the water."""
+        """Whether the samples clearly favour a change of all the water."""
         return bool(np.any(self.covariance > 0))
 
     @property
     def range_of(self) -> float:
-        """How far apart the water was, on the readings' scale, at most during the survey."""
+        """The range of the change during the survey, on the readings' scale."""
         return float(np.ptp(self.mean))
 
     def at(self, times: Array) -> tuple[Array, Array]:
@@ -92,7 +92,7 @@ class Change:
         return np.interp(times, self.times, self.mean), np.interp(times, self.times, sd)
 
     def seen_from(self, moment_s: float) -> Change:
-        """The same change relative to another moment [unix s], at which it is 0 then."""
+        """The same change relative to another time [unix s], at which it is then 0."""
         there = np.array([np.interp(moment_s, self.times, one) for one in np.eye(len(self.times))])
         less = np.eye(len(self.times)) - there
         return replace(
@@ -103,20 +103,20 @@ class Change:
         )
 
     def placed(self, readings: Readings) -> Readings:
-        """The readings where the sensor took them."""
+        """The readings at the places where the sensor took them."""
         if readings.times is None or not self.lag_s:
             return readings
         return replace(readings, positions=earlier(readings.times, readings.positions, self.lag_s))
 
     def reduced(self, readings: Readings) -> Readings:
-        """The readings as they would have been at the moment."""
+        """The readings as they would have been at the map's time."""
         if readings.times is None or not self.is_heeded:
             return readings
         return replace(readings, values=readings.values - self.at(readings.times)[0])
 
     def sd_near(self, readings: Readings, places: Array) -> Array:
-        """Standard deviation (m,) that the change adds at places (m, 2): that of the nearest
-        reading's time, for all readings near a place share its error.
+        """Standard deviation (m,) that the change adds at places (m, 2): that at the time of the
+        nearest reading, because all readings near a place share its error.
         """
         if readings.times is None or not self.is_heeded:
             return np.zeros(len(places))
@@ -136,7 +136,7 @@ class Change:
 
 
 def no_change(readings: Readings, moment_s: float | None = None) -> Change:
-    """Nothing is known to have changed."""
+    """Return a change of zero: nothing is known to have changed."""
     times = np.zeros(1) if readings.times is None else readings.times
     middle = float((times.min() + times.max()) / 2) if moment_s is None else moment_s
     return Change(
@@ -146,10 +146,10 @@ def no_change(readings: Readings, moment_s: float | None = None) -> Change:
 
 @lru_cache(maxsize=16)
 def fit_change(readings: Readings, moment_s: float | None = None) -> Change:
-    """Find the change of all the water and the sensor's lag.
+    """Estimate the change of all the water and the sensor's lag.
 
-    The map's moment is the middle of the readings' time where none is given. Readings without
-    times, or too few of them, tell nothing.
+    If no time is given, the map's time is the middle of the readings' time. If the readings have
+    no times, or are too few, no change is returned.
     """
     still = no_change(readings, moment_s)
     if readings.times is None or len(readings) < FEWEST or np.ptp(readings.values) == 0:
@@ -175,9 +175,7 @@ def fit_change(readings: Readings, moment_s: float | None = None) -> Change:
 
 
 def _is_smooth(readings: Readings, rough: _Problem, lag_s: float) -> bool:
-    """Whether the readings are better explained by a smooth covariance, and under that one not by a
-    change.
-    """
+    """Whether a smooth covariance explains the readings better and leaves no clear change."""
     try:
         smooth = _Problem.of(readings, SMOOTH)
     except ValueError:
@@ -189,8 +187,8 @@ def _is_smooth(readings: Readings, rough: _Problem, lag_s: float) -> bool:
 
 
 def earlier(times: Array, positions: Array, seconds: float) -> Array:
-    """Where the boat was so many seconds before each of its readings, (n, 2); where it is not
-    known, beyond a gap or before the first one, the reading stays where it is.
+    """Where the boat was `seconds` before each of its readings, (n, 2). If that is unknown, across
+    a gap or before the first reading, the reading keeps its place.
     """
     order = np.argsort(times, kind="stable")
     when, way = times[order], positions[order]
@@ -205,8 +203,8 @@ def earlier(times: Array, positions: Array, seconds: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class _Problem:
-    """Some of the readings, and the best covariance without a slow change, `plain` (4,): of place,
-    of noise, and of what passes differ by.
+    """Some of the readings, and the best covariance without a slow change. Its parameters `plain`
+    (4,) are those of place, of noise, and of the differences of passes.
     """
 
     readings: Readings
@@ -243,14 +241,14 @@ class _Problem:
         return self.posterior.log_likelihood(self.plain)
 
     def lag(self) -> tuple[float, float]:
-        """The sensor's lag [s] that the likelihood is clearly for, else 0; and its gain."""
+        """The sensor's lag [s] if the likelihood clearly favours one, else 0; and its gain."""
         found = [self._at_lag(lag_s)[1] for lag_s in LAGS_S]
         best = int(np.argmax(found))
         gain = found[best] - found[0]
         return (LAGS_S[best], gain) if gain > CLEAR_GAIN else (0.0, gain)
 
     def shifted(self, lag_s: float) -> _Problem:
-        """The same problem with the readings where the sensor took them."""
+        """The same problem with the readings at the places where the sensor took them."""
         posterior, _ = self._at_lag(lag_s)
         moved = _refined(posterior, self.plain)
         return replace(self, posterior=posterior, plain=moved)
@@ -260,13 +258,13 @@ class _Problem:
         assert times is not None
         moved = earlier(times, self.readings.positions, lag_s)
         posterior = _posterior(self.readings, moved, self.chosen, self.kind)
-        # The range is a share of an extent that has changed a little.
+        # The range is a share of the extent, which differs slightly.
         at = self.plain.copy()
         at[0] += np.log(self.posterior.extent_m / posterior.extent_m)
         return posterior, posterior.log_likelihood(at)
 
     def with_change(self) -> tuple[Array, float]:
-        """The best numbers with a change, (5,), and what they add to the log likelihood."""
+        """The best parameters with a change, (5,), and what it adds to the log likelihood."""
         found = _refined(self.posterior, _with_share(self.posterior, self.plain))
         gain = self.posterior.log_likelihood(found) - self.plain_likelihood
         return found, float(gain)
@@ -287,7 +285,7 @@ class _Problem:
         return float(np.sqrt(np.exp(cast(float, edge)) * self.posterior.variance))
 
     def predicted(self, at: Array, knots: Array, moment_s: float) -> tuple[Array, Array]:
-        """Mean (p,) and covariance (p, p) of the change at some times, 0 at the moment."""
+        """Mean (p,) and covariance (p, p) of the change at the knots, 0 at the given time."""
         times = self.readings.times
         assert times is not None
         seen = times[self.chosen]
@@ -330,17 +328,17 @@ def _slow(a: Array, b: Array, span_s: float) -> Array:
 
 
 def _since(times: Array, moment_s: float, span_s: float) -> Array:
-    """Covariance (n, n) of what has changed since a moment, for a variance of 1."""
+    """Covariance (n, n) of the change since a given time, for a variance of 1."""
     at = np.array([moment_s])
     to_moment = _slow(times, at, span_s)
     return _slow(times, times, span_s) - to_moment - to_moment.T + _slow(at, at, span_s)
 
 
 def _with_share(posterior: Posterior, at: Array) -> Array:
-    """One more process in time, at the best of a few shares of the variance."""
+    """Add one process in time, at the best of a few shares of the variance."""
     return max((np.append(at, np.log(share)) for share in SHARES), key=posterior.log_density)
 
 
 def _refined(posterior: Posterior, start: Array) -> Array:
-    """The posterior's mode from a start that is near."""
+    """The posterior's mode, from a start near it."""
     return posterior.highest(start)[1]

@@ -1,4 +1,4 @@
-"""How far apart samples may lie for a map of a wanted accuracy, before anything is measured."""
+"""How far apart samples may be for a map of a given accuracy, before anything is measured."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# A plan sees this many samples to either side of a place: farther ones are screened off.
+# Samples considered to either side of a place: farther ones are screened off.
 SIDE = 4
 NARROW, WIDE = 1e-3, 3.0
 HALVINGS = 40
@@ -25,8 +25,8 @@ def pitch_for_accuracy(practical_range_m: float, sd_share: float) -> float:
     """Return the pitch [m] of a square grid of samples at which the map's standard deviation
     midway between four of them is `sd_share` of the quantity's own.
 
-    For an exponential covariance of that practical range (at which 95 % of the correlation is
-    gone) without noise: rougher than most water, so the pitch is on the safe side.
+    The covariance is exponential, of that practical range (at which 95 % of the correlation is
+    gone) and without noise. It is rougher than most water, so the pitch is on the safe side.
     """
     if not (0 < sd_share < 1 and practical_range_m > 0):
         raise ValueError("the accuracy is a share between 0 and 1, the range positive")
@@ -51,8 +51,8 @@ def _middle_sd(model: CovarianceModel, pitch: float) -> float:
 
 
 def expected_variance(way: Array, nodes: Array, model: CovarianceModel, pace_m: float) -> Array:
-    """Variance (m,) of the map's signal at nodes (m, 2) once samples are taken along a way (n, 2),
-    one each `pace_m` [m]; it hangs on where samples are and not on what they say.
+    """Variance (m,) of the map's signal at nodes (m, 2) once samples are taken along a path (n, 2),
+    one every `pace_m` [m]. It depends on where the samples are, not on their values.
     """
     length_m = float(passed_m(way)[-1])
     count = max(2, int(length_m / pace_m) + 1)

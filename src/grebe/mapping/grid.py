@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Nodes inside the lake when no resolution is asked for: fine enough to print.
+# Nodes inside the lake if no resolution is given: fine enough to print.
 DEFAULT_NODES = 10_000
 MOST_NODES = 4_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """A regular grid over the water: `north` (rows,), `east` (columns,) [m], ascending, and
-    `inside` (rows, columns), true where a node lies in the water; `step_m` between nodes.
+    """A regular grid over the water: `north` (rows,) and `east` (columns,) [m], ascending;
+    `inside` (rows, columns), true where a node is in the water; `step_m`, the spacing of nodes.
     """
 
     north: Array
@@ -39,14 +39,14 @@ class Grid:
         return np.column_stack([north[self.inside], east[self.inside]])
 
     def spread(self, values: Array) -> Array:
-        """Put (m,) values at the nodes in the water; NaN elsewhere."""
+        """Put values (m,) at the nodes in the water, and NaN elsewhere."""
         field = np.full(self.inside.shape, np.nan)
         field[self.inside] = values
         return field
 
 
 def make_grid(water: shapely.Polygon, resolution_m: float | None = None) -> Grid:
-    """Lay a grid over the water; by default about `DEFAULT_NODES` nodes are in it."""
+    """Lay a grid over the water; by default, about `DEFAULT_NODES` of its nodes are in it."""
     if resolution_m is None:
         resolution_m = math.sqrt(water.area / DEFAULT_NODES)
     if not (math.isfinite(resolution_m) and resolution_m > 0):

@@ -1,9 +1,9 @@
-"""Sensor lag: what a sonde says now is what the water was a moment ago and some metres back.
+"""Sensor lag: a sonde reports the water of some seconds ago, some metres back.
 
-A pure delay (tubing, averaging) and a first-order response of time constant tau: the true
-value is what the sensor says `delay` later plus tau times its slope then. Both are estimated
-where one line is run twice: they bring the passes together (Fofonoff and Millard 1983, section
-on response times, for the first-order correction).
+The lag is a pure delay (tubing, averaging) followed by a first-order response of time constant tau:
+the true value is the reading `delay` later, plus tau times the readings' slope then. Both are
+estimated where one line is run twice, as those that bring the passes closest together (Fofonoff
+and Millard 1983, section on response times, for the first-order correction).
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Half of the window in which the slope is estimated [s]: less would amplify the noise.
+# Half of the window in which the slope is estimated [s]; a shorter one would amplify the noise.
 LEAST_HALF_WINDOW_S = 3.0
-# Places of two passes within this distance are the same [m].
+# Places of two passes within this distance count as the same [m].
 SAME_PLACE_M = 4.0
 FEWEST_PAIRS = 30
-# Two runs of one line share at least this part of the shorter one; less, and they only touch.
+# Two runs of one line share at least this part of the shorter run; with less, they only touch.
 SMALLEST_SHARE = 0.2
-# Between samples farther apart than so many usual steps nothing is known.
+# A gap longer than this many usual steps is not interpolated.
 GAP_STEPS = 5.0
 DELAYS_S = np.arange(0.0, 31.0, 1.0)
 TAUS_S = np.arange(0.0, 31.0, 1.0)
-# A correction must lower the difference of the passes by so much more than chance does.
+# A correction must reduce the difference of the passes by this much more than chance does.
 CLEAR_GAIN = 0.15
 
 
@@ -58,7 +58,7 @@ class Pass:
     values: Array
 
     def corrected(self, lag: Lag) -> Pass:
-        """The pass without the lag; NaN where the record ends too early to know."""
+        """The pass without the lag; NaN where the record ends too early."""
         return Pass(
             times=self.times,
             positions=self.positions,
@@ -68,8 +68,8 @@ class Pass:
 
 @dataclass(frozen=True, kw_only=True)
 class LagEstimate:
-    """The lag that brings two passes closest, and the rms of their differences (less its mean)
-    before and after, and at the best shift the `wrong_way`; `advised` where the gain is clear.
+    """The lag that brings two passes closest, and the rms of their differences (less the mean):
+    before, after, and at the best shift the `wrong_way`. `advised` if the gain is clear.
     """
 
     lag: Lag
@@ -80,7 +80,7 @@ class LagEstimate:
 
     @property
     def gain(self) -> float:
-        """Share of the rms difference that the correction takes away."""
+        """Share of the rms difference that the correction removes."""
         return 1 - self.after / self.before if self.before > 0 else 0.0
 
     @property
@@ -92,8 +92,8 @@ class LagEstimate:
 
 
 def unlagged(times: Array, values: Array, lag: Lag) -> Array:
-    """Values (n,) as a sensor without lag would have given them at `times` (n,) [s], which
-    ascend; NaN where the record ends, or has a gap, before it could tell.
+    """Values (n,) as a sensor without lag would have given them at `times` (n,) [s], which must
+    ascend; NaN where the record ends too early or has a gap.
     """
     known = np.isfinite(values)
     if (lag.delay_s == 0 and lag.tau_s == 0) or known.sum() < 2:
@@ -107,9 +107,9 @@ def unlagged(times: Array, values: Array, lag: Lag) -> Array:
 
 
 def corrected_values(samples: Samples, lags: Mapping[str, Lag]) -> dict[str, Array]:
-    """The values (n,) by quantity without the sensors' lag.
+    """The values (n,) of each quantity without the sensors' lag.
 
-    A value that is flagged suspect or failed is not used to correct the others, and is NaN.
+    A value flagged suspect or failed is not used to correct the others, and becomes NaN.
     """
     corrected: dict[str, Array] = dict(samples.values)
     for key, lag in lags.items():
@@ -135,7 +135,7 @@ def _between(at: Array, times: Array, values: Array) -> Array:
 
 
 def _line(times: Array, values: Array, half_s: float) -> tuple[Array, Array]:
-    """Value and slope, at each sample, of a straight line through those within `half_s`."""
+    """Value and slope, at each sample, of the straight line through the samples within `half_s`."""
     half = max(LEAST_HALF_WINDOW_S, half_s)
     low = np.searchsorted(times, times - half)
     high = np.searchsorted(times, times + half, side="right")
@@ -153,12 +153,12 @@ def _line(times: Array, values: Array, half_s: float) -> tuple[Array, Array]:
 
 
 def estimate_lag(one: Pass, other: Pass) -> LagEstimate:
-    """Search delay and time constant for the smallest difference between two passes.
+    """Search the delay and time constant that make the difference between two passes smallest.
 
-    All candidates see the same pairs of places and equally smoothed values: else a shift
-    by part of a sampling step would look better for its smoothing alone. A lag is advised only
-    if it gains clearly more than the best shift the wrong way, which no sensor has. Raises
-    `ValueError` where the passes share too few places.
+    All candidates are compared at the same pairs of places and on equally smoothed values;
+    otherwise a shift by part of a sampling step would look better just because it smooths. A lag is
+    advised only if it gains clearly more than the best shift the wrong way, which no sensor has.
+    Raises `ValueError` if the passes share too few places.
     """
     one, other = _smoothed(one), _smoothed(other)
     distance, index = KDTree(other.positions).query(one.positions)
@@ -210,6 +210,6 @@ def _smoothed(run: Pass) -> Pass:
 
 
 def _within_reach(times: Array) -> NDArray[np.bool_]:
-    """Samples that can be shifted either way by any delay that is tried."""
+    """Which samples can be shifted either way by every delay that is tried."""
     reach = float(DELAYS_S[-1])
     return (times >= times[0] + reach) & (times <= times[-1] - reach)

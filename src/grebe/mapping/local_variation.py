@@ -1,8 +1,8 @@
-"""Where the water varies more than elsewhere: at a front, at a plume's edge.
+"""Where the water varies more than elsewhere: at a front, at the edge of a plume.
 
-A map's covariance is the same everywhere, and so is the variance that it leaves between readings of
-a spacing. The readings tell where that is too little: pairs of them a few metres apart differ more
-there than pairs at the same distance do elsewhere.
+A map's covariance is the same everywhere, and so is its variance between readings of a given
+spacing. The readings show where that variance is too small: pairs a few metres apart differ more
+there than pairs at the same distance elsewhere.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 BINS = 4
-# The prior at a place weighs as much as so many pairs at it; how far the variation may be from
-# the mean, as a factor.
+# The prior at a place weighs as much as this many pairs there; the variation is at most this factor
+# from the mean.
 PRIOR_PAIRS, MOST = 3.0, 8.0
-# Pairs of more readings than this are not looked at.
+# More readings than this are thinned before they are paired.
 MOST_READINGS = 3_000
 
 
 def local_variation(
     places: Array, positions: Array, values: Array, reach_m: float, width_m: float
 ) -> Array:
-    """How much the water varies at places (m, 2), as a factor (m,) of the variance; its mean over
+    """How much the water varies at places (m, 2), as a factor (m,) of the variance, whose mean over
     the readings is about 1.
 
-    Readings at `positions` (n, 2) are compared within `reach_m`, and what they tell is averaged
+    Readings at `positions` (n, 2) are compared within `reach_m`, and the results are averaged
     with a Gaussian kernel of `width_m`.
     """
     step = max(1, len(positions) // MOST_READINGS)
@@ -46,7 +46,7 @@ def local_variation(
     usual = np.bincount(bins, squares, BINS) / np.maximum(np.bincount(bins, minlength=BINS), 1)
     ratio = squares / np.maximum(usual[bins], 1e-300)
     middle = 0.5 * (at[first] + at[second])
-    # What pairs of one reading tell is much the same: they count as one.
+    # Pairs that share a reading say much the same, so together they count as one.
     each = 1.0 / np.bincount(first, minlength=len(at))[first]
     told, weight = np.full(len(places), PRIOR_PAIRS), np.full(len(places), PRIOR_PAIRS)
     near = KDTree(places).query_ball_point(middle, 3 * width_m)

@@ -37,24 +37,24 @@ if TYPE_CHECKING:
 A = TypeVar("A")
 R = TypeVar("R")
 
-# Other quantities' readings, by their keys.
+# Readings of other quantities, by key.
 Beside = Sequence[tuple[str, Readings]]
 
 FEWEST_SAMPLES = 10
-# Units whose zero is a convention: twice as much means nothing.
+# Units whose zero is a convention, so that ratios mean nothing.
 INTERVAL_UNITS = ("°C", "mV", "")
 
 
 class Each(Protocol):
-    """Does a task for each of some items."""
+    """Runs a task on each of several items."""
 
     def __call__(self, task: Callable[[A], R], items: Iterable[A], /) -> Iterator[R]:
-        """Give the results in the order of the items."""
+        """Return the results in the order of the items."""
         ...
 
 
 def in_turn(task: Callable[[A], R], items: Iterable[A], /) -> Iterator[R]:
-    """One after the other; see `Each`."""
+    """Run the task on one item after the other; see `Each`."""
     return map(task, items)
 
 
@@ -62,14 +62,15 @@ def in_turn(task: Callable[[A], R], items: Iterable[A], /) -> Iterator[R]:
 class MapSettings:
     """How maps are made.
 
-    `method`: a method, or several of which the one that predicts left-out samples best is taken;
-    None leaves it to `choice`. `change`: how it is found out what changed while the readings were
-    taken. `moment` [unix s], or the middle of the survey: the map shows the water then, without
-    what changed everywhere and without the sensor's lag; None leaves each place as it was
-    measured. `scale`: that on which a quantity is mapped; None takes the logarithm of what is
-    positive and skewed. `shore_depth_sd_m`: the depth of the water is taken as zero along the
-    shore, with this standard deviation [m]; None says nothing of the shore. `together`: the keys
-    of quantities each of which is mapped by the readings of the others too.
+    `method`: a method, or several, of which the one that best predicts left-out samples is used;
+    None leaves the choice to `choice`. `change`: the function that estimates what changed while
+    the readings were taken. `moment`: a time [unix s], or "middle" for the middle of the survey.
+    The map then shows the water at that time, with the change of all the water and the sensor's lag
+    removed; None maps each place as it was measured. `scale`: the scale on which a quantity is
+    mapped; None chooses the logarithm for positive, skewed quantities. `shore_depth_sd_m`: takes
+    the water's depth as zero along the shore, with this standard deviation [m]; None assumes
+    nothing about the shore. `together`: keys of quantities, each of which is mapped with the
+    readings of the others as well.
     """
 
     method: Method | tuple[Method, ...] | None = None
@@ -91,7 +92,7 @@ class MapSettings:
             )
 
     def methods(self, readings: Readings, domain: Domain) -> tuple[tuple[Method, ...], str]:
-        """The methods to try on some readings, and why these."""
+        """Return the methods to try on some readings, and the reason for them."""
         if self.method is None:
             return self.choice(readings, domain)
         several = self.method if isinstance(self.method, tuple) else (self.method,)
@@ -100,7 +101,7 @@ class MapSettings:
 
 @dataclass
 class Mapper:
-    """Maps the quantities of one survey: the water's grid and mesh are made once."""
+    """Maps the quantities of one survey; the water's grid and mesh are made once."""
 
     water: shapely.Polygon
     grid: Grid
@@ -118,11 +119,12 @@ class Mapper:
         times: Array | None = None,
         beside: Beside = (),
     ) -> QuantityMap:
-        """Map one quantity from its samples; those flagged suspect or failed stay out of it.
-        Without `times` (n,) [unix s] nothing is known of changes during the survey. `beside` are
-        the readings of others that it is mapped together with, as `companion` gives them.
+        """Map one quantity from its samples, leaving out those flagged suspect or failed.
 
-        Raises `InputError` when fewer than `FEWEST_SAMPLES` good samples are left.
+        Without `times` (n,) [unix s], changes during the survey cannot be estimated. `beside` holds
+        the readings of the quantities to map it together with, as `companion` returns them.
+
+        Raises `InputError` if fewer than `FEWEST_SAMPLES` good samples are left.
         """
         present = np.isfinite(values)
         good = present & np.isin(flags, Flag.USABLE)
@@ -141,8 +143,8 @@ class Mapper:
     def companion(
         self, quantity: Quantity, samples: Samples, times: Array | None
     ) -> Readings | None:
-        """The readings of a quantity that others are mapped together with, on its scale and brought
-        to the map's moment; None where too few are good, or all are the same.
+        """Return the readings of a quantity that others are mapped together with, on its scale and
+        brought to the map's time; None if too few are good or all are equal.
         """
         good = samples.usable(quantity.key)
         values = samples.values[quantity.key]
@@ -156,7 +158,7 @@ class Mapper:
     def _prepared(
         self, quantity: Quantity, readings: Readings, is_bed: bool
     ) -> tuple[Readings, Scale, Change]:
-        """Readings on their scale, brought to the map's moment where it has one."""
+        """Return the readings on their scale, brought to the map's time if it has one."""
         may_be_log = quantity.unit not in INTERVAL_UNITS
         scale = self._scale(readings, is_bed=is_bed, may_be_log=may_be_log)
         readings = replace(readings, values=scale.forward(readings.values))
@@ -205,8 +207,8 @@ class Mapper:
         )
 
     def _change(self, readings: Readings, *, is_bed: bool) -> Change:
-        """What changed while the readings were taken. A bed stays as it is: passes over it differ
-        by the sonar's errors alone.
+        """Estimate what changed while the readings were taken. A lake bed does not change: passes
+        over it differ only by the sonar's errors.
         """
         moment = self.settings.moment
         if is_bed and moment is None:
@@ -216,12 +218,12 @@ class Mapper:
     def _best(
         self, readings: Readings, scale: Scale, beside: Beside, *, is_bed: bool
     ) -> tuple[Best, str]:
-        """The method that predicts best, and why it was among those tried."""
-        # A quantity of few readings leaves it to those of the others whether land lies between.
+        """Return the method that predicts best, and the reason why it was tried."""
+        # The densest readings decide whether land lies between: a sparse quantity follows them.
         densest = max((readings, *(one for _, one in beside)), key=len)
         methods, reason = self.settings.methods(densest, self._domain)
         if beside:
-            # What is told together is told along straight lines: not where land lies between.
+            # Mapping together uses straight-line distances: not where land lies between.
             methods = tuple(
                 Together(beside=tuple(beside), alone=one) if isinstance(one, Straight) else one
                 for one in methods
@@ -235,8 +237,9 @@ class Mapper:
         return best_of(methods, told, self._domain, scale), reason
 
     def _scale(self, readings: Readings, *, is_bed: bool, may_be_log: bool) -> Scale:
-        """The scale as asked, or as the readings have it; a bed is not carried by plumes, and the
-        zero of a temperature is no end.
+        """Return the scale that was set, or the one that suits the readings. A lake bed is always
+        linear, because plumes do not carry it. So is a quantity whose zero is no limit, such as
+        temperature, unless a scale is set.
         """
         asked = self.settings.scale
         if is_bed:
@@ -251,7 +254,7 @@ class Mapper:
 def _readings(
     positions: Array, values: Array, times: Array | None, good: NDArray[np.bool_]
 ) -> Readings:
-    """The good ones of some samples, each once."""
+    """Return the good samples, each once."""
     once = distinct(positions[good], values[good])
     return Readings(
         positions=positions[good][once],
@@ -261,8 +264,8 @@ def _readings(
 
 
 def _used(found: Best) -> Method:
-    """The method that the field is of: a quantity that its companions tell nothing of is mapped
-    alone.
+    """Return the method that made the field: a quantity to which its companions add nothing is
+    mapped alone.
     """
     told = found.model.companions
     if isinstance(found.method, Together) and told is not None and not told.heeded:
@@ -271,7 +274,7 @@ def _used(found: Best) -> Method:
 
 
 def _micro_sd(found: Best, readings: Readings, scale: Scale, resolution: float) -> float:
-    """The standard deviation of what varies within metres, or is finer than the sensor resolves."""
+    """Standard deviation of what varies within metres or is finer than the sensor's resolution."""
     nugget = found.model.nugget
     noise = noise_variance(readings.positions, readings.values, nugget)
     slope = scale.slope(float(np.median(scale.back(readings.values))))
@@ -280,7 +283,7 @@ def _micro_sd(found: Best, readings: Readings, scale: Scale, resolution: float) 
 
 
 def _refuse_moment(moment: float | Literal["middle"] | None, times: Array) -> None:
-    """Nothing is known of the water at a time when nobody measured."""
+    """Reject a time at which nobody measured: nothing is known of the water then."""
     if moment is None or moment == "middle" or not len(times):
         return
     first, last = float(times.min()), float(times.max())
@@ -309,7 +312,7 @@ def _refuse_together(together: Sequence[str], samples: Samples, quantities: Quan
 def _beside(
     mapper: Mapper, samples: Samples, quantities: Quantities, key: str, times: Array | None
 ) -> Beside:
-    """The readings of the quantities that one is mapped together with."""
+    """Return the readings of the quantities that this one is mapped together with."""
     together = mapper.settings.together
     others = [one for one in dict.fromkeys(together) if one != key and key in together]
     found = [(one, mapper.companion(quantities[one], samples, times)) for one in others]
@@ -318,7 +321,7 @@ def _beside(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _OneMap:
-    """Called with the key of a quantity it makes its map, or says why there is none."""
+    """Makes the map of the quantity with the given key, or returns why there is none."""
 
     mapper: Mapper
     samples: Samples
@@ -349,22 +352,22 @@ def map_all(
     on_done: Callable[[int, int], None] | None = None,
     each: Each = in_turn,
 ) -> tuple[list[QuantityMap], list[str]]:
-    """Map every quantity that can be mapped; return the maps and why others are left out.
+    """Map every quantity that can be mapped; return the maps, and why others were left out.
 
-    `on_done` is told after each quantity how many are done, and of how many. `each` does what is to
-    be done for each of them, here or elsewhere; the maps are the same. Raises `InputError`
-    where a moment is asked for in which nobody measured, or a quantity together with others that
-    was not measured.
+    `on_done` is called after each quantity with the number done and the total. `each` runs the
+    task for every quantity, in this process or elsewhere; the maps are the same. Raises
+    `InputError` if the requested time is outside the survey, or if a quantity to be mapped together
+    with others was not measured.
     """
     _refuse_moment(mapper.settings.moment, samples.times)
     _refuse_together(mapper.settings.together, samples, quantities)
     if mapper.settings.moment == "middle" and len(samples):
-        # The survey's own, the same for all quantities, whatever is flagged of each.
+        # The middle of the whole survey: the same for all quantities, whatever is flagged of each.
         middle = float(samples.times.min() + samples.times.max()) / 2
         mapper = replace(mapper, settings=replace(mapper.settings, moment=middle))
     maps: list[QuantityMap] = []
     left_out: list[str] = []
-    # What changed, and how late sensors were, is told by one boat's way over time.
+    # Changes and lags are estimated from the path of a single boat over time.
     times = spread_times(samples.times) if samples.boat is None else None
     wanted = [one.key for one in quantities.values() if one.mapped]
     task = _OneMap(mapper=mapper, samples=samples, quantities=quantities, times=times)
@@ -372,7 +375,7 @@ def map_all(
         if isinstance(made, str):
             left_out.append(made)
         else:
-            # From another process it comes with a grid of its own.
+            # A map made in another process comes with its own copy of the grid.
             maps.append(replace(made, grid=mapper.grid))
         if on_done is not None:
             on_done(done, len(wanted))

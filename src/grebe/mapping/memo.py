@@ -1,7 +1,7 @@
-"""Keep the last answers of a costly pure function of arrays.
+"""Cache the latest results of a costly pure function of arrays.
 
-Several ways to map the same readings ask for the same variogram. The readings come to them in
-records of their own, so that what the arrays hold tells, not which arrays they are.
+Several map methods need the variogram of the same readings, but each gets them in a record of its
+own. So the cache compares the contents of arrays and not their identity.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ R = TypeVar("R")
 
 
 def remembered(most: int) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorate a function to keep its `most` latest answers, and nothing of what it was asked but a
-    digest. Nobody may change an answer.
+    """Decorate a function to keep its `most` latest results. Of the arrays it was called with, only
+    a digest is kept. A result must not be modified.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:

@@ -1,8 +1,8 @@
-"""Maps of one quantity at several moments of a survey: a movie of the water.
+"""Maps of one quantity at several times of a survey: a movie of the water.
 
-By the models of `grebe.mapping.change` and `grebe.mapping.methods.passes` the water is a field of
-the place and what all places share at a time. So a movie is made of one map: what is of the place
-is solved once, and each moment adds a level and its own uncertainty.
+In the models of `grebe.mapping.change` and `grebe.mapping.methods.passes`, the water is a field of
+place plus what all places share at a time. So a movie is made from one map: the field of place is
+solved once, and each time adds a level and an uncertainty of its own.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ FEWEST_MOMENTS, MOST_MOMENTS = 2, 200
 
 @dataclass(frozen=True, kw_only=True)
 class Movie:
-    """The maps of one quantity at k moments, `times_s` (k,) [unix s]: `means` and `sds` of the
-    water (k, rows, columns), NaN on land. `still` is the map that they are made of.
+    """The maps of one quantity at k times, `times_s` (k,) [unix s]: `means` and `sds` of the
+    water, (k, rows, columns), NaN on land. `still` is the map that they are made from.
     """
 
     still: QuantityMap
@@ -38,9 +38,9 @@ class Movie:
 
 
 def moments_of(times: Array, every_s: float) -> Array:
-    """The moments (k,) [unix s] of a movie from the first of the samples' `times` (n,) on.
+    """The times (k,) [unix s] of a movie, starting with the first of the samples' `times` (n,).
 
-    Raises `InputError` where there would be too few or too many.
+    Raises `InputError` if there would be too few or too many.
     """
     if not (np.isfinite(every_s) and every_s > 0):
         raise InputError(
@@ -59,12 +59,12 @@ def moments_of(times: Array, every_s: float) -> Array:
 
 
 def is_told(one: QuantityMap) -> bool:
-    """Whether the samples tell how a quantity changed: without that a movie stands still."""
+    """Whether the samples show how a quantity changed; without that, a movie does not move."""
     return one.is_of_moment and one.change.is_heeded
 
 
 def movie_of(still: QuantityMap, moments_s: Array) -> Movie:
-    """The maps at some moments (k,) [unix s], by the field of a map of one moment."""
+    """Make the maps at given times (k,) [unix s] from the field of a map of one time."""
     grid, readings, scale = still.grid, still.readings, still.scale
     nodes = grid.nodes
     with one_blas_thread():

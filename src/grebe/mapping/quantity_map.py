@@ -1,4 +1,4 @@
-"""The map of one quantity, and what it says of any place."""
+"""The map of one quantity, and its values at any place."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 
 
 def water_sd(field: Field, calibration: Calibration, micro_sd: float, places: Array) -> Array:
-    """Standard deviation (n,) of the water at places (n, 2), on the field's scale: the field's, as
-    far as left-out readings say it can be trusted, and what varies within metres.
+    """Standard deviation (n,) of the water at places (n, 2), on the field's scale: the field's own,
+    calibrated by left-out readings, combined with what varies within metres.
     """
     return sd_with(field.sd(places), calibration, micro_sd, places)
 
 
 def sd_with(field_sd: Array, calibration: Calibration, micro_sd: float, places: Array) -> Array:
-    """As `water_sd`, of a field whose standard deviation (n,) at the places is known."""
+    """As `water_sd`, for a field whose standard deviation (n,) at the places is known."""
     return np.hypot(calibration.factor(places) * field_sd, micro_sd)
 
 
 def possible(mean: Array, quantity: Quantity, values: Array) -> Array:
-    """A mean that is nowhere beyond what is possible of a quantity, or was read of it: between
-    readings of a depth of 2 m a smooth field may run into the air.
+    """Clip a mean to the quantity's possible range, widened by what was actually read: between
+    readings of a depth of 2 m, a smooth field may come out above the surface.
     """
     low, high = quantity.span
     return np.clip(mean, min(low, float(values.min())), max(high, float(values.max())))
@@ -44,7 +44,7 @@ def possible(mean: Array, quantity: Quantity, values: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceValues:
-    """The water at n places: `mean`, `sd`, and the ends of its 95 % interval, (n,)."""
+    """The water at n places: `mean`, `sd` and the ends of its 95 % interval, (n,) each."""
 
     mean: Array
     sd: Array
@@ -55,22 +55,23 @@ class PlaceValues:
 @dataclass(frozen=True, kw_only=True)
 class QuantityMap:
     """The map of one quantity: `mean` and `sd` of the water, (rows, columns), NaN on land;
-    how it was made and what it is worth.
+    how it was made and how good it is.
 
-    `field` answers at any place, before the calibration; `model` is what it is made of, with the
-    reason for it.
+    `field` gives estimates at any place, before calibration; `model` is the model behind it, and
+    `reason` says why its method was used.
 
-    `micro_sd`, of what varies within metres, is part of `sd`; a sensor's `noise_sd` is not.
-    `calibration` are the factors that left-out stretches and lines put on the standard deviations.
-    `change` is what all of the water changed by, and how late the sensor was. `is_of_moment`: both
-    are taken out, and the map is of `change.moment_s`; if not, each place is as it was when the
-    boat was near. `readings` made the map, brought to its moment.
+    `micro_sd`, the variation within metres, is part of `sd`; a sensor's `noise_sd` is not.
+    `calibration` holds factors of the standard deviations, found from left-out stretches and
+    lines. `change` is the change of all the water during the survey, and the sensor's lag. If
+    `is_of_moment`, both are removed and the map is of the time `change.moment_s`; if not, each
+    place is as it was when the boat was near. `readings` are those that made the map, brought to
+    its time.
 
-    `mean` and `sd`, and what the properties say, are in the quantity's unit. What the map was made
-    of - `field`, `model`, `readings`, `change`, `micro_sd` - is on its `scale`, and there the water
-    is normal about `on_scale`, mean and standard deviation; None where that is `mean` and `sd`. Of
-    a skewed quantity `mean` is by `known_sd`, while `sd`, intervals and draws hold all that is
-    unsure.
+    `mean`, `sd` and the properties are in the quantity's unit. `field`, `model`, `readings`,
+    `change` and `micro_sd` are on the map's `scale`, on which the water is normally distributed
+    with the mean and standard deviation `on_scale`; None where these are `mean` and `sd`. For a
+    skewed quantity, `mean` is computed with `known_sd`, while `sd`, intervals and draws include the
+    full uncertainty.
     """
 
     quantity: Quantity
@@ -93,12 +94,12 @@ class QuantityMap:
 
     @property
     def positions(self) -> Array:
-        """Where the samples were taken that made the map, (n, 2) [m]."""
+        """Positions of the samples that made the map, (n, 2) [m]."""
         return self.readings.positions
 
     @property
     def values(self) -> Array:
-        """Their values (n,), brought to the map's moment where it has one."""
+        """Their values (n,), brought to the map's time if it has one."""
         return self.scale.back(self.readings.values)
 
     @property
@@ -108,19 +109,19 @@ class QuantityMap:
 
     @property
     def noise_sd(self) -> float:
-        """Standard deviation of an observation about the water, where that is as in the middle."""
+        """Standard deviation of an observation about the water, at the map's median value."""
         nugget = self.calibration.on_way**2 * self.model.nugget
         return self.in_unit(float(np.sqrt(max(nugget - self.micro_sd**2, 0.0))))
 
     @property
     def changed_by(self) -> float:
-        """By how much all of the water changed during the survey, where it is as in the middle."""
+        """How much all of the water changed during the survey, at the map's median value."""
         return self.in_unit(self.change.range_of)
 
     @property
     def interval95(self) -> dict[str, Array]:
-        """The ends of the 95 % intervals, (rows, columns), where they are not symmetric about the
-        mean; empty where `mean` and `sd` tell them.
+        """The ends of the 95 % intervals, (rows, columns), if they are not symmetric about the
+        mean; empty if `mean` and `sd` give them.
         """
         if self.on_scale is None:
             return {}
@@ -130,18 +131,18 @@ class QuantityMap:
 
     @property
     def error95(self) -> float:
-        """Half the width of the 95 % interval of the median place."""
+        """Half the width of the 95 % interval at the median place."""
         inside, ends = self.grid.inside, self.interval95
         if not ends:
             return Z95 * float(np.median(self.sd[inside]))
         return float(np.median((ends["high95"] - ends["low95"])[inside])) / 2
 
     def in_unit(self, step: float) -> float:
-        """What a small step on the map's scale is in the quantity's unit, at the map's median."""
+        """Convert a small step on the map's scale to the quantity's unit, at the map's median."""
         return step * self.scale.slope(float(np.nanmedian(self.mean)))
 
     def at(self, places: Array) -> PlaceValues:
-        """What is known of places (n, 2) [m]."""
+        """Return the estimates at places (n, 2) [m]."""
         mean = self.field.mean(places)
         sd = water_sd(self.field, self.calibration, self.micro_sd, places)
         low, high = (self.scale.back(mean + z * sd) for z in (-Z95, Z95))
@@ -154,7 +155,7 @@ class QuantityMap:
         )
 
     def exceedance(self, threshold: float) -> Array:
-        """Probability that the water lies above a threshold, (rows, columns); NaN on land."""
+        """Probability that the water exceeds a threshold, (rows, columns); NaN on land."""
         mean, sd = self.on_scale or (self.mean, self.sd)
         return exceedance(self.scale, mean, sd, threshold)
 
@@ -164,8 +165,8 @@ class QuantityMap:
         return np.array([self.grid.spread(one) for one in drawn])
 
     def draws_at_nodes(self, count: int, every: int = 1, seed: int = 0) -> Array:
-        """Equally likely values given the samples at every so many of the grid's nodes in the
-        water, (count, m).
+        """Equally likely values given the samples, (count, m), at every `every`-th of the grid's
+        nodes in the water.
         """
         nodes, inside = self.grid.nodes[::every], self.grid.inside
         mean, _ = self.on_scale or (self.mean, self.sd)
@@ -180,7 +181,8 @@ class QuantityMap:
 
 
 def known_sd(sd: Array, readings: Readings) -> Array:
-    """What of a standard deviation counts for the mean of a skewed quantity: at most that of the
-    readings. An interval may be wider, for what is not known of the covariance; the water is not.
+    """The part of a standard deviation that counts for the mean of a skewed quantity: at most the
+    readings' own. An interval may be wider, because the covariance is uncertain; the water's spread
+    is not.
     """
     return np.minimum(sd, float(np.std(readings.values)))

@@ -1,11 +1,11 @@
-"""The scale on which a quantity is mapped: its own, or the logarithm's.
+"""The scale on which a quantity is mapped: its own or the logarithm.
 
 What a plume carries - turbidity, chlorophyll - is positive and skewed: some readings are ten times
-the rest, and vary ten times as much. On its own scale one variance serves both, so that clear water
-is called as uncertain as the plume, down to negative turbidities. Its logarithm is nearly normal:
-it is mapped by the same methods, and brought back by the moments of the lognormal distribution, so
-that the mean is that of the quantity and no median (Cressie 1993, section 3.2.2: lognormal
-kriging).
+the rest and vary ten times as much. On the quantity's own scale one variance serves both, so clear
+water appears as uncertain as the plume, down to negative turbidities. The logarithm is nearly
+normal. It is mapped by the same methods and transformed back by the moments of
+the lognormal distribution, so that the map shows the quantity's mean and not its median (Cressie
+1993, section 3.2.2: lognormal kriging).
 """
 
 from __future__ import annotations
@@ -24,40 +24,40 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# The logarithm is not asked for where the standard deviation is a smaller share of the mean than
-# this: both scales are then the same but for a factor.
+# The logarithm is not considered where the standard deviation is a smaller share of the mean than
+# this: the two scales then differ by little more than a factor.
 LEAST_SPREAD = 0.3
-# What the logarithm must add to the log likelihood of one reading each so many metres, of
-# independent normal values.
+# How much the logarithm must add to the log likelihood. The values, one for every `APART_M` metres,
+# are taken as independent and normal.
 CLEAR_GAIN, APART_M = 10.0, 10.0
 
 
 class Scale(Protocol):
-    """A scale, and what a normal distribution on it is in the quantity's unit."""
+    """A scale, and how a normal distribution on it converts to the quantity's unit."""
 
     @property
     def name(self) -> str:
-        """As settings and files have it."""
+        """Its name in settings and files."""
         ...
 
     def forward(self, values: Array) -> Array:
-        """Values in the quantity's unit, on the scale."""
+        """Convert values from the quantity's unit to the scale."""
         ...
 
     def back(self, values: Array) -> Array:
-        """Values on the scale, in the quantity's unit."""
+        """Convert values from the scale to the quantity's unit."""
         ...
 
     def mean(self, mean: Array, sd: Array) -> Array:
-        """Mean in the quantity's unit of what is normal on the scale."""
+        """Mean, in the quantity's unit, of a normal distribution on the scale."""
         ...
 
     def sd(self, mean: Array, sd: Array) -> Array:
-        """Its standard deviation in the quantity's unit."""
+        """Its standard deviation, in the quantity's unit."""
         ...
 
     def slope(self, at: float) -> float:
-        """How much of the quantity's unit is one of the scale's, at a value in that unit."""
+        """How many of the quantity's units one unit on the scale is, at a value in that unit."""
         ...
 
 
@@ -120,8 +120,8 @@ SCALES: Mapping[str, Scale] = {one.name: one for one in (LINEAR, LOGARITHMIC)}
 
 
 def scale_of(positions: Array, values: Array) -> Scale:
-    """The scale on which readings (n,) at positions (n, 2) are the more nearly normal, by the
-    likelihood of Box and Cox (1964) for the powers 1 and 0, of the means over `APART_M`.
+    """Choose the scale on which readings (n,) at positions (n, 2) are closer to normal, by the
+    likelihood of Box and Cox (1964) for the powers 1 and 0, applied to means over `APART_M`.
     """
     if len(values) == 0 or values.min() <= 0 or values.std() < LEAST_SPREAD * values.mean():
         return LINEAR
@@ -136,12 +136,12 @@ def scale_of(positions: Array, values: Array) -> Scale:
 
 
 def exceedance(scale: Scale, mean: Array, sd: Array, threshold: float) -> Array:
-    """Probability that what is normal on the scale, with this mean and standard deviation, lies
-    above a threshold in the quantity's unit; NaN on land.
+    """Probability that a normal distribution on the scale, with this mean and standard deviation,
+    exceeds a threshold in the quantity's unit; NaN on land.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         limit = scale.forward(np.asarray(threshold, dtype=float))
-        # Below all that the scale knows.
+        # A threshold outside the scale is below all values.
         limit = -np.inf if np.isnan(limit) else limit
         z = (mean - limit) / sd
     certain = (mean > limit).astype(float)

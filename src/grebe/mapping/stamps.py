@@ -1,4 +1,4 @@
-"""Time stamps as loggers write them, which may be coarser than their readings."""
+"""Time stamps as loggers write them, which may be coarser than the interval of the readings."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# What is longer than so many usual steps is a pause.
+# A gap longer than this many usual steps is a pause.
 PAUSE_STEPS = 5.0
 
 
 def spread_times(times: Array) -> Array:
-    """Times that ascend strictly where they stand still: a logger that writes whole seconds, or
-    minutes, took its readings within them.
+    """Spread equal time stamps so that times ascend strictly: a logger that writes whole seconds,
+    or minutes, took its readings within them.
     """
     if len(times) < 2 or np.any(np.diff(times) < 0):
         return times
@@ -25,14 +25,14 @@ def spread_times(times: Array) -> Array:
     if len(stamps) == len(times):
         return times
     usual = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 1.0
-    # Before a pause they were taken as before any other stamp.
+    # Readings before a pause are spread over no more than `PAUSE_STEPS` usual steps.
     until = np.minimum(np.append(np.diff(stamps), usual), PAUSE_STEPS * usual)
     place = np.arange(len(times)) - np.repeat(first, size)
     return times + place * np.repeat(until / size, size)
 
 
 def usual_step_s(times: Array) -> float:
-    """How far apart readings at times (n,) [s] are in the mean, pauses apart."""
+    """The mean interval between readings at times (n,) [s], not counting pauses."""
     steps = np.diff(spread_times(np.sort(times)))
     if not len(steps):
         return 0.0

@@ -1,7 +1,7 @@
 """One thread for linear algebra.
 
-The matrices of a map are small: more threads than one gain nothing on an idle machine, and on a
-busy one they wait for each other many times as long as they compute.
+A map's matrices are small. On an idle machine, more threads than one gain nothing; on a busy one,
+they wait for each other many times longer than they compute.
 """
 
 from __future__ import annotations
@@ -14,6 +14,6 @@ from threadpoolctl import threadpool_limits
 
 @contextmanager
 def one_blas_thread() -> Generator[None, None, None]:
-    """Within it BLAS uses one thread; what held before is restored."""
+    """Limit BLAS to one thread within the context, and restore the previous limit after it."""
     with threadpool_limits(limits=1, user_api="blas"):
         yield

@@ -1,4 +1,4 @@
-"""The boat's way through its readings: how far places lie beside it, and when it passed them."""
+"""The boat's path through its readings: how far places are from it, and when it passed them."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# A place this far from the way is no longer on it [m]: the error of a receiver, about.
+# A place farther than this from the path is not on it [m]: about the error of a receiver.
 REACH_M = 3.0
-# Between readings further apart than this nobody knows which way the boat went [m]. It is a little
-# more than the longest stretch by whose leaving out a map is proved.
+# Between readings farther apart than this, the boat's path is unknown [m]. It is a little more than
+# the longest stretch that is left out to validate a map.
 LONGEST_LEG_M = 40.0
-# Up to so many places are the samples of a fold; a map has more nodes.
+# No more places than this are the samples of a fold; a map has more nodes.
 FEW_PLACES = 1_000
 
 
 def half_cell_m(step_m: float) -> float:
-    """How far from a node of a map, whose nodes are `step_m` apart, its cell reaches: a node stands
-    for its cell, so one whose cell the way crosses is on the way. No more than `REACH_M`.
+    """How far from a node of a map, whose nodes are `step_m` apart, its cell reaches, up to
+    `REACH_M`. A node stands for its cell, so a node is on the path if the path crosses its cell.
     """
     return min(step_m / np.sqrt(2.0), REACH_M)
 
 
 def blocks_of(positions: Array, side_m: float) -> NDArray[np.int64]:
-    """The square block of water, by a number from 0, in which each position (n, 2) lies."""
+    """The number, from 0, of the square block of water that contains each position (n, 2)."""
     corners = np.floor(positions / side_m).astype(np.int64)
     _, blocks = np.unique(corners, axis=0, return_inverse=True)
     return np.asarray(blocks, dtype=np.int64).ravel()
@@ -39,14 +39,14 @@ def blocks_of(positions: Array, side_m: float) -> NDArray[np.int64]:
 
 def off_the_way(way: Array, places: Array) -> Array:
     """Distance [m] of places (m, 2) from the line through the samples (n, 2) in their order, which
-    is broken where they lie too far apart.
+    is broken where consecutive samples are too far apart.
     """
     return _nearest_leg(way, _leg_ends(way), places)[1]
 
 
 def passed(way: Array, times: Array, places: Array) -> tuple[Array, Array]:
-    """When (m,) a boat that was at its places `way` (n, 2) at `times` (n,) came nearest to other
-    places (m, 2), and how far (m,) [m] from each.
+    """When (m,) a boat that was at places `way` (n, 2) at `times` (n,) came nearest to other
+    places (m, 2), and how far it was (m,) [m] from each.
     """
     order = np.argsort(times, kind="stable")
     way, times = way[order], times[order]
@@ -59,8 +59,8 @@ def passed(way: Array, times: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _leg_ends(way: Array) -> Array:
-    """Where the leg from each of the places (n, 2) ends: at the next one, or where it began, where
-    the next one is too far or there is none.
+    """Where the leg from each of the places (n, 2) ends: at the next one, or where it began if the
+    next one is too far away or there is none.
     """
     ends = np.vstack([way[1:], way[-1:]])
     apart = np.hypot(*(ends - way).T) > LONGEST_LEG_M
@@ -69,9 +69,11 @@ def _leg_ends(way: Array) -> Array:
 
 
 def _nearest_leg(way: Array, ends: Array, places: Array) -> tuple[NDArray[np.int64], Array]:
-    """Which leg (m,) is nearest to each place, and how far [m] it is. All quantities of a survey,
-    and both halves of a map, ask for the same nodes beside the same way; between two quantities
-    each asks for the few samples of every fold, which must not push the nodes out of memory.
+    """Which leg (m,) is nearest to each place, and how far away it is [m].
+
+    All quantities of a survey, and both halves of a map, query the same nodes beside the same path.
+    In between, each quantity queries the few samples of every fold. These have a cache of their
+    own, so that they do not push out the nodes.
     """
     asked = _nearest_to_few if len(places) <= FEW_PLACES else _nearest_to_many
     return asked(way, ends, places)

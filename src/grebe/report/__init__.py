@@ -1,1 +1,1 @@
-"""Pictures, and the page for the lake's manager."""
+"""Figures, and the report page for the lake's manager."""

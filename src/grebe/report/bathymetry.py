@@ -1,4 +1,4 @@
-"""The lake's volume and hypsographic curve, from the map of its depth: numbers, picture, CSV."""
+"""The lake's volume and hypsographic curve, from the map of its depth: figures, picture, CSV."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from grebe.mapping.quantity_map import QuantityMap
 from grebe.report.canvas import BLUE, VERMILLION, styled
 from grebe.report.texts import Texts, texts_of
 
-# Draws of the map, at so many of its nodes at most: what they tell is of the whole lake.
+# Draws of the map, and the most nodes at which they are made; they represent the whole lake.
 DRAWS, MOST_NODES = 100, 4_000
 COLUMNS = ("depth_m", "area_m2", "area_sd_m2", "volume_below_m3", "volume_below_sd_m3")
 
 
 def bathymetry_of(one: QuantityMap, survey: Survey) -> Bathymetry | None:
-    """The lake's numbers from the map of its depth; None for a map of anything else."""
+    """The lake's figures from the map of its depth; None for a map of another quantity."""
     if one.quantity.key != WATER_DEPTH:
         return None
     inside = one.grid.inside
@@ -31,7 +31,7 @@ def bathymetry_of(one: QuantityMap, survey: Survey) -> Bathymetry | None:
 
 @styled
 def hypsographic_figure(lake: Bathymetry, texts: Texts | None = None) -> Figure:
-    """Area and volume below each depth, depth downwards, with 95 % bands."""
+    """Area and volume below each depth, with depth downwards and 95 % bands."""
     t, curve = texts or texts_of("en"), lake.curve
     figure = Figure(figsize=(8.4, 4.0))
     left, right = figure.subplots(1, 2, sharey=True)
@@ -52,7 +52,7 @@ def hypsographic_figure(lake: Bathymetry, texts: Texts | None = None) -> Figure:
 
 
 def write_hypsography(path: Path, lake: Bathymetry) -> None:
-    """Write the hypsographic curve as CSV, one depth a line."""
+    """Write the hypsographic curve as CSV, one depth per line."""
     curve = lake.curve
     rows = zip(
         curve.depth_m, curve.area_m2, curve.area_sd_m2, curve.volume_m3, curve.volume_sd_m3,

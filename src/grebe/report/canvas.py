@@ -1,6 +1,7 @@
-"""What all pictures share: style, colours, the water and its shore, and how they are saved.
+"""What all pictures share: style, colours, the water and its shore, and saving.
 
-East to the right, north up. Okabe-Ito colours for lines, which the colour-blind can read.
+East is to the right and north is up. Lines have Okabe-Ito colours, which the colour-blind can
+distinguish.
 """
 
 from __future__ import annotations
@@ -45,12 +46,12 @@ STYLE: dict[str, Any] = {
     "svg.hashsalt": "grebe",
 }
 DPI = 130
-# The height above a map that its scale and its arrow take [pt].
+# The height above a map that its scale bar and north arrow take [pt].
 BAND_PT = 20.0
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw within Grebe's style and leave matplotlib's settings as they were."""
+    """Draw in Grebe's style and leave matplotlib's settings unchanged."""
 
     def wrapped(*args: Any, **options: Any) -> Figure:
         with mpl.rc_context(cast(Any, STYLE)):
@@ -61,7 +62,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 class _Numbers(ScalarFormatter):
-    """The numbers of an axis as a language writes them."""
+    """The numbers of an axis, written as in a language."""
 
     def __init__(self, texts: Texts) -> None:
         super().__init__()
@@ -75,7 +76,7 @@ class _Numbers(ScalarFormatter):
 
 
 def localise(figure: Figure, texts: Texts) -> Figure:
-    """Write the numbers of all axes, colour bars' too, as a language does."""
+    """Write the numbers of all axes, including colour bars', as in a language."""
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             if type(axis.get_major_formatter()) is ScalarFormatter:
@@ -101,7 +102,7 @@ def draw_shore(axes: Axes, survey: Survey) -> None:
 
 
 def draw_no_go(axes: Axes, survey: Survey) -> None:
-    """Hatch the zones to stay out of."""
+    """Hatch the no-go zones."""
     for i, zone in enumerate(survey.no_go):
         ring = np.asarray(zone.exterior.coords)
         label = "no-go" if i == 0 else None
@@ -129,7 +130,7 @@ def draw_start(axes: Axes, survey: Survey, label: str = "start") -> None:
 def finish_map(
     axes: Axes, survey: Survey, east: str = "east [m]", north: str = "north [m]"
 ) -> None:
-    """Name a map's axes and frame the water and the start."""
+    """Label a map's axes and fit them to the water and the start."""
     axes.set_aspect("equal")
     axes.set_xlabel(east)
     axes.set_ylabel(north)
@@ -144,7 +145,7 @@ def finish_map(
 
 
 def legend_below(axes: Axes) -> None:
-    """Name what is drawn, below the map and the names of its axes."""
+    """Add a legend below the map and its axis labels."""
     handles, labels = axes.get_legend_handles_labels()
     cast(Figure, axes.get_figure()).legend(
         handles, labels, loc="outside lower center", ncols=3, frameon=False
@@ -152,14 +153,14 @@ def legend_below(axes: Axes) -> None:
 
 
 def legend_above(axes: Axes, **more: Any) -> None:
-    """Name what is drawn above its right end: within, it would lie on curves or look like one."""
+    """Add a legend above the right end: inside, it could cover curves or look like one."""
     where = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
     axes.legend(**{**where, "ncols": 2, "frameon": False, **more})
 
 
 def _draw_scale(axes: Axes) -> None:
-    """Above the map's right end a bar of a round length, and an arrow to the north; above both the
-    title, which may be long. In points, for a wide lake's map is a low one.
+    """Draw a scale bar of a round length and a north arrow above the map's right end, below the
+    title, which may be long. Distances are in points, because the map of a wide lake is low.
     """
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=BAND_PT)
     left, right = axes.get_xlim()
@@ -188,20 +189,20 @@ def _draw_scale(axes: Axes) -> None:
 
 
 def figure_size(survey: Survey) -> tuple[float, float]:
-    """A figure's size for a map of this region, between wide and tall."""
+    """The size of a figure for a map of this region."""
     ratio = aspect(survey)
     width = 6.4 if ratio <= 1 else 5.6
     return width, width * ratio * 0.82 + 1.1
 
 
 def aspect(survey: Survey) -> float:
-    """Height over width of the region, held between wide and tall."""
+    """Height over width of the region, limited so that its map is neither too wide nor too tall."""
     north0, east0, north1, east1 = survey.water.bounds
     return float(np.clip((north1 - north0) / (east1 - east0), 0.4, 1.6))
 
 
 def _quiet_about_glyphs() -> None:
-    """A name in letters that the font lacks is drawn with boxes; nobody need read of it twice."""
+    """Silence warnings about letters that the font lacks: the boxes drawn for them show it."""
     warnings.filterwarnings("ignore", message="Glyph .* missing from font")
 
 
@@ -214,7 +215,7 @@ def png_bytes(figure: Figure) -> bytes:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Save a figure in the format that the path's ending names."""
+    """Save a figure in the format given by the path's suffix."""
     _quiet_about_glyphs()
     with written_whole(path) as part:
         figure.savefig(part, dpi=DPI, bbox_inches="tight")

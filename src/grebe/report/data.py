@@ -1,4 +1,4 @@
-"""What a report and the maps are made of, read once from a survey file."""
+"""The data behind a report and its maps, read once from a survey file."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from grebe.mapping.quantity_map import QuantityMap
 
 @dataclass(frozen=True, kw_only=True)
 class ReportData:
-    """A survey with what was measured and the maps of it; `left_out` says why others are none,
-    `movies` are None where none were asked for, and else those that the samples tell; `lags` say
-    which sensors' readings were put back to where they were true.
+    """A survey with its measurements and maps. `left_out` says why other quantities have no map.
+    `movies` is None if none were requested, and otherwise holds those that could be made. `lags`
+    are the sensor lags that were corrected.
     """
 
     survey: Survey
@@ -75,17 +75,17 @@ class ReportData:
 
     @property
     def is_of_track(self) -> bool:
-        """Whether the outline is drawn about the track and is no shore."""
+        """Whether the outline was drawn around the track and so is not a shore."""
         return self.meta.get("outline") == OF_TRACK
 
     @property
     def is_simulated(self) -> bool:
-        """Whether nothing was measured."""
+        """Whether the survey was simulated, so that nothing was measured."""
         return is_simulated(self.meta.get("water", ""))
 
     @property
     def quality(self) -> dict[str, dict[str, tuple[int, int]]] | None:
-        """For each quantity and test the values found suspect and failed; None if not checked."""
+        """The numbers of suspect and failed values by quantity and test; None if not checked."""
         noted = self.meta.get("quality")
         return None if noted is None else json.loads(noted)["counts"]
 
@@ -98,11 +98,11 @@ def gather(
     every_s: float | None = None,
     each: Each = in_turn,
 ) -> ReportData:
-    """Read a survey file and map its samples; `on_mapped` is told how many quantities are done.
-    `each` makes the map of each of them.
+    """Read a survey file and map its samples. `on_mapped` is called with the number of quantities
+    done and the total; `each` makes the map of each quantity.
 
-    With `every_s` there are movies of what changed, a map every so many seconds, and the maps are
-    of one moment: the middle, if no other is stated.
+    With `every_s`, also make movies of what changed, with a map every `every_s` seconds. The maps
+    are then of one time: the middle of the survey, if no other is set.
     """
     samples = survey_file.samples()
     survey, meta, lags = survey_file.survey, survey_file.meta(), survey_file.lags()

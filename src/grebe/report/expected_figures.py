@@ -1,4 +1,4 @@
-"""A picture of how sure a map will be, before anybody has gone out."""
+"""A picture of how accurate a map will be, before anything is measured."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 def expected_figure(
     survey: Survey, grid: Grid, sd: NDArray[np.floating], way: NDArray[np.floating]
 ) -> Figure:
-    """The standard deviation (rows, columns) that is left, over the quantity's own, and the way
-    (n, 2) along which samples are taken.
+    """The expected standard deviation (rows, columns) as a share of the quantity's own, and the
+    path `way` (n, 2) along which samples are taken.
     """
     figure = Figure(figsize=figure_size(survey))
     axes = figure.subplots()
@@ -37,7 +37,7 @@ def expected_figure(
         vmin=0.0,
         vmax=1.0,
     )  # fmt: skip
-    axes.plot(way[:, 1], way[:, 0], color=SKY, lw=0.8, label="way")
+    axes.plot(way[:, 1], way[:, 0], color=SKY, lw=0.8, label="path")
     draw_shore(axes, survey)
     draw_no_go(axes, survey)
     figure.colorbar(

@@ -1,4 +1,4 @@
-"""A picture of an identification: measured and predicted motion, and the numbers' intervals."""
+"""A picture of an identification: measured and predicted motion, and parameters' intervals."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# A drive longer than this is shown by its beginning [s].
+# Of a longer drive, only the beginning is shown [s].
 SHOWN_S = 240.0
-# Intervals are of so many standard errors.
+# Half the width of an interval, in standard errors.
 WIDTH = 2.0
 AXES = (("surge [m/s]", 1.0), ("sway [m/s]", 1.0), ("yaw rate [deg/s]", 180.0 / math.pi))
 
 
 @styled
 def identification_figure(found: Identification) -> Figure:
-    """Surge, sway and yaw rate, measured and predicted in pieces; below, each number's interval."""
+    """Surge, sway and yaw rate, measured and predicted; below, each parameter's interval."""
     figure = Figure(figsize=(10.0, 9.6))
     *motions, numbers = figure.subplots(
         4, 1, height_ratios=(2, 2, 2, 0.6 + 0.17 * len(_boat(found)))
@@ -58,7 +58,7 @@ def _draw_motion(axes: Axes, found: Identification, channel: int) -> None:
     axes.plot(
         times, scale * course.measured[shown, channel], ".", color=GREY, ms=2.5, label="measured"
     )
-    # A gap before each piece: every one begins from a start of its own.
+    # Leave a gap before each piece, because each starts from its own initial state.
     piece = np.cumsum(course.begins)[shown]
     for number in np.unique(piece):
         own = piece == number
@@ -70,7 +70,7 @@ def _draw_motion(axes: Axes, found: Identification, channel: int) -> None:
     axes.set_xlim(times[0], times[-1])
     before, after = scale * check.preset[channel], scale * check.fitted[channel]
     axes.text(
-        0.995, 0.03, f"held out, rms: {after:.3f}; as believed before: {before:.3f}",
+        0.995, 0.03, f"held out, rms: {after:.3f}; with the previous values: {before:.3f}",
         transform=axes.transAxes, ha="right", fontsize=8.5,
         bbox={"facecolor": "white", "alpha": 0.85, "lw": 0, "pad": 1.5},
     )  # fmt: skip
@@ -84,7 +84,7 @@ def _shade(axes: Axes, times: Array, held: NDArray[np.bool_]) -> None:
 
 
 def _draw_numbers(axes: Axes, boat: list[Told]) -> None:
-    """Each number over what was believed before, or as it is where that was nothing."""
+    """Draw each parameter relative to its previous value, or its text alone if it had none."""
     places = np.arange(len(boat))[::-1]
     axes.axvline(1.0, color=BLACK, lw=0.8, ls="--")
     for place, one in zip(places, boat, strict=True):
@@ -99,7 +99,7 @@ def _draw_numbers(axes: Axes, boat: list[Told]) -> None:
     axes.set_yticks(places, [one.name for one in boat], fontsize=8.5)
     axes.set_ylim(-0.7, len(boat) - 0.3)
     axes.set_xlabel(
-        f"over what was believed before (dashed), ± {WIDTH:g} standard errors; "
-        "orange: not told by this drive"
+        f"relative to the previous value (dashed), ± {WIDTH:g} standard errors; "
+        "orange: not determined by this drive"
     )
     axes.grid(axis="x", lw=0.4, alpha=0.5)

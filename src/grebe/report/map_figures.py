@@ -1,7 +1,7 @@
-"""Pictures of maps: a quantity's mean and standard deviation, what is uncertain, what changed.
+"""Pictures of maps: a quantity's mean and standard deviation, its uncertainty, and its change.
 
-The colours of its quantity (cividis, mostly) for a mean, magma reversed for a standard
-deviation: both can be read by the colour-blind.
+A mean has the colours of its quantity (mostly cividis) and a standard deviation has magma reversed.
+The colour-blind can read both.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 @styled
 def map_figure(survey: Survey, one: QuantityMap, samples: Samples) -> Figure:
-    """Mean and standard deviation side by side, the samples on the second."""
+    """Mean and standard deviation side by side, with the samples on the second."""
     figure = Figure(figsize=(10.9, 4.0 * aspect(survey) + 1.0))
     left, right = figure.subplots(1, 2)
     unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
@@ -59,7 +59,7 @@ def map_figure(survey: Survey, one: QuantityMap, samples: Samples) -> Figure:
 
 
 def _draw_samples(axes: Axes, key: str, samples: Samples) -> None:
-    """The samples of a quantity, those that quality control left out by another mark."""
+    """Draw the samples of a quantity; those left out by quality control have another marker."""
     measured = np.isfinite(samples.values[key])
     usable = samples.usable(key)
     for chosen, mark, size, colour, label in (
@@ -77,8 +77,8 @@ def _draw_samples(axes: Axes, key: str, samples: Samples) -> None:
 def quantity_figure(
     survey: Survey, one: QuantityMap, thresholds: Sequence[Threshold], texts: Texts
 ) -> Figure:
-    """All there is to see of a quantity: mean and standard deviation, and below them how it is
-    distributed, the probability of concern, and the variogram.
+    """All pictures of a quantity: mean and standard deviation, and below them the histogram, the
+    probability of concern, and the variogram.
     """
     figure = Figure(figsize=(10.9, 4.4 * aspect(survey) + 4.3))
     grid = figure.add_gridspec(2, 6, height_ratios=(1.35 * aspect(survey) + 0.3, 1))
@@ -108,8 +108,8 @@ def quantity_figure(
 def difference_figure(
     survey: Survey, one: QuantityMap, change: Difference, days: tuple[str, str]
 ) -> Figure:
-    """What changed, from blue (less) to red (more), or by how much where all of it changed the same
-    way; hatched where it may be nothing.
+    """The change, from blue (less) to red (more), or its size if all of it has the same sign;
+    hatched where it may be zero.
     """
     figure = Figure(figsize=(7.2, 4.4 * aspect(survey) + 1.2))
     axes = figure.subplots()
@@ -126,7 +126,7 @@ def difference_figure(
     hatch(axes, one, np.where(np.isfinite(change.mean), ~change.clear, False).astype(float))
     draw_shore(axes, survey)
     finish_map(axes, survey)
-    figure.suptitle(f"{one.quantity.label}: {days[1]} less {days[0]}", x=0.01, ha="left")
+    figure.suptitle(f"{one.quantity.label}: {days[1]} minus {days[0]}", x=0.01, ha="left")
     return figure
 
 
@@ -136,7 +136,7 @@ def is_hatched(one: QuantityMap) -> bool:
 
 
 def _uncertain(one: QuantityMap) -> NDArray:
-    """1 where the 95 % error is larger than the map's range, from 5 to 95 % of its area."""
+    """1 where the 95 % error is larger than the map's range, from 5 to 95 % of its area; else 0."""
     low, high = np.nanpercentile(one.mean, [5, 95])
     return np.where(Z95 * one.sd > high - low, 1.0, 0.0)
 
@@ -165,7 +165,7 @@ def _draw_concern(
     thresholds: Sequence[Threshold],
     texts: Texts,
 ) -> None:
-    """The probability of the threshold that is the likeliest to be passed."""
+    """Draw the probability for the threshold that is most likely to be crossed."""
     worst = max(thresholds, key=lambda each: float(np.nanmean(each.probability(one))))
     mesh = axes.pcolormesh(
         one.grid.east, one.grid.north, worst.probability(one), cmap="magma_r", vmin=0, vmax=1,
@@ -201,14 +201,14 @@ def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
     axes.set_xlim(left=0)
     axes.set_title(texts["variogram_title"], loc="right")
     axes.set_xlabel(texts["distance"])
-    # On a scale that is a logarithm, its square has no unit.
+    # The square of a logarithm has no unit.
     unit = one.quantity.unit if one.scale == LINEAR else ""
     axes.set_ylabel(texts["semivariance"] + (f" [({unit})²]" if unit else ""))
     axes.legend(fontsize="small")
 
 
 def hatch(axes: Axes, one: QuantityMap, where: NDArray) -> None:
-    """Hatch the nodes where a field of 0 and 1 is 1."""
+    """Hatch the nodes where a field of zeros and ones is 1."""
     if where.max() < 0.5:
         return
     with mpl.rc_context({"hatch.color": GREY, "hatch.linewidth": 0.6}):

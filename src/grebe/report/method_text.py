@@ -1,4 +1,4 @@
-"""How a map was made and what it is worth, in sentences."""
+"""How a map was made and how good it is, in sentences."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from grebe.report.texts import Texts
 
 
 def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
-    """How a map was made and what it is worth, in sentences."""
+    """Describe how a map was made and how good it is, in sentences."""
     model, check = one.model, one.validation
     words = f"method_{one.method.key}"
     said = [
@@ -73,13 +73,13 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
 
 
 def _because(reason: str, t: Texts) -> str:
-    """A reason as a sentence of the language holds it."""
+    """A reason in the form in which a sentence of the language includes it."""
     told = reason_in(reason, t)
     return t("because", reason=told) if told else ""
 
 
 def _together(data: ReportData, one: QuantityMap, t: Texts) -> list[str]:
-    """What other quantities' readings have brought."""
+    """Sentences on the effect of other quantities' readings."""
     told = one.model.companions
     if told is None:
         return []
@@ -96,7 +96,7 @@ def _together(data: ReportData, one: QuantityMap, t: Texts) -> list[str]:
 
 
 def _changed(one: QuantityMap, t: Texts) -> list[str]:
-    """How the water changed during the survey, how late the sensor was, and what was done of it."""
+    """Sentences on the water's change during the survey, the sensor's lag, and their correction."""
     change, said = one.change, list[str]()
     if change.is_heeded:
         by = t.number(significant(one.changed_by, 2))
@@ -118,7 +118,7 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
 
 
 def covariance_text(model: Model, t: Texts, unit: str) -> str:
-    """A covariance in a few words; `unit` of what it is of, nothing for a logarithm."""
+    """Describe a covariance in a few words; `unit` is the quantity's, empty for a logarithm."""
     if model.parts:
         return t(
             "covariance_mean", parts="; ".join(covariance_text(one, t, unit) for one in model.parts)
@@ -144,18 +144,18 @@ def covariance_text(model: Model, t: Texts, unit: str) -> str:
 
 
 def _squared(variance: float, one: QuantityMap, t: Texts) -> str:
-    """A variance with its unit, which a logarithm has none of."""
+    """A variance with its unit; a logarithm has none."""
     unit = one.quantity.unit if one.scale == LINEAR else ""
     return t.number(significant(variance, 3)) + (f" ({unit})²" if unit else "")
 
 
 def after_number(unit: str) -> str:
-    """A unit as it follows a number; nothing of one that has none."""
+    """A unit as it follows a number; empty if there is none."""
     return f" {unit}" if unit else ""
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """A number with so many significant figures, never in exponents for ordinary sizes."""
+    """A number with `digits` significant figures, without an exponent for ordinary sizes."""
     if value == 0 or not np.isfinite(value):
         return f"{value:g}"
     decimals = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))

@@ -1,4 +1,4 @@
-"""Pictures of a plan and of a mission: cells in their order, the track, speed and thrusts."""
+"""Pictures of a plan and of a mission: cells in order, the track, speed and thrusts."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 
     from grebe.report.texts import Texts
 
-# Beyond so many cells their edges and arrows would be all there is to see.
+# With more cells than these, edges and arrows would hide everything else.
 MANY_CELLS = 3_000
 ARROWS = 24
 
 
 @styled
 def plan_figure(survey: Survey) -> Figure:
-    """The water, the cells coloured by their order, the way through them and the start."""
+    """The water, the cells coloured by their order, the path through them, and the start."""
     figure = Figure(figsize=figure_size(survey))
     axes = figure.subplots()
     draw_water(axes, survey)
@@ -76,7 +76,7 @@ def plan_figure(survey: Survey) -> Figure:
 
 @styled
 def track_figure(survey: Survey, track: TrackTable, samples: Samples, texts: Texts) -> Figure:
-    """The boat's track over the cells, and where samples were taken."""
+    """The boat's track over the cells, and where the samples were taken."""
     figure = Figure(figsize=figure_size(survey))
     axes = figure.subplots()
     draw_water(axes, survey)
@@ -102,10 +102,10 @@ def track_figure(survey: Survey, track: TrackTable, samples: Samples, texts: Tex
 
 @styled
 def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
-    """Speed and thrusts over time, the speed window shaded (the paper's Figs. 8 and 9)."""
+    """Speed and thrusts over time, with the speed window shaded (the paper's Figs. 8 and 9)."""
     figure = Figure(figsize=(9.0, 4.6))
     speed, thrust = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    # Ways around land may be sailed at any speed.
+    # Transits around land may be sailed at any speed.
     cells = [t.set for t in survey.targets if t.kind == "cell"] or list(survey.sets)
     low = min(one.speed_min_mps for one in cells)
     high = max(one.speed_max_mps for one in cells)
@@ -139,8 +139,8 @@ def series_figure(survey: Survey, track: TrackTable, texts: Texts) -> Figure:
 
 
 def _corners(targets: Sequence[Target]) -> NDArray[np.float64]:
-    """The corners of targets (n, m, 2), east first. Those with fewer than others have their last
-    one several times: what comes in one array is made into paths in one go.
+    """The corners of targets (n, m, 2), east first. Targets with fewer corners repeat their last
+    one, because a single array is converted to paths at once.
     """
     rings = [target.set.vertices for target in targets]
     most = max(map(len, rings), default=3)
@@ -149,7 +149,7 @@ def _corners(targets: Sequence[Target]) -> NDArray[np.float64]:
 
 
 def _draw_transits(axes: Axes, survey: Survey, centres: NDArray[np.float64]) -> None:
-    """The way to each transit and from it: where the boat goes around land."""
+    """Draw the path to and from each transit, where the boat goes around land."""
     is_transit = np.array([t.kind == "transit" for t in survey.targets])
     if not is_transit.any():
         return
@@ -161,7 +161,7 @@ def _draw_transits(axes: Axes, survey: Survey, centres: NDArray[np.float64]) -> 
 
 
 def _draw_direction(axes: Axes, centres: NDArray[np.float64]) -> None:
-    """A few arrows along the way."""
+    """Draw a few arrows along the path."""
     step = max(1, len(centres) // ARROWS)
     tails = centres[:-1:step]
     way = (centres[1:] - centres[:-1])[::step]

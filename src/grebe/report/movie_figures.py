@@ -1,4 +1,4 @@
-"""The picture of a movie: small maps of its moments on one scale, and its level over time."""
+"""The picture of a movie: small maps at its times on one scale, and its level over time."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
     from grebe.report.texts import Texts
 
-# More maps than these are too small to be seen on a page.
+# With more maps than these, each would be too small to be seen on a page.
 MOST_MAPS, COLUMNS, LEVEL_INCHES, DAY_S = 8, 4, 2.2, 86_400.0
 
 
 @styled
 def movie_figure(survey: Survey, one: Movie, texts: Texts) -> Figure:
-    """Some of the moments, evenly spread, on one scale of colours; below them the area's mean at
-    all of them, with what the median place is unsure by.
+    """Some of the times, evenly spread, on one colour scale; below them the area's mean at all of
+    them, with the uncertainty at the median place.
     """
     shown = shown_moments(len(one.times_s))
     rows = -(-len(shown) // COLUMNS)
@@ -47,7 +47,7 @@ def movie_figure(survey: Survey, one: Movie, texts: Texts) -> Figure:
 
 
 def shown_moments(count: int) -> NDArray[np.int64]:
-    """Which of so many moments are drawn: all, or every second, third or further one."""
+    """The indices of the times that are drawn: all, or every second, third or later one."""
     return np.arange(0, count, -(-count // MOST_MAPS))
 
 
@@ -80,5 +80,5 @@ def _draw_level(axes: Axes, one: Movie, name: str, texts: Texts) -> None:
 
 
 def _clock(one: Movie) -> str:
-    """How a moment is written: with its day where there are several."""
+    """The format of a time, with its day if the movie lasts a day or more."""
     return "%H:%M" if float(np.ptp(one.times_s)) < DAY_S else "%m-%d %H:%M"

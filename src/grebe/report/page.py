@@ -28,14 +28,14 @@ from grebe.report.tables import area_classes, measured_quantities, moment_text, 
 from grebe.report.texts import Texts, texts_of
 from grebe.report.thresholds import Profile, Threshold, read_profile
 
-# A threshold is told of where this share of the area is expected on the side of concern.
+# A threshold is reported if more than this share of the area is expected on the side of concern.
 CONCERN_SHARE = 0.01
 MOST_EVENTS, MOST_STATIONS = 50, 60
 
 
 @dataclass(frozen=True, kw_only=True)
 class Concern:
-    """A threshold held to a map; `share` of the area is expected on the side of concern."""
+    """A threshold applied to a map; `share` of the area is expected on the side of concern."""
 
     one: QuantityMap
     threshold: Threshold
@@ -202,7 +202,7 @@ def _row(one: QuantityMap, t: Texts) -> dict[str, object]:
 
 
 def _classes(one: QuantityMap, t: Texts) -> str:
-    """The shares of the area by class, in a sentence."""
+    """The shares of the area by class, as a sentence."""
     said: list[str] = []
     for each in area_classes(one):
         bounds = {"low": t.number(f"{each.low:.6g}"), "high": t.number(f"{each.high:.6g}")}
@@ -215,7 +215,7 @@ def _classes(one: QuantityMap, t: Texts) -> str:
 
 
 def _paragraph(data: ReportData, t: Texts) -> str:
-    """The methods of the survey and of its maps, ready for a paper."""
+    """The methods of the survey and its maps, as a paragraph for a paper."""
     samples = data.samples
     if not data.maps or not len(samples):
         return ""
@@ -252,7 +252,7 @@ def _citation(data: ReportData, t: Texts) -> str:
 
 
 def _movies(data: ReportData, t: Texts) -> list[tuple[str, str]]:
-    """What each movie shows, and its picture."""
+    """A sentence on each movie, and its picture."""
     return [
         (
             t(
@@ -268,12 +268,12 @@ def _movies(data: ReportData, t: Texts) -> list[tuple[str, str]]:
 
 
 def _untold(data: ReportData, t: Texts) -> str:
-    """The quantities of which there is no movie, though it was asked for."""
+    """The quantities for which a movie was requested but could not be made."""
     return ", ".join(inline(one.label_in(t.language)) for one in data.still)
 
 
 def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:
-    """What a map of depths says of the lake in a sentence, and its hypsographic curve."""
+    """A sentence on the lake from a map of depths, and its hypsographic curve."""
     lakes = [lake for one in data.maps if (lake := bathymetry_of(one, data.survey)) is not None]
     return [
         (
@@ -292,14 +292,14 @@ def _bathymetry(data: ReportData, t: Texts) -> list[tuple[str, str]]:
 
 
 def _volume(volume: float, error: float, t: Texts) -> dict[str, str]:
-    """A volume to the second digit of its error."""
+    """Format a volume and its error, both rounded to the second digit of the error."""
     step = 10.0 ** (np.floor(np.log10(error)) - 1) if error > 0 else 1.0
     rounded = (f"{round(one / step) * step:,.0f}" for one in (volume, error))
     return dict(zip(("volume", "error"), map(t.number, rounded), strict=True))
 
 
 def _quality(data: ReportData, t: Texts) -> list[tuple[str, str, int, int]] | None:
-    """Quantity, test, suspect and failed values of the tests that found something."""
+    """Quantity, test, and numbers of suspect and failed values, for tests that flagged any."""
     if data.quality is None:
         return None
     return [
@@ -329,7 +329,7 @@ def _measured(data: ReportData, t: Texts) -> list[tuple[str, str]]:
 
 @dataclass(frozen=True)
 class _Pictured:
-    """Called with a map it draws all there is to see of its quantity."""
+    """Called with a map, draws all pictures of its quantity."""
 
     survey: Survey
     profile: Profile

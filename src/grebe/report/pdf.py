@@ -1,4 +1,4 @@
-"""A page as PDF, printed by a browser where one is installed."""
+"""A page as PDF, printed by an installed browser."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LONGEST_S = 120
 
 
 def print_pdf(page: Path, path: Path) -> None:
-    """Print an HTML file to `path`; `InputError` where no browser is found or it fails."""
+    """Print an HTML file to `path`. Raises `InputError` if no browser is found or it fails."""
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if browser is None:
         raise InputError(

@@ -1,8 +1,8 @@
 """Why a map was made as it was, and why another was not, in the report's language.
 
-The library gives its reasons in English. A language has templates of them, `said`, and what each is
-in its own words, `told`; what stands in braces is carried over, its numbers as the language writes
-them. What has no template is left out rather than printed in English.
+The library gives its reasons in English. A language has templates of them, `said`, and their
+translations, `told`. Values in braces are carried over, with numbers written as in the language. A
+reason without a template is left out rather than printed in English.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _BRACES = re.compile(r"\{(\w+)\}")
 
 
 def reason_in(text: str, t: Texts) -> str:
-    """A reason, whose parts are separated by semicolons; nothing where no part can be told."""
+    """Translate a reason, part by part between semicolons; empty if no part has a template."""
     if not t["reasons"]:
         return text
     found = _whole(text, t)
@@ -29,7 +29,7 @@ def reason_in(text: str, t: Texts) -> str:
 
 
 def left_out_in(text: str, quantities: Quantities, t: Texts) -> str:
-    """Why a quantity was not mapped, such as `pH: not measured`."""
+    """Translate why a quantity was not mapped, such as `pH: not measured`."""
     label, colon, why = text.partition(": ")
     one = _by_label(quantities).get(label)
     if not colon or one is None or not t["reasons"]:
@@ -43,7 +43,7 @@ def _by_label(quantities: Quantities) -> Mapping[str, Quantity]:
 
 
 def _whole(text: str, t: Texts) -> str | None:
-    """The text of the first template that fits a reason; None where none does."""
+    """Translate by the first template that fits a reason; None if none fits."""
     for one in t["reasons"]:
         names = _BRACES.findall(one["said"])
         pattern = "([^;]+?)".join(map(re.escape, _BRACES.split(one["said"])[::2]))
@@ -55,7 +55,7 @@ def _whole(text: str, t: Texts) -> str | None:
 
 
 def _told(value: str, t: Texts) -> str:
-    """What was carried over: the name of a covariance, or numbers and such names."""
+    """Translate a carried-over value: names of covariances, and numbers."""
     kinds: Mapping[str, str] = t["kinds"]
     words: list[str] = []
     for word in value.split(" "):

@@ -1,4 +1,4 @@
-"""A picture of a series of surveys: the trend of each place, and the mean over the area."""
+"""A picture of a series of surveys: the trend at each place, and the mean over the area."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 @styled
 def trend_figure(survey: Survey, one: QuantitySeries) -> Figure:
-    """Left the trend, from blue (falling) to red (rising), hatched where it may be none; right the
-    mean over the area at each survey, with the line through them.
+    """Left: the trend, from blue (falling) to red (rising), hatched where it is not clear. Right:
+    the mean over the area in each survey, with the line fitted to them.
     """
     figure = Figure(figsize=(10.9, 4.0 * aspect(survey) + 1.0))
     left, right = figure.subplots(1, 2)
@@ -42,7 +42,7 @@ def trend_figure(survey: Survey, one: QuantitySeries) -> Figure:
     right.set_title(f"Mean over the area{f' [{quantity.unit}]' if quantity.unit else ''}")
     days = [datetime.fromtimestamp(s, UTC) for s in one.times_s[[0, -1]]]
     clear = float(np.mean(trend.clear))
-    said = "hatched: may be no trend" if clear < 1 else "a trend everywhere"
+    said = "hatched: no clear trend" if clear < 1 else "a trend everywhere"
     figure.suptitle(
         f"{survey.name}, {len(one.times_s)} surveys, {days[0]:%Y-%m-%d} to {days[1]:%Y-%m-%d} "
         f"({said})", x=0.01, ha="left",

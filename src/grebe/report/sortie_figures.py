@@ -1,4 +1,4 @@
-"""A picture of a plan in sorties: whose cells are whose, and the way of each."""
+"""A picture of a plan in sorties: the cells of each, and its path."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from grebe.report.canvas import (
 )
 
 # Okabe and Ito's colours, in an order in which neighbours differ in lightness too; beyond six
-# sorties they come again, hatched.
+# sorties they repeat, hatched.
 COLOURS = (ORANGE, BLUE, "#F0E442", GREEN, SKY, VERMILLION)
 HATCHES = ("", "////", "....", "xxxx")
 MANY_CELLS = 3_000
@@ -33,7 +33,7 @@ MANY_CELLS = 3_000
 
 @styled
 def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
-    """The cells in the colours of their sorties, the way of each, its number and its harbour."""
+    """The cells in the colours of their sorties, and each sortie's path, number and harbour."""
     figure = Figure(figsize=figure_size(survey))
     axes = figure.subplots()
     draw_water(axes, survey)

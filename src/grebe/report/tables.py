@@ -1,4 +1,4 @@
-"""What a limnologist looks for in a report: stations, area by class, and what each column is."""
+"""Tables that a limnologist expects in a report: stations, area by class, and the columns."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from grebe.report.data import ReportData
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Classes of a map's values, about so many; their bounds are round numbers.
+# Approximate number of classes of a map's values; their bounds are round numbers.
 CLASSES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
 class AreaClass:
-    """Values from `low` to `high`, in the quantity's unit, either of which may be infinite; `share`
-    of the area is expected in it, the map's uncertainty included.
+    """Values from `low` to `high`, in the quantity's unit, either of which may be infinite. The
+    expected `share` of the area in the class includes the map's uncertainty.
     """
 
     low: float
@@ -34,9 +34,9 @@ class AreaClass:
 
 @dataclass(frozen=True, kw_only=True)
 class Station:
-    """What was sampled in one target set: its number, the centre of the samples (longitude,
-    latitude) [deg], their median time [unix s], how many, and by quantity the mean of the usable
-    ones, NaN for none.
+    """The samples of one target set: its number, their centre (longitude, latitude) [deg], their
+    median time [unix s], how many there are, and for each quantity the mean of the usable values,
+    NaN if there are none.
     """
 
     number: int
@@ -47,7 +47,7 @@ class Station:
 
 
 def area_classes(one: QuantityMap) -> list[AreaClass]:
-    """The shares of the area in classes of round bounds; they sum to 1."""
+    """The shares of the area in classes with round bounds; they sum to 1."""
     inside = one.grid.inside
     low, high = np.percentile(one.mean[inside], [5, 95]).tolist()
     if not high > low:
@@ -55,7 +55,7 @@ def area_classes(one: QuantityMap) -> list[AreaClass]:
     ticks = np.asarray(MaxNLocator(CLASSES, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
     between = ticks[(ticks > low) & (ticks < high)]
     bounds = np.concatenate([[-np.inf], between, [np.inf]])
-    # Where the water is normal: on the map's scale.
+    # The water is normally distributed on the map's scale.
     mean, sd = (field[inside] for field in one.on_scale or (one.mean, one.sd))
     sd = np.maximum(sd, 1e-12 * max(np.ptp(mean), 1))
     limits = [-np.inf, *one.scale.forward(between).tolist(), np.inf]
@@ -69,7 +69,7 @@ def area_classes(one: QuantityMap) -> list[AreaClass]:
 
 
 def stations(data: ReportData) -> list[Station]:
-    """The target sets that were sampled, in their order; none for a track without a plan."""
+    """The target sets that were sampled, in order; none for a track without a plan."""
     samples = data.samples
     lonlat = data.survey.frame.to_wgs84(samples.positions)
     found: list[Station] = []
@@ -93,12 +93,12 @@ def stations(data: ReportData) -> list[Station]:
 
 
 def measured_quantities(data: ReportData) -> list[Quantity]:
-    """What the samples hold, in the order of the survey's quantities."""
+    """The quantities that were sampled, in the order of the survey's quantities."""
     return [one for key, one in data.quantities.items() if data.samples.measured(key)]
 
 
 def moment_text(seconds: float) -> str:
-    """A moment [unix s] to the second, in UTC."""
+    """A time [unix s] to the second, in UTC."""
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}"
 
 

@@ -1,4 +1,4 @@
-"""The report's words in the languages that it is written in."""
+"""The report's texts, in the languages it can be written in."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from importlib import resources
 from typing import Any
 
 LANGUAGES = ("en", "fr")
-# A comma between thousands; a point before decimals.
+# A comma between thousands; a decimal point.
 _THOUSANDS, _POINT = re.compile(r"(?<=\d),(?=\d{3}\b)"), re.compile(r"(?<=\d)\.(?=\d)")
 
 
 @dataclass(frozen=True)
 class Texts:
-    """One language: `texts["key"]`, or `texts("key", name=value)` with what is to be filled in."""
+    """One language: `texts["key"]`, or `texts("key", name=value)` with its braces filled in."""
 
     table: dict[str, Any]
     language: str
@@ -24,23 +24,23 @@ class Texts:
         return self.table[key]
 
     def __call__(self, key: str, **values: object) -> str:
-        """The text of a key with its braces filled in."""
+        """Return the text of a key with its braces filled in."""
         return str(self.table[key]).format(**values)
 
     def number(self, text: object) -> str:
-        """The numbers of a text, written as 1,234.5, as the language writes them."""
+        """Rewrite the numbers of a text, such as 1,234.5, as the language writes them."""
         if self.language != "fr":
             return str(text)
         grouped = _THOUSANDS.sub("\N{NARROW NO-BREAK SPACE}", str(text))
         return _POINT.sub(",", grouped)
 
     def share(self, share: float, decimals: int = 0) -> str:
-        """A share as per cent."""
+        """A share in per cent."""
         space = "\N{NO-BREAK SPACE}" if self.language == "fr" else ""
         return self.number(f"{100 * share:.{decimals}f}{space}%")
 
 
 def texts_of(language: str) -> Texts:
-    """Read the words of one of `LANGUAGES`."""
+    """Read the texts of one of `LANGUAGES`."""
     file = resources.files("grebe.report") / "texts" / f"{language}.toml"
     return Texts(tomllib.loads(file.read_text("utf-8")), language)

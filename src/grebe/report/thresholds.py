@@ -1,4 +1,4 @@
-"""Thresholds that a map is held to, from an editable profile; each with its citation."""
+"""Thresholds that a map is compared with, from an editable profile; each has a citation."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ FIELDS = ("quantity", "value", "sense", "label", "citation")
 
 @dataclass(frozen=True, kw_only=True)
 class Threshold:
-    """A value of a quantity, in its unit; `sense` is the side that is a concern, `labels` says in
-    each language what lies beyond it.
+    """A value of a quantity, in its unit. `sense` is the side of concern; `labels` say in each
+    language what is beyond the threshold.
     """
 
     quantity: str
@@ -37,11 +37,11 @@ class Threshold:
 
     @property
     def name(self) -> str:
-        """The concern in a formula, as bands and variables are called."""
+        """The concern as a formula, used to name bands and variables."""
         return f"P({self.quantity} {'>' if self.sense == 'above' else '<'} {self.value:g})"
 
     def label(self, language: str) -> str:
-        """The label in a language, or in the first that it is written in."""
+        """The label in a language, or in the first language it is given in."""
         return self.labels.get(language) or next(iter(self.labels.values()))
 
     def probability(self, one: QuantityMap) -> NDArray[np.floating]:
@@ -63,9 +63,9 @@ class Profile:
 
 
 def read_profile(path: Path | None, quantities: Quantities = BUILTIN) -> Profile:
-    """Read a profile of thresholds of some quantities; the package's own where none is given.
+    """Read a profile of thresholds for the given quantities; the package's own by default.
 
-    `InputError` says what is wrong.
+    Raises `InputError`, which says what is wrong.
     """
     name = str(path or "the profile")
     try:
@@ -119,7 +119,7 @@ def _threshold(name: str, row: Any, quantities: Quantities) -> Threshold:
 
 
 def _labels(name: str, given: object) -> dict[str, str]:
-    """A text, or a table of one for each language."""
+    """Return a label's texts by language, from a text or a table."""
     table = cast("dict[str, Any]", given) if isinstance(given, dict) else {"en": given}
     labels = {language: text for language, text in table.items() if isinstance(text, str) and text}
     if not labels or len(labels) < len(table):

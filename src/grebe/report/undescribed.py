@@ -1,5 +1,5 @@
-"""Import matplotlib without the descriptions that it writes of each of its artists' settings: a
-third of the time that its import takes, for documentation that no picture needs.
+"""Import matplotlib without the documentation it generates for the settings of its artists. That
+takes a third of the import's time, and no picture needs it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import matplotlib.artist
 
 @contextmanager
 def _undescribed() -> Generator[None]:
-    """Describe none of the artists that are made meanwhile; those of a user's own are, later on."""
+    """Suppress this documentation within the context; artists defined later have theirs."""
     artist, name = cast("Any", matplotlib.artist.Artist), "_update_set_signature_and_docstring"
     describe = vars(artist).get(name)
     if describe is None:
@@ -29,7 +29,7 @@ def _undescribed() -> Generator[None]:
 
 
 def import_figures() -> None:
-    """Import what draws figures, unless somebody has already."""
+    """Import what draws figures, unless it has been imported already."""
     if "matplotlib.figure" in sys.modules:
         return
     with _undescribed():

@@ -1,1 +1,1 @@
-"""How alike the water is at two places: models, and how they are fitted."""
+"""How similar the water is at two places: covariance models and their fits."""

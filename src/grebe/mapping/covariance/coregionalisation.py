@@ -1,7 +1,7 @@
-"""Covariances of several quantities together: the linear model of coregionalisation.
+"""Joint covariances of several quantities: the linear model of coregionalisation.
 
-Each quantity is a sum of the same structures, and what two of them share of a structure is a
-matrix of variances and covariances that is positive definite:
+Every quantity is a sum of the same structures. For each structure, a positive definite matrix holds
+the quantities' variances and covariances:
 
     C_ij(h) = sum over k of B_k[i, j] rho(h / r_k).
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
     Indices = NDArray[np.int64]
 
-# Added to the diagonal, of the variance.
+# Added to the diagonal, as a share of the variance.
 JITTER = 1e-9
 TARGETS_AT_ONCE = 2000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coregionalisation:
-    """`sills`, one matrix (q, q) a structure, their `ranges_m`, and the `nuggets` (q,) of q
-    quantities; `kind` of `KINDS`.
+    """`sills`, one matrix (q, q) for each structure; their `ranges_m`; the `nuggets` (q,) of the q
+    quantities; `kind` from `KINDS`.
     """
 
     kind: str
@@ -54,17 +54,17 @@ class Coregionalisation:
 
     @property
     def whole(self) -> Array:
-        """Covariance (q, q) of the quantities at one place, noise apart."""
+        """Covariance (q, q) of the quantities at one place, without the noise."""
         return np.sum(self.sills, axis=0)
 
     def correlation(self, i: int, j: int) -> float:
-        """Correlation of two quantities at one place; 0 where one does not vary."""
+        """Correlation of two quantities at one place; 0 if one does not vary."""
         whole = self.whole
         both = float(np.sqrt(whole[i, i] * whole[j, j]))
         return float(whole[i, j]) / both if both > 0 else 0.0
 
     def covariance(self, i: int, distance_m: Array) -> Array:
-        """Covariance of one quantity with itself at a distance, without its nugget."""
+        """Covariance of a quantity with itself at a distance, without its nugget."""
         parts = zip(self.sills, self.ranges_m, strict=True)
         return np.sum(
             [sill[i, i] * correlations(self.kind, distance_m / reach) for sill, reach in parts],
@@ -72,8 +72,8 @@ class Coregionalisation:
         )
 
     def between(self, a: Array, of_a: Indices, b: Array, of_b: Indices) -> Array:
-        """Covariance (n, m) of the signals of quantities `of_a` (n,) at places (n, 2) and `of_b`
-        (m,) at (m, 2).
+        """Covariance (n, m) between the signals of quantities `of_a` (n,) at places (n, 2) and
+        those of `of_b` (m,) at (m, 2).
         """
         distance = cdist(a, b)
         found = np.zeros_like(distance)
@@ -104,8 +104,8 @@ class Observed:
 
 
 class Cokriging:
-    """The best linear unbiased estimate of one quantity from values of several, each of which has
-    an unknown mean of its own (ordinary cokriging).
+    """The best linear unbiased estimate of one quantity from values of several, each with its own
+    unknown mean (ordinary cokriging).
     """
 
     def __init__(self, observed: Observed, model: Coregionalisation) -> None:
@@ -128,10 +128,9 @@ class Cokriging:
         self._data = data - self._basis @ self._means
 
     def estimate(self, targets: Array, wanted: int) -> tuple[Array, Array]:
-        """Mean (m,) or (m, c) and variance (m,) of the signal of one of the quantities at targets
-        (m, 2).
+        """Mean (m,) or (m, c) and variance (m,) of the signal of one quantity at targets (m, 2).
 
-        Raises `ValueError` where no value of it was observed: its mean is unknown then.
+        Raises `ValueError` if no value of it was observed, because its mean is then unknown.
         """
         if wanted not in self._present:
             raise ValueError("cokriging needs a value of the quantity that is asked for")
@@ -150,7 +149,7 @@ class Cokriging:
         return mean, np.maximum(variance, 0.0)
 
     def _near(self, targets: Array, wanted: int) -> Array:
-        """The covariances (n, m) of what was observed with the targets, whitened."""
+        """The covariances (n, m) of the observations with the targets, whitened."""
         observed, of = self._observed, np.full(len(targets), wanted)
         between = self._model.between(observed.positions, observed.of, targets, of)
         return solve_triangular(

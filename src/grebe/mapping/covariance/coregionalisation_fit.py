@@ -1,9 +1,9 @@
-"""The likeliest coregionalisation of some quantities, under priors.
+"""The most probable coregionalisation of several quantities, under priors.
 
-Restricted likelihood, a mean of each quantity integrated out. Ranges, standard deviations and noise
-have the priors of `grebe.mapping.covariance.posterior`; what two quantities share of a structure
-has that of Lewandowski, Kurowicka and Joe (2009) with a shape of 2, by which no correlation is
-perfect. What is shared is believed where it gains clearly.
+The likelihood is restricted: each quantity's mean is integrated out. Ranges, standard deviations
+and noise have the priors of `grebe.mapping.covariance.posterior`. The correlations within a
+structure have the prior of Lewandowski, Kurowicka and Joe (2009) with a shape of 2, under which no
+correlation is perfect. Quantities share structure only if that clearly raises the posterior.
 """
 
 from __future__ import annotations
@@ -42,24 +42,24 @@ if TYPE_CHECKING:
     Indices = NDArray[np.int64]
 
 KIND = "exponential"
-# Two structures, so that quantities may share what is wide and not what is narrow.
+# Two structures, so that quantities may share the long range and not the short one.
 START_SHARES = (0.05, 0.3)
-# All readings that the covariances are fitted to; a factorisation grows with their cube.
+# Total number of readings used in the fit; the cost of a factorisation grows with its cube.
 MOST_SAMPLES = 450
-# Log posterior that what two quantities share must add for each pair to be believed.
+# Log posterior that sharing must add, for each pair of quantities, to be accepted.
 CLEAR_GAIN = 3.0
-# Ends of the entries of a structure's factor, in standard deviations; those of its diagonal are
-# above 0.
+# Bounds of the entries of a structure's factor, in standard deviations; diagonal entries are above
+# 0.
 MOST_SD, LEAST_SD = 10.0, 1e-3
 STARTING_CORRELATION = 0.8
-# Samples that lie apart do not tell the noise: the belief is this share of the variance, loosely.
+# Samples far apart do not determine the noise: its prior is this share of the variance, loosely.
 UNTOLD_NOISE, UNTOLD_LOG_SD = 0.01, 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fitted:
-    """The likeliest `model`, and the log posterior that sharing adds to that of quantities that
-    share nothing; where that is not clearly more, they share nothing.
+    """The most probable `model`, and the log posterior that sharing adds to that of quantities
+    that share nothing. If the gain is not clear, the model shares nothing.
     """
 
     model: Coregionalisation
@@ -67,14 +67,14 @@ class Fitted:
 
     @property
     def is_shared(self) -> bool:
-        """Whether the quantities tell of each other."""
+        """Whether the quantities inform each other."""
         return any(bool(np.any(np.triu(sill, 1))) for sill in self.model.sills)
 
 
 def fit_coregionalisation(several: Sequence[Readings]) -> Fitted:
-    """Fit the readings of some quantities, on whatever scale they are.
+    """Fit the readings of several quantities, each on its own scale.
 
-    Raises `ValueError` where one of them does not vary.
+    Raises `ValueError` if the values of one of them do not vary.
     """
     if any(np.ptp(one.values) == 0 for one in several):
         raise ValueError("the values of one of the quantities do not vary")
@@ -106,11 +106,12 @@ def _likeness(several: Sequence[Readings]) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Problem:
-    """Values (n,), each of mean 0 and variance 1 of its quantity `whose` (n,); the quantities'
-    `sds` (q,), what is believed of their `noise` variances (q,), and how firmly.
+    """Values (n,), standardised to mean 0 and variance 1 within their quantities `whose` (n,); the
+    quantities' `sds` (q,); the prior's `noise` variances (q,), and the `noise_log_sds` (q,) of
+    their logarithms.
 
-    Parameters are the logarithms of each structure's range over the extent; the entries of its
-    factor, below the diagonal and on it; and the logarithms of the noise variances.
+    The parameters are the logarithms of each structure's range over the extent; the entries of its
+    factor, on and below the diagonal; and the logarithms of the noise variances.
     """
 
     distance: Array
@@ -147,11 +148,11 @@ class _Problem:
 
     @property
     def lower(self) -> tuple[Indices, Indices]:
-        """Rows and columns of a factor's entries."""
+        """Row and column indices of a factor's entries."""
         return np.tril_indices(len(self.sds))
 
     def start(self, likeness: Array | float) -> Array:
-        """Where a search begins: structures with half of the variance each, alike as given."""
+        """A start for the search: structures of equal variance, with the given correlations."""
         count = len(self.sds)
         alike = np.eye(count) + likeness * (1 - np.eye(count))
         entries = np.linalg.cholesky(alike / len(START_SHARES))[self.lower]
@@ -160,7 +161,7 @@ class _Problem:
         )
 
     def highest(self, start: Array, *, shared: bool) -> tuple[float, Array]:
-        """The highest log posterior from a start on, and where."""
+        """The highest log posterior found from a start, and where it is."""
         ranges = np.log([LEAST_RANGE, LONGEST / PRACTICAL_RANGE[KIND]])
         rows, columns = self.lower
         most = MOST_SD if shared else 0.0
@@ -182,7 +183,7 @@ class _Problem:
         return -float(found.fun), np.asarray(found.x)
 
     def model(self, at: Array) -> Coregionalisation:
-        """The covariances that the parameters stand for, in the readings' scales."""
+        """The covariances given by the parameters, on the readings' scales."""
         shares, factors, noise = self._parts(at)
         scale = np.outer(self.sds, self.sds)
         return Coregionalisation(
@@ -193,7 +194,7 @@ class _Problem:
         )
 
     def _parts(self, at: Array) -> tuple[Array, Sequence[Array], Array]:
-        """Ranges as shares, factors, and noise variances."""
+        """Ranges as shares of the extent, factors, and noise variances."""
         structures, count = len(START_SHARES), len(self.sds)
         entries = at[structures:-count].reshape(structures, -1)
         factors = [np.zeros((count, count)) for _ in entries]
@@ -202,7 +203,7 @@ class _Problem:
         return np.exp(at[:structures]), factors, np.exp(at[-count:])
 
     def density_and_slope(self, at: Array) -> tuple[float, Array]:
-        """Log posterior, but for a constant, and its derivatives by `at`."""
+        """Log posterior, up to a constant, and its derivatives by `at`."""
         shares, factors, noise = self._parts(at)
         matrix = np.diag(noise[self.whose])
         parts: list[tuple[Array, Array, Array]] = []
@@ -215,8 +216,7 @@ class _Problem:
         if found is None:
             return IMPOSSIBLE, np.zeros(len(at))
         density, weights = found
-        # The derivative by a number that the covariance depends on is the sum of `weights` times
-        # the covariance's.
+        # The derivative by a parameter is the sum of `weights` times the covariance's derivative.
         of_ranges = [float(np.vdot(weights, sill * grown)) for sill, grown, _ in parts]
         of_entries = [
             2 * (self._summed(weights * near) @ factor)[self.lower]
@@ -228,8 +228,8 @@ class _Problem:
         return density + prior, slope + prior_slope
 
     def _likelihood(self, matrix: Array) -> tuple[float, Array] | None:
-        """Restricted log likelihood, but for a constant, and its derivatives by the covariance's
-        elements (n, n); None where that is not positive definite.
+        """Restricted log likelihood, up to a constant, and its derivatives by the elements (n, n)
+        of the covariance; None if that is not positive definite.
         """
         try:
             factor = cho_factor(matrix, lower=True, check_finite=False)
@@ -251,7 +251,7 @@ class _Problem:
         return member.T @ matrix @ member
 
     def _prior(self, at: Array) -> tuple[float, Array]:
-        """Log prior and its derivatives."""
+        """Log prior and its derivatives by `at`."""
         shares, factors, noise = self._parts(at)
         rate = -np.log(UNLIKELY)
         short = rate * min(SHORT_SHARE, SHORT_M / self.extent_m) / shares
@@ -260,7 +260,7 @@ class _Problem:
         for factor in factors:
             variance = np.sum(factor**2, axis=1)
             sd, diagonal = np.sqrt(variance), np.diag(factor)
-            # The determinant of the correlations, and the standard deviations.
+            # From the determinant of the correlations, and from the standard deviations.
             density += float(
                 np.sum(2 * np.log(diagonal) - np.log(variance) - rate / LARGE_SDS * sd)
             )

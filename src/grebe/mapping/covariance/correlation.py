@@ -1,10 +1,11 @@
-"""Correlations by rows, in loops that a processor does several turns of at once.
+"""Correlations computed by rows, in loops that the compiler can vectorise.
 
-A map asks for some hundred million of them, and the library's exponential, one call a number, was
-most of its time: that of a row takes a sixth of it and agrees to the last digit but one.
+A map needs some hundred million of them, and most of its time went into the library's exponential,
+one call for each number. Computed for a row, it takes a sixth of the time and agrees to all digits
+but the last.
 """
 
-# Kernels do not annotate what they pass on to each other: numba infers the types.
+# Kernels do not annotate the arguments that they pass to each other: numba infers the types.
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
 # pyright: reportUnknownArgumentType=false, reportUnknownVariableType=false
 # pyright: reportUnknownMemberType=false
@@ -19,19 +20,21 @@ from grebe.core.kernels import exact_machine_code, machine_code
 
 SQRT3, SQRT5 = math.sqrt(3.0), math.sqrt(5.0)
 LOG2_E, LN_2 = 1.0 / math.log(2.0), math.log(2.0)
-# A number of this size has no digits behind the point: what is added to it is rounded to a whole
-# number, which is found in its last bits.
+# A number of this size has no fractional bits: what is added to it is rounded to an integer, which
+# can be read from its last bits.
 ROUNDER = 1.5 * 2.0**52
-# Beyond it nothing is left that counts; and the exponent of 1 in a number's bits, and where it is.
+# Larger arguments of the exponential count as `FURTHEST`, where the result is negligible; the
+# biased exponent of 1, and the position of the exponent in a number's bits.
 FURTHEST, ONE, EXPONENT_AT = 700.0, 1023, 52
 
 
 @exact_machine_code
 def decay(x, bits, out):
-    """Write exp(-x) of a row `x` (m,) that is not negative to `out` (m,), within 3e-15 of it;
-    `bits` (m,) are integers to work with.
+    """Write exp(-x) of a non-negative row `x` (m,) to `out` (m,), accurate to 3e-15; `bits` (m,)
+    are integers to work with.
 
-    exp(-x) = 2^n exp(g), n the whole number next to -x / ln 2 and g what is left, by its series.
+    exp(-x) = 2^n exp(g), where n is the integer nearest to -x / ln 2, and exp(g) of the remainder g
+    is a series.
     """
     two = bits.view(np.float64)
     for i in range(x.size):
@@ -52,7 +55,7 @@ def decay(x, bits, out):
 @machine_code
 def correlate(code, x, bits, out):
     """Write the correlation at distances of `x` (m,) ranges to `out` (m,), under the model
-    `KINDS[code]` of `grebe.mapping.covariance.models`; what `x` holds then is lost.
+    `KINDS[code]` of `grebe.mapping.covariance.models`. Overwrites `x`.
     """
     if code == 0:
         for i in range(x.size):
@@ -81,8 +84,8 @@ def correlations_of(code, x):
 
 @machine_code
 def slopes_of(code, x):
-    """By how much the correlations at distances of `x` (n,) ranges grow with the range's logarithm,
-    (n,), and the correlations themselves, (n,).
+    """The derivatives (n,) of the correlations at distances of `x` (n,) ranges by the logarithm of
+    the range, and the correlations themselves, (n,).
     """
     found, grown, t = np.empty(x.size), np.empty(x.size), np.empty(x.size)
     grow(code, x, t, np.empty(x.size, np.int64), found, grown)
@@ -91,7 +94,7 @@ def slopes_of(code, x):
 
 @machine_code
 def grow(code, x, t, bits, found, grown):
-    """Write what `slopes_of` gives of a row `x` (m,) to `found` and `grown` (m,); `t` (m,) and
+    """Write the results of `slopes_of` for a row `x` (m,) to `found` and `grown` (m,); `t` (m,) and
     `bits` (m,) are to work with.
     """
     for i in range(x.size):
@@ -113,9 +116,9 @@ def grow(code, x, t, bits, found, grown):
 
 @exact_machine_code
 def lower_covariance(code, sill, reach, jitter, distance, passing, memory, apart):
-    """Below the diagonal and on it, the covariance (n, n) of samples at each other's `distance`
-    (n, n), `sill` on the diagonal increased by a share of `jitter`; and that of a fleeting process
-    of the variance `passing` for times `apart` (n, n), where that is not empty.
+    """The covariance (n, n), on and below the diagonal, of samples at pairwise `distance` (n, n),
+    with a share `jitter` of `sill` added to the diagonal. If `apart` (n, n), the times between
+    samples, is not empty, a fleeting process of variance `passing` is added.
     """
     n = distance.shape[0]
     out = np.empty((n, n))
@@ -141,12 +144,12 @@ def lower_covariance(code, sill, reach, jitter, distance, passing, memory, apart
 def lower_slopes(
     code, sill, reach, jitter, distance, passing, memory, apart, inverse, rest, by_one
 ):
-    """Sums (4,) over all pairs of samples.
+    """Sums (4,) of the following term over all pairs of samples.
 
         (rest_i rest_j + by_one_i by_one_j - inverse_ij) dC_ij,
 
-    dC the derivative of `lower_covariance` by the logarithms of `reach`, `sill`, `passing` and
-    `memory` in turn. Of `inverse` (n, n) what lies below the diagonal and on it is read.
+    where dC is the derivative of `lower_covariance` by the logarithms of `reach`, `sill`, `passing`
+    and `memory` in turn. Of `inverse` (n, n), only the part on and below the diagonal is read.
     """
     n = distance.shape[0]
     sums = np.zeros(4)
@@ -180,8 +183,8 @@ def lower_slopes(
 
 @machine_code
 def covariances(code, sill, reach, a, b, below):
-    """Of each place of `a` (n, 2) with each of `b` (m, 2); `below`: with those up to its own number
-    alone, and 0 with the others.
+    """Covariances (n, m) of each place of `a` (n, 2) with each of `b` (m, 2). With `below`, only
+    those on and below the diagonal are computed, and the others are 0.
     """
     out = np.zeros((a.shape[0], b.shape[0]))
     x, bits = np.empty(b.shape[0]), np.empty(b.shape[0], np.int64)
@@ -207,7 +210,7 @@ def _distances(place, north, east, reach, x):
 
 @machine_code
 def faded(variance, memory, a, b):
-    """Covariances (n, m) of a process that forgets, between times (n,) and (m,)."""
+    """Covariances (n, m) of an exponential process between times (n,) and (m,)."""
     out = np.empty((a.size, b.size))
     x, bits = np.empty(b.size), np.empty(b.size, np.int64)
     inverse = 1.0 / memory
@@ -222,8 +225,8 @@ def faded(variance, memory, a, b):
 
 @machine_code
 def add_faded(variance, memory, times, out):
-    """Add to `out` (n, n), below the diagonal and on it, what `faded` gives of times (n,) and
-    themselves.
+    """Add to `out` (n, n), on and below the diagonal, the covariances of times (n,) with themselves
+    that `faded` returns.
     """
     x, row, bits = np.empty(times.size), np.empty(times.size), np.empty(times.size, np.int64)
     inverse = 1.0 / memory

@@ -1,4 +1,4 @@
-"""What the mean of a quantity may depend on, besides a constant: universal kriging's drift."""
+"""Drift of universal kriging: what a quantity's mean may depend on, besides a constant."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def linear(positions: Array) -> Array:
 
 
 def inflow(place: tuple[float, float]) -> DriftFunction:
-    """Logarithm of the distance to an inflow, (n, 1): what spreads out from it thins like that.
+    """Logarithm of the distance to an inflow, (n, 1), as what spreads from it thins out.
 
-    Within a metre of the inflow it stays what it is there.
+    Constant within a metre of the inflow.
     """
 
     def distance(positions: Array) -> Array:
@@ -33,7 +33,7 @@ def inflow(place: tuple[float, float]) -> DriftFunction:
 
 
 def combined(functions: Sequence[DriftFunction]) -> DriftFunction | None:
-    """All of some drifts side by side; None for none."""
+    """Several drifts side by side; None if there are none."""
     if not functions:
         return None
     return lambda positions: np.column_stack([function(positions) for function in functions])

@@ -1,8 +1,8 @@
-"""Restricted maximum likelihood: the covariance under which the samples' contrasts are likeliest.
+"""Restricted maximum likelihood: the covariance that makes the samples' contrasts most likely.
 
-The classes of a variogram hide what each pair tells, and its nugget is extrapolated; the
-likelihood sees both. Patterson and Thompson (1971); the sill is profiled out (Diggle and Ribeiro
-2007, section 5.4.2). Standard errors from the curvature at the maximum.
+A variogram averages pairs within its classes and extrapolates its nugget; the likelihood uses every
+pair. Patterson and Thompson (1971); the sill is profiled out (Diggle and Ribeiro 2007, section
+5.4.2). Standard errors come from the curvature at the maximum.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# A factorisation grows with the cube of the samples; beyond so many they are thinned.
+# The cost of a factorisation grows with the cube of the samples; more than these are thinned.
 MOST_SAMPLES = 500
-# Of the kinds that fit the variogram best so many are tried.
+# How many of the kinds that fit the variogram best are tried.
 MOST_KINDS = 2
-# Where the search may go: ranges of the samples' extent, nuggets of the sill.
+# Bounds of the search: ranges as shares of the samples' extent, nuggets as shares of the sill.
 LEAST_RANGE, MOST_RANGE = 1e-3, 3.0
 LEAST_RATIO, MOST_RATIO = 1e-6, 1e3
 STEP = 1e-2
-# What a direction must add to the log-likelihood to be believed.
+# What a direction must add to the log-likelihood to be used.
 CLEAR_GAIN = 5.0
 
 
 def fit_reml(positions: Array, values: Array, estimator: Estimator = "matheron") -> VariogramFit:
     """Fit the kinds of model that fit the variogram (by `estimator`) best, with and without its
-    direction, by restricted likelihood, and take the likeliest.
+    direction, by restricted likelihood; return the likeliest.
 
-    The range has an upper limit of `MOST_RANGE` extents: beyond that the samples cannot tell a
-    trend from a range. Raises `ValueError` where there are too few pairs or nothing varies.
+    The range is limited to `MOST_RANGE` extents: beyond that, the samples cannot distinguish a
+    trend from a range. Raises `ValueError` if there are too few pairs or the values do not vary.
     """
     if np.ptp(values) == 0:
         raise ValueError("the values do not vary")
@@ -70,7 +70,7 @@ def fit_reml(positions: Array, values: Array, estimator: Estimator = "matheron")
 
 def thinned(count: int) -> NDArray[np.int64]:
     """Indices of at most `MOST_SAMPLES` samples: pairs of neighbours along the track, evenly
-    spread, since near pairs tell the noise and far ones the range.
+    spread, because near pairs determine the noise and far ones the range.
     """
     if count <= MOST_SAMPLES:
         return np.arange(count)
@@ -79,7 +79,7 @@ def thinned(count: int) -> NDArray[np.int64]:
 
 
 class _Restricted:
-    """The likelihood of log(range / extent) and log(nugget / sill), the sill profiled out."""
+    """The likelihood of log(range / extent) and log(nugget / sill), with the sill profiled out."""
 
     def __init__(self, positions: Array, values: Array) -> None:
         self._distance = cdist(positions, positions)
@@ -87,7 +87,7 @@ class _Restricted:
         self._values = values - values.mean()
 
     def best(self, start: CovarianceModel) -> tuple[float, CovarianceModel, dict[str, float]]:
-        """The highest likelihood of a kind, its model, and the standard errors."""
+        """The highest likelihood of one kind of model, that model, and its standard errors."""
         bounds = [np.log((LEAST_RANGE, MOST_RANGE)), np.log((LEAST_RATIO, MOST_RATIO))]
         guess = (start.range_m / self._extent, max(start.nugget, 0.02 * start.sill) / start.sill
                  if start.sill > 0 else 1.0)  # fmt: skip
@@ -109,8 +109,8 @@ class _Restricted:
         return likelihood, model, self._standard_errors(model, found.x)
 
     def _standard_errors(self, model: CovarianceModel, at: Array) -> dict[str, float]:
-        """By the curvature of the profiled likelihood; the sill's, given the others, by its
-        chi-square.
+        """Standard errors from the curvature of the profiled likelihood; the sill's, given the
+        others, from its chi-square distribution.
         """
         hessian = np.empty((2, 2))
         steps = STEP * np.eye(2)
@@ -130,7 +130,7 @@ class _Restricted:
         }
 
     def _profiled(self, kind: str, at: Array) -> tuple[float, float]:
-        """Restricted log-likelihood, but for a constant, at the best sill; and that sill."""
+        """Restricted log-likelihood, up to a constant, at the best sill; and that sill."""
         share, ratio = np.exp(at)
         n = len(self._values)
         matrix = correlations(kind, self._distance / (share * self._extent))

@@ -1,8 +1,8 @@
 """Covariance models, in the vocabulary of GSTools and the parameters of gstat.
 
-C(h) = sill * rho(h / range) for h > 0, and sill + nugget at h = 0. One line a model; the
-reference is Chiles and Delfiner, Geostatistics (2012), section 2.5. An anisotropic model
-reaches `range_m` along its major axis and `ratio * range_m` across it.
+C(h) = sill * rho(h / range) for h > 0, and sill + nugget at h = 0. Each model is one line; the
+reference is Chiles and Delfiner, Geostatistics (2012), section 2.5. An anisotropic model has the
+range `range_m` along its major axis and `ratio * range_m` across it.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def correlations(kind: str, x: Array) -> Array:
 
 
 def slopes(kind: str, x: Array) -> tuple[Array, Array]:
-    """By how much correlations at distances of `x` ranges, any shape, grow with the range's
-    logarithm, and the correlations themselves.
+    """The derivatives of the correlations at distances of `x` ranges, any shape, by the logarithm
+    of the range; and the correlations themselves.
     """
     flat = np.ascontiguousarray(x, dtype=float).ravel()
     grown, found = slopes_of(KINDS.index(kind), flat)
@@ -56,7 +56,7 @@ def slopes(kind: str, x: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, kw_only=True)
 class CovarianceModel:
-    """A stationary covariance: `kind` of `KINDS`, partial `sill`, `range_m`, `nugget`
+    """A stationary covariance: `kind` from `KINDS`, partial `sill`, `range_m`, `nugget`
     (variances in the square of the quantity's unit); `ratio` of the range across to the range
     along the major axis, which points `angle_deg` clockwise from north.
     """
@@ -75,25 +75,25 @@ class CovarianceModel:
             raise ValueError(f"impossible covariance: {self}")
 
     def covariance(self, distance_m: Array) -> Array:
-        """Covariance of the signal at a distance along the major axis; without the nugget."""
+        """Covariance of the signal at a distance along the major axis, without the nugget."""
         return self.sill * correlations(self.kind, distance_m / self.range_m)
 
     def between(self, a: Array, b: Array) -> Array:
-        """Covariance (n, m) of the signal at places (n, 2) and (m, 2), both in coordinates without
-        a direction: `covariance` of their distances, in one go.
+        """Covariance (n, m) of the signal at places (n, 2) and (m, 2), both in isotropic
+        coordinates: `covariance` of all their distances at once.
         """
         code = KINDS.index(self.kind)
         a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
         return covariances(code, self.sill, self.range_m, a, b, False)
 
     def among(self, a: Array) -> Array:
-        """As `between` of places (n, 2) and themselves, but below the diagonal and on it alone."""
+        """As `between` for places (n, 2) and themselves, but on and below the diagonal only."""
         code, a = KINDS.index(self.kind), np.ascontiguousarray(a)
         return covariances(code, self.sill, self.range_m, a, a, True)
 
     def carried(self, places: Array, weights: Array, at: Array) -> Array:
-        """Sums (m, c) of the signal's covariances with `at` (m, 2) weighted by (n, c) at `places`
-        (n, 2), both in coordinates without a direction: what a matrix product would give.
+        """Sums (m, c) of the signal's covariances with `at` (m, 2), weighted by (n, c) at `places`
+        (n, 2), both in isotropic coordinates. Equal to a matrix product.
         """
         code = KINDS.index(self.kind)
         return self.sill * carried(
@@ -105,7 +105,7 @@ class CovarianceModel:
         return self.nugget + self.sill - self.covariance(distance_m)
 
     def isotropic(self, positions: Array) -> Array:
-        """Positions (n, 2) north, east in coordinates where the model has no direction [m]."""
+        """Positions (n, 2) north, east in coordinates in which the model is isotropic [m]."""
         if self.ratio == 1.0:
             return np.ascontiguousarray(positions, dtype=float)
         return stretched(positions, self.ratio, self.angle_deg)
@@ -126,8 +126,8 @@ class CovarianceModel:
 
 @dataclass(frozen=True, kw_only=True)
 class Fleeting:
-    """What all the water shares for minutes, and what two passes over one place differ by: an
-    exponential process of the time alone, `variance` and `memory_s` [s].
+    """What all the water shares for minutes, and by which two passes over one place differ: an
+    exponential process of time alone, with `variance` and `memory_s` [s].
     """
 
     variance: float
@@ -143,16 +143,16 @@ class Fleeting:
         return faded(self.variance, self.memory_s, a, b)
 
     def add_among(self, times: Array, covariance: Array) -> None:
-        """Add the covariance of times (n,) and themselves to another (n, n), below the diagonal and
-        on it alone.
+        """Add the covariance of times (n,) with themselves to a matrix (n, n), on and below the
+        diagonal only.
         """
         add_faded(
             self.variance, self.memory_s, np.ascontiguousarray(times, dtype=float), covariance
         )
 
     def carried(self, times: Array, weights: Array, at: Array) -> Array:
-        """Sums (m, c) of covariances with `at` (m,) weighted by (n, c) at `times` (n,): what a
-        matrix product would give, by one sweep forth and one back.
+        """Sums (m, c) of covariances with `at` (m,), weighted by (n, c) at `times` (n,). Equal to a
+        matrix product, but computed by one forward and one backward sweep.
         """
         order = np.argsort(times, kind="stable")
         when, before, after = times[order], weights[order].copy(), weights[order].copy()
@@ -171,7 +171,7 @@ class Fleeting:
         return self.variance * sums
 
     def draws(self, times: Array, count: int, rng: np.random.Generator) -> Array:
-        """Equally likely courses at times (n,), in any order, (count, n)."""
+        """Equally likely realisations at times (n,), in any order, (count, n)."""
         order = np.argsort(times, kind="stable")
         kept = np.exp(-np.diff(times[order]) / self.memory_s)
         fresh = np.sqrt(self.variance) * rng.normal(size=(count, len(times)))

@@ -1,7 +1,7 @@
 """How much of a nugget is the sensor's noise, and how much is water that varies within metres.
 
-A variogram's nugget holds both (Cressie 1993, section 3.2.1). Only the first is not the
-water's: what the map says of its own error must hold the second.
+A variogram's nugget holds both (Cressie 1993, section 3.2.1). The noise is no property of the
+water, but the variation within metres is, so a map's stated error must include it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Samples that follow each other within this distance see the same water [m].
+# Consecutive samples within this distance measure the same water [m].
 NEAR_M = 3.0
 FEWEST_TRIPLES = 30
 
@@ -23,8 +23,8 @@ FEWEST_TRIPLES = 30
 def noise_variance(positions: Array, values: Array, nugget: float) -> float:
     """Variance of the sensor's noise, at most the nugget.
 
-    From second differences of samples that follow each other closely, which a gradient does not
-    touch. Where there are too few, all of the nugget is taken for noise.
+    Computed from second differences of closely spaced consecutive samples, which a gradient does
+    not affect. If there are too few of them, the whole nugget is taken as noise.
     """
     close = _close(positions)
     if close.sum() < FEWEST_TRIPLES:
@@ -34,8 +34,8 @@ def noise_variance(positions: Array, values: Array, nugget: float) -> float:
 
 
 def median_noise_variance(positions: Array, values: Array) -> float:
-    """Variance of the sensor's noise by the median of the same second differences, which outliers
-    do not move; those of all samples where too few follow each other closely.
+    """Variance of the sensor's noise from the median of the same second differences, which outliers
+    do not affect; those of all samples if too few are closely spaced.
     """
     close = _close(positions)
     if close.sum() < FEWEST_TRIPLES:
@@ -45,21 +45,22 @@ def median_noise_variance(positions: Array, values: Array) -> float:
 
 
 def tell_noise(positions: Array) -> bool:
-    """Whether enough samples follow each other closely to tell the noise by themselves."""
+    """Whether enough samples are closely spaced to determine the noise by themselves."""
     return bool(_close(positions).sum() >= FEWEST_TRIPLES)
 
 
 def _close(positions: Array) -> NDArray[np.bool_]:
-    """Which three samples (n - 2,) in a row see the same water."""
+    """Which three consecutive samples (n - 2,) measure the same water."""
     steps = np.hypot(*np.diff(positions, axis=0).T)
     return (steps[:-1] <= NEAR_M) & (steps[1:] <= NEAR_M)
 
 
 def rounding_variance(values: Array) -> float:
-    """Variance of the error of values that are written to so many digits.
+    """Variance of the rounding error of values written with a limited number of digits.
 
-    Where most of them repeat the one before, differences show no noise at all, and a smooth
-    covariance would make slopes of the steps. The digit is the smallest step between two values.
+    If most values repeat the one before, their differences show no noise at all, and a smooth
+    covariance would take the rounding steps for slopes. The resolution is taken as the smallest
+    step between two values.
     """
     steps = np.diff(np.unique(values))
     steps = steps[steps > 1e-9 * max(float(np.abs(values).max()), 1e-300)]

@@ -1,11 +1,11 @@
-"""The likeliest covariance under priors that hold it to what a track can tell.
+"""The most probable covariance, under priors that keep it to what a track can determine.
 
-By likelihood alone the range of a track in narrow water runs away to many times the water's width,
-for a trend and a long range look alike there, and a smooth covariance then overshoots in gaps; and
-structure of a few metres is called noise. So range and standard deviation have the
-penalised-complexity prior of Fuglstad et al. (2019, theorem 2.6, two dimensions): short ranges
-and large standard deviations are what a map pays for. The noise has a prior about what successive
-samples of one place say of it: their second differences, by the median, which outliers do not move.
+Maximum likelihood alone fails on a track in narrow water. The range grows to many times the water's
+width, because a trend and a long range look alike there, and a smooth covariance then overshoots in
+gaps. Structure of a few metres is taken for noise. So range and standard deviation have the
+penalised-complexity prior of Fuglstad et al. (2019, theorem 2.6, two dimensions), which penalises
+short ranges and large standard deviations. The noise has a prior from the second differences of
+successive samples at one place, by their median, which outliers do not affect.
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# A factorisation grows with the cube of the samples; beyond so many they are thinned.
+# The cost of a factorisation grows with the cube of the samples; more than these are thinned.
 MOST_SAMPLES = 350
-# Of the prior: a range below this share of the extent, at most so many metres, has this
-# probability; so has a standard deviation above this many of the values' own.
+# The prior: a range below this share of the extent, at most this many metres, has the probability
+# `UNLIKELY`; so has a standard deviation above this many of the values' own.
 SHORT_SHARE, SHORT_M, UNLIKELY, LARGE_SDS = 0.05, 5.0, 0.05, 2.0
-# How well second differences tell the noise: a standard deviation of its logarithm.
+# Standard deviation of the logarithm of the noise that second differences give.
 NOISE_LOG_SD = 0.5
-# Where the search may go, as shares of the extent and of the values' variance. Within the samples'
-# extent a longer range with a larger sill is the same field: `LONGEST` is the practical range.
+# Bounds of the search, as shares of the extent and of the values' variance. Within the samples'
+# extent, a longer range with a larger sill is the same field: `LONGEST` is the practical range.
 LEAST_RANGE, LONGEST = 1e-3, 0.8
 SILL_BOUNDS, NOISE_BOUNDS, SHARE_BOUNDS = (1e-4, 1e2), (1e-8, 2.0), (1e-8, 1e2)
-# How long two passes remember what they differ by: a share of the time of all values, the standard
-# deviation of its logarithm, and the ends of the search as multiples of that time.
+# How long two passes remember their difference: as a share of the time of all values, the standard
+# deviation of its logarithm, and the bounds of the search as multiples of that time.
 MEMORY_SHARE, MEMORY_LOG_SD, MEMORY_BOUNDS = 0.05, 1.0, (0.02, 50.0)
-# Of the step for a derivative of the slope; the density where a covariance is none.
+# The step for a derivative of the slope; the density if a matrix is not a covariance.
 STEP, IMPOSSIBLE = 1e-2, -1e300
-# Added to the diagonal, of the sill: what keeps a smooth covariance positive in doubles.
+# Added to the diagonal, as a share of the sill: keeps a smooth covariance positive definite.
 JITTER = 1e-9
 
 
 def fit_posterior(
     positions: Array, values: Array, estimator: Estimator = "matheron", *, kind: str = "exponential"
 ) -> VariogramFit:
-    """Fit a covariance of one kind by its posterior mode, with a direction where that is clear.
+    """Fit a covariance of one kind by its posterior mode, with a direction if that is clear.
 
-    Raises `ValueError` where there are too few pairs or nothing varies.
+    Raises `ValueError` if there are too few pairs or the values do not vary.
     """
     if np.ptp(values) == 0:
         raise ValueError("the values do not vary")
@@ -87,7 +87,7 @@ fit_smooth = partial(fit_posterior, kind="matern32")
 
 
 def thinned(count: int, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
-    """Pairs of neighbours along the track, evenly spread: near pairs tell the noise."""
+    """Indices of pairs of neighbours along the track, evenly spread: near pairs show the noise."""
     if count <= most:
         return np.arange(count)
     first = np.linspace(0, count - 2, most // 2).astype(np.int64)
@@ -97,13 +97,14 @@ def thinned(count: int, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Posterior:
     """Log posterior of (log range / extent, log sill / variance, log noise / variance), the mean
-    integrated out; `values` (n,) of mean 0 and variance 1, `noise` their noise's variance.
+    integrated out. `values` (n,) have mean 0 and variance 1; `noise` is the variance of their
+    noise.
 
-    `common`, (n, n) each, are correlations that all places share, of what changed in time; the
-    variance of each over that of the values is one more number, a logarithm too, and the last of
-    them may be left out. With `apart_s`
-    (n, n), the time between any two values, there is a fleeting process besides, of two numbers:
-    the logarithms of its variance over that of the values and of its memory over `memory_s`.
+    `common`, (n, n) each, are correlations of processes in time that all places share. Each adds a
+    parameter, the logarithm of its variance over that of the values; the last one may be left out.
+    With `apart_s` (n, n), the time between any two values, there is also a fleeting process. It
+    adds two parameters: the logarithms of its variance over that of the values and of its memory
+    over `memory_s`.
     """
 
     distance: Array
@@ -126,8 +127,8 @@ class Posterior:
         common: tuple[Array, ...] = (),
         times: Array | None = None,
     ) -> Posterior:
-        """The problem of values (n,) at positions (n, 2) whose noise has a variance of `noise`;
-        with `times` (n,) there is a fleeting process.
+        """The problem for values (n,) at positions (n, 2) with noise of variance `noise`; with
+        `times` (n,), it includes a fleeting process.
         """
         distance = cdist(positions, positions)
         variance = float(np.var(values))
@@ -144,18 +145,18 @@ class Posterior:
         )
 
     def best(self, start: CovarianceModel) -> tuple[float, CovarianceModel, dict[str, float]]:
-        """The highest log posterior, its model, and the standard errors by its curvature."""
+        """The highest log posterior, its model, and standard errors from its curvature."""
         density, at = self.highest_near(start)
         model = self.model(at)
         return density, model, self.standard_errors(model, at)
 
     def highest_near(self, start: CovarianceModel) -> tuple[float, Array]:
-        """The highest log posterior from what fits the variogram on, and where."""
+        """The highest log posterior, searched from a variogram's model, and where it is."""
         sill = max(start.sill / self.variance, 0.3)
         return self.highest(np.log([min(start.range_m / self.extent_m, 0.5), sill, self.noise]))
 
     def model(self, at: Array) -> CovarianceModel:
-        """The covariance of place that the first three numbers stand for."""
+        """The covariance of place given by the first three parameters."""
         share, sill, noise = np.exp(at[:3]).tolist()
         return CovarianceModel(
             kind=self.kind,
@@ -165,14 +166,14 @@ class Posterior:
         )
 
     def fleeting(self, at: Array) -> Fleeting:
-        """The fleeting process that the last two numbers stand for."""
+        """The fleeting process given by the last two parameters."""
         return Fleeting(
             variance=float(np.exp(at[-2])) * self.variance,
             memory_s=float(np.exp(at[-1])) * self.memory_s,
         )
 
     def highest(self, start: Array) -> tuple[float, Array]:
-        """The highest log posterior from a start on, and where."""
+        """The highest log posterior found from a start, and where it is."""
         ranges = (LEAST_RANGE, LONGEST / PRACTICAL_RANGE[self.kind])
         fleeting = [] if self.apart_s is None else [SHARE_BOUNDS, MEMORY_BOUNDS]
         shares = [SHARE_BOUNDS] * (len(start) - 3 - len(fleeting))
@@ -190,7 +191,7 @@ class Posterior:
         return -float(found.fun), np.asarray(found.x)
 
     def density_and_slope(self, at: Array) -> tuple[float, Array]:
-        """Log posterior, but for a constant, and its derivatives by `at`."""
+        """Log posterior, up to a constant, and its derivatives by `at`."""
         white = self._whitened(self.covariance(at))
         if white is None:
             return IMPOSSIBLE, np.zeros(len(at))
@@ -213,12 +214,12 @@ class Posterior:
         return white.log_likelihood + prior, all_slopes + prior_slope
 
     def log_density(self, at: Array) -> float:
-        """Log posterior, but for a constant."""
+        """Log posterior, up to a constant."""
         return self.log_likelihood(at) + self._prior(at)[0]
 
     def covariance(self, at: Array) -> Array:
-        """Covariance (n, n) of the values, below the diagonal and on it; what is above is not
-        meant.
+        """Covariance (n, n) of the values, on and below the diagonal; entries above it are
+        undefined.
         """
         matrix = lower_covariance(*self._of_place_and_time(at))
         for log_share, common in zip(at[3:].tolist(), self.common, strict=False):
@@ -229,7 +230,7 @@ class Posterior:
     def _of_place_and_time(
         self, at: Array
     ) -> tuple[int, float, float, float, Array, float, float, Array]:
-        """What `lower_covariance` and `lower_slopes` are told of the numbers."""
+        """The arguments of `lower_covariance` and `lower_slopes` for these parameters."""
         share, sill = np.exp(at[:2]).tolist()
         place = KINDS.index(self.kind), sill, share * self.extent_m, JITTER, self.distance
         if self.apart_s is None:
@@ -238,16 +239,16 @@ class Posterior:
         return *place, passing, memory * self.memory_s, self.apart_s
 
     def log_likelihood(self, at: Array) -> float:
-        """Restricted log likelihood, but for a constant."""
+        """Restricted log likelihood, up to a constant."""
         white = self._whitened(self.covariance(at))
         return IMPOSSIBLE if white is None else white.log_likelihood
 
     def _whitened(self, matrix: Array) -> _Whitened | None:
-        """The values whitened by a covariance, which is overwritten; None where it is not positive
+        """The values whitened by a covariance, which is overwritten; None if it is not positive
         definite.
         """
         (factorise,) = get_lapack_funcs(("potrf",), (matrix,))
-        # By columns, as LAPACK has it, the transpose of a symmetric matrix needs no copy.
+        # LAPACK stores by columns, so the transpose of a symmetric matrix needs no copy.
         upper, failed = factorise(matrix.T, lower=0, overwrite_a=1, clean=1)
         if failed:
             return None
@@ -258,7 +259,7 @@ class Posterior:
 
     def _prior(self, at: Array) -> tuple[float, Array]:
         """Log prior and its derivatives: of log range and log standard deviation (penalised
-        complexity), of log noise, of the changes' standard deviations, and of the memory.
+        complexity), of log noise, of the standard deviations of changes, and of the memory.
         """
         share, sd = float(np.exp(at[0])), float(np.exp(0.5 * at[1]))
         rate = -np.log(UNLIKELY)
@@ -277,7 +278,7 @@ class Posterior:
         return float(density), np.array(slope)
 
     def standard_errors(self, model: CovarianceModel, at: Array) -> dict[str, float]:
-        """Of nugget, sill and range_m, by the curvature of the log posterior."""
+        """Standard errors of nugget, sill and range_m, from the log posterior's curvature."""
         steps = STEP * np.eye(len(at))
         hessian = np.array(
             [
@@ -297,8 +298,8 @@ class Posterior:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Whitened:
-    """Ones (n,) and the values less their mean (n,), both freed of a covariance by Cholesky's
-    factor of it, `upper` (n, n).
+    """Ones (n,) and the values less their mean (n,), both whitened by the Cholesky factor `upper`
+    (n, n) of a covariance.
     """
 
     upper: Array
@@ -307,31 +308,31 @@ class _Whitened:
 
     @property
     def log_likelihood(self) -> float:
-        """Restricted, but for a constant."""
+        """Restricted log likelihood, up to a constant."""
         log_det = 2 * float(np.sum(np.log(np.diag(self.upper))))
         information = float(self.ones @ self.ones)
         return float(-0.5 * (float(self.rest @ self.rest) + log_det + np.log(information)))
 
     def backward(self, rows: Array) -> Array:
-        """What (k, n) rows that are freed of the covariance are by its inverse, (k, n)."""
+        """Multiply rows (k, n), given whitened, by the covariance's inverse, (k, n)."""
         (solve,) = get_lapack_funcs(("trtrs",), (self.upper,))
         return solve(self.upper, rows.T, lower=0)[0].T
 
     def inverse(self) -> Array:
-        """The covariance's inverse, above the diagonal and on it; nothing below."""
+        """The inverse of the covariance, on and above the diagonal; entries below are undefined."""
         (invert,) = get_lapack_funcs(("potri",), (self.upper,))
         return invert(self.upper, lower=0)[0]
 
 
 def _forward(upper: Array, rows: Array) -> Array:
-    """Rows (k, n) freed of a covariance, (k, n)."""
+    """Whiten rows (k, n) by a covariance's factor, (k, n)."""
     (solve,) = get_lapack_funcs(("trtrs",), (upper,))
     return solve(upper, rows.T, lower=0, trans=1)[0].T
 
 
 def _product(upper: Array, other: Array) -> float:
-    """The sum of the products of two symmetric matrices' elements, of which the first has nothing
-    below its diagonal.
+    """The sum of the products of two symmetric matrices' elements, where the first is given on and
+    above its diagonal only.
     """
     whole = 2 * np.vdot(upper.T, other)
     return float(whole - np.diag(upper) @ np.diag(other))

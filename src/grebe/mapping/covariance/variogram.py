@@ -1,7 +1,7 @@
 """The empirical variogram, and models fitted to it by weighted least squares.
 
 Distance classes up to a third of the extent (gstat's default) and weights N_h / h^2 (gstat's
-fit.method 7). Estimators: Matheron's, and two that outliers do not move: Cressie and Hawkins
+fit.method 7). Estimators: Matheron's, and two that outliers do not affect: Cressie and Hawkins
 (1980) and Dowd (1984).
 """
 
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Of the choice by data the Gaussian model is left out: so smooth a field exists in no lake, and
-# without a nugget it believes itself beyond reason (Stein 1999, section 1.7).
+# The automatic choice excludes the Gaussian model: no lake has so smooth a field, and without a
+# nugget its standard deviations are far too small (Stein 1999, section 1.7).
 AUTOMATIC = KINDS[:-1]
 Estimator = Literal["matheron", "cressie", "dowd"]
 ESTIMATORS: tuple[Estimator, ...] = ("matheron", "cressie", "dowd")
 BINS = 15
 FEWEST_PAIRS = 10
 FEWEST_CLASSES = 3
-# Pairs grow with the square of the samples; this many samples give two million.
+# The number of pairs grows with the square of the samples; this many samples give two million.
 MOST_SAMPLES = 2000
 CUTOFF_SHARE = 1 / 3
-# Directions of a directional variogram [deg clockwise from north], and half a sector's width.
+# Directions of a directional variogram [deg clockwise from north], and half the width of a sector.
 DIRECTIONS_DEG, SECTOR_DEG = (0.0, 45.0, 90.0, 135.0), 22.5
-# A direction is believed where it takes away so much of the misfit, and shortens the range so
-# much: less than that sampling alone brings about.
+# A direction is used if it removes this share of the misfit and shortens the range across it by
+# this ratio: more than sampling alone brings about.
 LEAST_GAIN, CLEAR_RATIO = 0.3, 0.8
-# Ranges that are tried, in shares of the longest distance, and how many on the way to the best;
-# the largest sill, in shares of the largest semivariance.
+# Bounds of the ranges that are tried, as shares of the longest distance, and their number before
+# the refinement; the largest sill, as a share of the largest semivariance.
 REACHES, REACHES_TRIED, MOST_SILL = (0.01, 5.0), 60, 10.0
 
 
@@ -64,11 +64,11 @@ class EmpiricalVariogram:
 
 @dataclass(frozen=True, kw_only=True)
 class VariogramFit:
-    """A model with the empirical variogram it was held to.
+    """A model with the empirical variogram it was fitted to.
 
-    `candidates`: the best of each kind that was tried, best kind first; `standard_errors` of
-    nugget, sill and range_m, NaN where the data do not tell; `reason` says in a sentence why
-    this model.
+    `candidates`: the best model of each kind that was tried, best kind first; `standard_errors` of
+    nugget, sill and range_m, NaN where the data do not determine them; `reason` says in a sentence
+    why this model was chosen.
     """
 
     model: CovarianceModel
@@ -80,9 +80,9 @@ class VariogramFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Classes:
-    """Some of the pairs by classes of distance: which of all pairs are `chosen` (k,), None for all
-    of them; the class of each, `index` (k,), of so many `bins`; and of the classes that have any,
-    the number of pairs and their mean distance [m].
+    """Pairs by classes of distance: the indices `chosen` (k,) of these among all pairs, None for
+    all; the class `index` (k,) of each, out of `bins`; and for the classes that are not empty, the
+    number of pairs and their mean distance [m].
     """
 
     chosen: NDArray[np.int32] | None
@@ -94,8 +94,8 @@ class _Classes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Geometry:
-    """What of pairs does not depend on the values: the two samples of each, `first` and `second`
-    (p,); the classes of all pairs, and of those along each of some directions.
+    """The part of the pairs that does not depend on the values: the two samples of each, `first`
+    and `second` (p,); the classes of all pairs, and of those along each of some directions.
     """
 
     first: NDArray[np.int32]
@@ -113,7 +113,7 @@ class _Geometry:
 def _geometry(
     positions: Array, bins: int, cutoff_m: float, directions_deg: tuple[float, ...]
 ) -> _Geometry:
-    """The pairs no further apart than the cutoff."""
+    """The pairs that are no farther apart than the cutoff."""
     distance = pdist(positions)
     near = (distance > 0) & (distance <= cutoff_m)
     distance = distance[near]
@@ -151,7 +151,7 @@ def _of_classes(
 
 
 def _thinned(positions: Array, values: Array) -> tuple[Array, Array]:
-    """At most `MOST_SAMPLES` samples, evenly along their order."""
+    """At most `MOST_SAMPLES` samples, evenly spread along their order."""
     if len(values) <= MOST_SAMPLES:
         return positions, values
     chosen = np.linspace(0, len(values) - 1, MOST_SAMPLES).astype(int)
@@ -173,7 +173,7 @@ def empirical_variogram(
 ) -> EmpiricalVariogram:
     """Estimate the variogram of `values` (n,) at `positions` (n, 2) [m].
 
-    More than `MOST_SAMPLES` samples are thinned evenly along their order. With a direction,
+    More than `MOST_SAMPLES` samples are thinned evenly along their order. With a direction, only
     pairs within `SECTOR_DEG` of it count. Classes without pairs are left out.
     """
     cutoff_m = cutoff_m or default_cutoff_m(positions)
@@ -185,7 +185,7 @@ def empirical_variogram(
 
 
 def _estimated(classes: _Classes, difference: Array, estimator: Estimator) -> EmpiricalVariogram:
-    """The variogram of some pairs, by the differences (p,) of all pairs."""
+    """The variogram of the pairs of some classes, from the differences (p,) of all pairs."""
     if classes.chosen is not None:
         difference = difference[classes.chosen]
     index, bins, number = classes.index, classes.bins, classes.number
@@ -223,7 +223,7 @@ def fit_model(
     scaled = gamma / level
 
     def best_at(reach: float) -> tuple[float, float, float]:
-        """Nugget and sill that fit best at a reach, in shares of the level, and the misfit."""
+        """Nugget and sill that fit best at a reach, as shares of the level, and the misfit."""
         rise = 1 - correlations(kind, h / (reach * h[-1]))
         nugget, sill = _bounded(roots, roots * rise, roots * scaled)
         return nugget, sill, float(np.sum((roots * (nugget + sill * rise - scaled)) ** 2))
@@ -241,7 +241,7 @@ def fit_model(
 
 
 def _least(misfit: Callable[[float], float]) -> float:
-    """The reach of the least misfit: the best of a fine grid in logarithms, refined."""
+    """The reach of the smallest misfit: the best of a fine logarithmic grid, refined."""
     grid = np.log(np.geomspace(REACHES[0], REACHES[1], REACHES_TRIED))
     found = [misfit(one) for one in grid.tolist()]
     best = int(np.argmin(found))
@@ -251,7 +251,7 @@ def _least(misfit: Callable[[float], float]) -> float:
 
 
 def _bounded(one: Array, rise: Array, data: Array) -> tuple[float, float]:
-    """Least squares of data by a nugget times `one` and a sill times `rise`, neither below 0."""
+    """Least squares of data by a nugget times `one` and a sill times `rise`, neither negative."""
     oo, rr, cross = float(one @ one), float(rise @ rise), float(one @ rise)
     od, rd = float(one @ data), float(rise @ data)
     determinant = oo * rr - cross**2
@@ -259,7 +259,7 @@ def _bounded(one: Array, rise: Array, data: Array) -> tuple[float, float]:
         nugget, sill = (rr * od - cross * rd) / determinant, (oo * rd - cross * od) / determinant
         if nugget >= 0 and 0 <= sill <= MOST_SILL:
             return nugget, sill
-    # On an edge of what can be: without a nugget, with the largest sill, or with a nugget alone.
+    # On a bound: no nugget, the largest sill, or a nugget alone.
     edges = [
         (0.0, min(max(rd / rr, 0.0), MOST_SILL) if rr > 0 else 0.0),
         (max((od - MOST_SILL * cross) / oo, 0.0), MOST_SILL),
@@ -277,7 +277,9 @@ def _slopes(kind: str, h: Array, sill: float, reach: float) -> Array:
 
 
 def _standard_errors(jacobian: Array, squares: float) -> Array:
-    """Of least squares' parameters, were the classes independent; NaN where they do not tell."""
+    """Standard errors of least squares' parameters, as if the classes were independent; NaN where
+    the classes do not determine them.
+    """
     free = jacobian.shape[0] - jacobian.shape[1]
     try:
         covariance = np.linalg.inv(jacobian.T @ jacobian) * squares / max(free, 1)
@@ -291,8 +293,8 @@ def _standard_errors(jacobian: Array, squares: float) -> Array:
 def fit_variogram(
     positions: Array, values: Array, estimator: Estimator = "matheron"
 ) -> VariogramFit:
-    """Estimate the variogram, choose the kind of model that fits it best, and see whether it
-    has a direction. `ValueError` where there are too few pairs.
+    """Estimate the variogram, choose the kind of model that fits it best, and check whether it has
+    a direction. Raises `ValueError` if there are too few pairs.
     """
     cutoff_m = default_cutoff_m(positions)
     positions, values = _thinned(positions, values)
@@ -325,8 +327,8 @@ def fit_variogram(
 def _directed(
     sectors: Sequence[EmpiricalVariogram], model: CovarianceModel
 ) -> tuple[CovarianceModel, float] | None:
-    """The model with a direction, and by how much that lowers the misfit of the variograms along
-    each of `DIRECTIONS_DEG`; None if not clearly.
+    """The model with a direction, and the share by which that lowers the misfit of the variograms
+    along each of `DIRECTIONS_DEG`; None if the gain is not clear.
     """
     if min(len(sector.pairs) for sector in sectors) < FEWEST_CLASSES or model.sill == 0:
         return None

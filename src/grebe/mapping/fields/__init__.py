@@ -1,1 +1,1 @@
-"""What readings say of every place: kriging, and the field that knows the shore."""
+"""Estimates at every place from readings: kriging, and the field that knows the shore."""

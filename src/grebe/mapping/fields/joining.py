@@ -1,4 +1,4 @@
-"""Samples that lie together, joined to one: what keeps a system small, and not singular."""
+"""Merge samples that are close together, to keep a system small and not singular."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Up to so many samples a system is solved whole, and none are joined but those of one place.
+# Up to this many samples, one system is solved and only samples of the same place are merged.
 EXACT_LIMIT = 400
-# Two samples nearer than this in place and time are one: without a nugget they would make the
+# Two samples closer than this in place and time are the same: without a nugget, they would make the
 # system singular.
 SAME_PLACE_M, SAME_TIME_S = 0.01, 0.01
-# Beyond the exact limit, samples within which the signal varies by less than this share of the
-# sill, and than this share of the noise, are joined to one; but by the third share of the sill at
-# least, and more of them where there would still be too many.
+# Beyond the exact limit, samples within which the signal varies by less than `JOINED_SHARE` of the
+# sill and less than `JOINED_NOISE` of the noise are merged; the threshold is at least
+# `JOINED_LEAST` of the sill. More are merged while there are still more than `MOST_PLACES`.
 JOINED_SHARE, JOINED_NOISE, JOINED_LEAST, MOST_PLACES = 0.01, 1.0, 1e-4, 60_000
 
 
 def joined(
     positions: Array, columns: Array, model: CovarianceModel, fleeting: Fleeting | None
 ) -> tuple[Array, Array, Array]:
-    """Samples merged to few enough places, as `merge_places` gives them; the last of the `columns`
-    is the time, and what is of other times is not merged where that tells.
+    """Merge samples to few enough places, as `merge_places` returns them. The last of the
+    `columns` is the time; where it matters, samples of different times are not merged.
     """
     merged = merge_places(positions, columns, SAME_PLACE_M, _turns(columns, fleeting, 0.0))
     if len(merged[0]) <= EXACT_LIMIT or model.sill == 0:
@@ -46,8 +46,8 @@ def joined(
 
 
 def _turns(columns: Array, fleeting: Fleeting | None, lost: float) -> NDArray[np.int64] | None:
-    """Samples of one turn (n,) differ in time by so little that the fleeting part varies by no
-    more than a variance of `lost`.
+    """Number the samples (n,) by turns: within a turn, times differ so little that the fleeting
+    part varies by a variance of no more than `lost`. None if time does not matter.
     """
     if fleeting is None or fleeting.variance <= lost:
         return None
@@ -57,8 +57,8 @@ def _turns(columns: Array, fleeting: Fleeting | None, lost: float) -> NDArray[np
 
 
 def distinct(positions: Array, columns: Array) -> NDArray[np.int64]:
-    """The rows to keep where some repeat the same reading at the same place, the first of each in
-    its order: one reading, recorded for several sets that overlap there.
+    """The rows to keep if some repeat the same reading at the same place: the first of each, in
+    order. A reading is repeated when it was recorded for several overlapping sets.
     """
     table = np.column_stack([positions, columns])
     _, once = np.unique(table, axis=0, return_index=True)
@@ -71,8 +71,8 @@ def merge_places(
     size_m: float = SAME_PLACE_M,
     turns: NDArray[np.int64] | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Average samples of one place, and of one of the `turns` (n,) where these are given; return
-    their mean positions and `columns` (n,) or (n, p), and how many each stands for.
+    """Average the samples of each place, or of each place and turn if `turns` (n,) is given; return
+    the mean positions, the mean `columns` (n,) or (n, p), and the number of samples in each.
     """
     table = np.column_stack([positions, columns])
     cells = np.round((table[:, :2] - table[:, :2].min(axis=0)) / size_m).astype(np.int64)

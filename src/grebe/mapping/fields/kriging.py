@@ -1,10 +1,10 @@
 """Kriging: the best linear unbiased estimate with an unknown mean or drift.
 
-The nugget is read as noise of the samples: the estimate is of the signal, its variance is the
-signal's, and where the nugget is zero the samples are met exactly. An observation's variance
-is the nugget more (gstat without its `Err` term gives that one). Up to `EXACT_LIMIT` samples
-each estimate uses all of them, and each mean up to `MEAN_LIMIT`; beyond that those around it
-(`grebe.mapping.fields.tiles`).
+The nugget is taken as noise of the samples. So the estimate is of the signal, its variance is the
+signal's, and with a nugget of zero the samples are reproduced exactly. The variance of an
+observation is larger by the nugget (gstat without its `Err` term gives that one). Up to
+`EXACT_LIMIT` samples, every estimate uses all of them, and every mean does up to `MEAN_LIMIT`.
+Beyond that, an estimate uses the samples around it (`grebe.mapping.fields.tiles`).
 Chiles and Delfiner (2012), sections 3.4 and 3.6.
 """
 
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Up to so many samples a system is solved whole; beyond, means alone up to so many more, and all
-# of it where the product of the samples' square and the targets is small.
+# Beyond `EXACT_LIMIT` samples, and up to these, all of them are used for means; for variances too
+# where the samples' square times the targets is small.
 MEAN_LIMIT, LITTLE_WORK = 3_000, 5e8
 NEIGHBOURS = 150
 TARGETS_AT_ONCE = 2000
-# The trend is estimated once for the whole water, from at most so many samples.
+# The trend is estimated once for the whole water, from at most these samples.
 MOST_FOR_TREND = 500
-# Added to the diagonal, of the sill: what keeps a smooth covariance positive in doubles.
+# Added to the diagonal, as a share of the sill: keeps a smooth covariance positive definite.
 JITTER = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """Mean and variance of the signal at each target, (m,) each; the mean (m, c) for c columns
-    of values.
+    """Mean and variance of the signal at each target, (m,) each; for c columns of values the mean
+    is (m, c).
     """
 
     mean: Array
@@ -53,7 +53,7 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """Functions that the mean is a combination of, besides a constant: their values at the
+    """Functions that the mean is a linear combination of, besides a constant: their values at the
     samples (n, p) and at the targets (m, p).
     """
 
@@ -64,7 +64,7 @@ class Drift:
 @dataclass(frozen=True, kw_only=True)
 class Passing:
     """A fleeting part of the signal: the times of the samples (n,) and of the targets (m,) [s], and
-    the `share` (m,) of what is known of it at a target's time that holds at its place.
+    the `share` (m,) of it, as estimated at a target's time, that applies at the target's place.
     """
 
     fleeting: Fleeting
@@ -76,7 +76,7 @@ class Passing:
 @dataclass(frozen=True, kw_only=True)
 class Moments:
     """A fleeting part of the signal that all places share: the times of the samples (n,), and the
-    moments (k,) for which the signal is asked [s].
+    times `at` (k,) at which the signal is estimated [s].
     """
 
     fleeting: Fleeting
@@ -97,10 +97,10 @@ def krige(
     """Estimate the signal at `targets` (m, 2) from `values` (n,) at `positions` (n, 2) [m];
     several columns of values (n, c) share one variance.
 
-    `neighbours` limits each estimate to that many samples around it; by default all are used
-    up to `EXACT_LIMIT` samples, for the mean up to `MEAN_LIMIT`, and `NEIGHBOURS` beyond.
-    `extra_variance` (n,) of each value is besides the nugget. With `passing` the signal is of place
-    and of time.
+    `neighbours` limits each estimate to that many samples around it. By default all samples are
+    used up to `EXACT_LIMIT`, and for the mean up to `MEAN_LIMIT`; beyond that, `NEIGHBOURS` are.
+    `extra_variance` (n,) is the variance of each value in addition to the nugget. With `passing`,
+    the signal depends on place and time.
     """
     return _krige(positions, values, targets, model, neighbours, drift, extra_variance, passing)[0]
 
@@ -114,8 +114,8 @@ def krige_moments(
     drift: Drift | None = None,
     extra_variance: Array | None = None,
 ) -> list[Estimate]:
-    """As `krige`, an estimate for each of several moments. What is of the place is factorised and
-    solved once for all of them.
+    """As `krige`, with one estimate for each of several times. The part that depends on place is
+    factorised and solved only once.
     """
     return _krige(positions, values, targets, model, None, drift, extra_variance, moments)
 
@@ -130,7 +130,7 @@ def _krige(
     extra_variance: Array | None,
     passing: Passing | Moments | None,
 ) -> list[Estimate]:
-    """One estimate for each moment, or one alone."""
+    """Return one estimate for each time, or a single one."""
     if len(values) == 0 or not (np.isfinite(positions).all() and np.isfinite(values).all()):
         raise ValueError("kriging needs at least one sample, and finite ones")
     if model.sill == 0 and drift is None and passing is None:
@@ -198,8 +198,8 @@ def _estimated(
 
 @dataclass(frozen=True, kw_only=True)
 class _Samples:
-    """Places without a direction (n, 2), values (n, c), their noise variance (n,), the drift's
-    functions there (n, p), a constant first, and the samples' times (n,).
+    """Places in isotropic coordinates (n, 2), values (n, c), their noise variance (n,), the drift's
+    functions there (n, p), with a constant first, and the samples' times (n,).
     """
 
     positions: Array
@@ -220,19 +220,19 @@ class _Samples:
         )
 
     def factor(self, model: CovarianceModel) -> Array:
-        """Cholesky's lower factor of the samples' covariance."""
+        """Lower Cholesky factor of the samples' covariance."""
         system = model.among(self.positions)
         if self.fleeting is not None:
             self.fleeting.add_among(self.times, system)
         system[np.diag_indices(len(self.noise))] += self.noise
-        # By columns, as LAPACK has it, its transpose needs no copy.
+        # LAPACK stores by columns, so the transpose needs no copy.
         return cholesky(system.T, lower=False, overwrite_a=True, check_finite=False).T
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Targets:
-    """Places without a direction (m, 2), the drift's functions there (m, p), and what of the
-    fleeting part is asked for.
+    """Places in isotropic coordinates (m, 2), the drift's functions there (m, p), and the fleeting
+    part to be estimated.
     """
 
     positions: Array
@@ -241,7 +241,7 @@ class _Targets:
 
     @property
     def moments(self) -> int:
-        """How many moments are asked for."""
+        """The number of times at which the signal is estimated."""
         return len(self.passing.at) if isinstance(self.passing, Moments) else 1
 
     def part(self, chosen: NDArray[np.int64] | slice) -> _Targets:
@@ -255,8 +255,8 @@ class _Targets:
         )
 
     def covariance(self, samples: _Samples, model: CovarianceModel) -> Array:
-        """Covariance (n, m) of the samples' signal with that of the targets, but for what these
-        share.
+        """Covariance (n, m) of the samples' signal with that of the targets, without the part that
+        all targets share.
         """
         found = model.between(samples.positions, self.positions)
         if isinstance(self.passing, Passing):
@@ -265,7 +265,7 @@ class _Targets:
         return found
 
     def shared(self, samples: _Samples) -> Array:
-        """Covariance (n, k) of the samples' signal with what all targets share at each moment."""
+        """Covariance (n, k) of the samples' signal with what all targets share at each time."""
         if not isinstance(self.passing, Moments):
             return np.zeros((len(samples.noise), 1))
         return self.passing.fleeting.covariance(samples.times, self.passing.at)
@@ -282,7 +282,7 @@ class _Trend:
 
 
 def _trend(samples: _Samples, model: CovarianceModel) -> _Trend:
-    """One trend for the whole water: from all samples, or so many of them spread evenly."""
+    """Fit one trend for the whole water, from all samples or from `MOST_FOR_TREND` of them."""
     if len(samples.noise) > MOST_FOR_TREND:
         chosen = np.linspace(0, len(samples.noise) - 1, MOST_FOR_TREND).astype(np.int64)
         samples = samples.part(chosen)
@@ -298,7 +298,7 @@ def _trend(samples: _Samples, model: CovarianceModel) -> _Trend:
 
 
 def _scaled(functions: Array, there: Array) -> tuple[Array, Array]:
-    """Drift functions of mean 0 and size 1 at the samples, the constant apart."""
+    """Scale the drift functions, except the constant, to mean 0 and size 1 at the samples."""
     shift, size = functions.mean(axis=0), functions.std(axis=0)
     shift[0], size[0] = 0.0, 1.0
     size[size == 0] = 1.0
@@ -310,8 +310,8 @@ def _solve(
 ) -> tuple[Array, Array]:
     """Means (k, m, c) and variances (k, m) at the targets.
 
-    What the targets share at a moment adds one column to each of their covariances with the
-    samples, so that it takes a product, and no solution, for each.
+    The part that the targets share at a time adds one column to their covariances with the
+    samples. So each time takes a product only, and no solution of the system.
     """
     factor = samples.factor(model)
     residual = samples.values - samples.functions @ trend.coefficients
@@ -341,7 +341,7 @@ def _solve(
 
 
 def _mean(samples: _Samples, trend: _Trend, targets: _Targets, model: CovarianceModel) -> Array:
-    """Means (k, m, c) at the targets from all samples, which takes one factorisation."""
+    """Means (k, m, c) at the targets from all samples, by one factorisation."""
     residual = samples.values - samples.functions @ trend.coefficients
     weights = cho_solve((samples.factor(model).T, False), residual, check_finite=False)
     mean = targets.functions @ trend.coefficients
@@ -354,5 +354,5 @@ def _mean(samples: _Samples, trend: _Trend, targets: _Targets, model: Covariance
 
 
 def _whole_is_little(samples: int, targets: int) -> bool:
-    """Whether so many samples and targets are soon solved as one system."""
+    """Whether this many samples and targets can be solved quickly as one system."""
     return samples <= EXACT_LIMIT or (samples <= MEAN_LIMIT and samples**2 * targets <= LITTLE_WORK)

@@ -1,11 +1,11 @@
 """A map that takes in readings as they come: a few more cost milliseconds, however many there are.
 
-The signal at a map's nodes is the state of a Kalman filter that stands still. A batch of readings
-is seen through the nodes around it: what the nodes do not tell of it, the remainder of the
-covariance within the batch, counts as its noise (the partially independent conditional of
-Quinonero-Candela and Rasmussen 2005, JMLR 6, taken in batch by batch). So the state is as large as
-the map and not as the survey; what is lost against the full map is what varies between nodes and
-is shared by two batches. The covariance is fixed: a new fit begins a new filter.
+The signal at a map's nodes is the state of a Kalman filter without motion. A batch of readings is
+observed through the nodes around it. What the nodes do not explain, the rest of the covariance
+within the batch, counts as its noise (the partially independent conditional of Quinonero-Candela
+and Rasmussen 2005, JMLR 6, applied batch by batch). So the state is as large as the map and does
+not grow with the survey. What is lost, compared with the full map, is variation between nodes that
+two batches share. The covariance is fixed: a new fit starts a new filter.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Readings that are taken in together, and the nodes through which each is seen.
+# Readings that are taken in together, and the number of nodes through which each is observed.
 BATCH, AROUND = 64, 12
-# Variance of the unknown mean, in variances of the readings: as good as nothing known.
+# Variance of the unknown mean, in variances of the readings: practically uninformative.
 VAGUE = 1e4
-# Added to a diagonal, of the sill: what keeps a smooth covariance positive in doubles.
+# Added to a diagonal, as a share of the sill: keeps a smooth covariance positive definite.
 JITTER = 1e-9
 
 
 class Prior(Protocol):
-    """The signal at the nodes before any reading, and how places are seen through the nodes."""
+    """The signal at the nodes before any reading, and how places depend on the nodes."""
 
     @property
     def nugget(self) -> float:
@@ -50,19 +50,19 @@ class Prior(Protocol):
         ...
 
     def covariance(self) -> Array:
-        """Of the signal at the nodes, (m, m)."""
+        """Covariance of the signal at the nodes, (m, m)."""
         ...
 
     def seen(self, places: Array) -> tuple[csr_array, Array]:
-        """Weights (n, m) of the nodes at places (n, 2), rows that sum to 1; and the covariance
-        (n, n) of what the nodes do not tell.
+        """Weights (n, m) of the nodes at places (n, 2), with rows that sum to 1; and the covariance
+        (n, n) that the nodes do not explain.
         """
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class StraightPrior:
-    """A covariance of the straight distance, at nodes (m, 2)."""
+    """A covariance of straight-line distance, at nodes (m, 2)."""
 
     model: CovarianceModel
     nodes: Array
@@ -78,7 +78,7 @@ class StraightPrior:
         return self._between(at, at) + JITTER * self.model.sill * np.eye(len(at))
 
     def seen(self, places: Array) -> tuple[csr_array, Array]:
-        """See `Prior`: ordinary kriging from the nodes around."""
+        """See `Prior`: ordinary kriging from the surrounding nodes."""
         nodes, at = self._at, self.model.isotropic(places)
         _, near = self._tree.query(at, k=min(AROUND, len(nodes)))
         used = np.unique(near)
@@ -88,7 +88,7 @@ class StraightPrior:
         across = self._between(nodes[used], at)
         solved = cho_solve(factor, np.column_stack([across, np.ones(len(used))]))
         simple, ones = solved[:, :-1], solved[:, -1]
-        # The weights sum to 1, for the mean is not known.
+        # The weights sum to 1, because the mean is unknown.
         missing = (1.0 - simple.sum(axis=0)) / ones.sum()
         weights = simple + np.outer(ones, missing)
         left = self._between(at, at) - across.T @ simple
@@ -100,7 +100,7 @@ class StraightPrior:
 
     @cached_property
     def _at(self) -> Array:
-        """The nodes where the model has no direction."""
+        """The nodes in isotropic coordinates."""
         return self.model.isotropic(self.nodes)
 
     @cached_property
@@ -129,12 +129,12 @@ class ShorePrior:
         return factor.solve(np.eye(len(self.mesh.nodes)))
 
     def seen(self, places: Array) -> tuple[csr_array, Array]:
-        """See `Prior`: the mesh's own bilinear weights, by which the field is defined."""
+        """See `Prior`: the mesh's own bilinear weights, which define the field between nodes."""
         return self.mesh.interpolation(places), np.zeros((len(places), len(places)))
 
 
 class SequentialField:
-    """The signal given the readings so far: a `Field` that `add` tells of more of them."""
+    """The signal given the readings so far: a `Field` that `add` updates with more of them."""
 
     def __init__(self, prior: Prior, model: Model, level: float, spread: float) -> None:
         self.model = model
@@ -170,7 +170,7 @@ class SequentialField:
 
     @property
     def node_sd(self) -> Array:
-        """Its standard deviation, (m,)."""
+        """The estimate's standard deviation, (m,)."""
         return np.sqrt(np.maximum(np.diag(self._covariance), 0.0))
 
     def mean(self, places: Array) -> Array:
@@ -189,12 +189,12 @@ class SequentialField:
         return np.concatenate(found)
 
     def covariance(self, places: Array) -> Array:
-        """Covariance (n, n) of the signal at places, as far as the nodes tell of it."""
+        """Covariance (n, n) of the signal at places, as far as the nodes determine it."""
         used, small = _used(self._prior.seen(places)[0])
         return small @ self._covariance[np.ix_(used, used)] @ small.T
 
     def draws(self, places: Array, count: int, seed: int) -> Array:
-        """See `Field`; what varies between nodes is drawn apart at each place."""
+        """See `Field`; variation between nodes is drawn independently at each place."""
         rng = np.random.default_rng(seed)
         size = len(self._mean)
         lift = JITTER * float(np.trace(self._covariance)) / size
@@ -216,12 +216,13 @@ class SequentialField:
 
 
 def sequential(fitted: Field, nodes: Array) -> SequentialField | None:
-    """A field of the same covariance as a fitted one that takes in more readings, at nodes (m, 2),
-    its own readings taken in; None for a method of one's own, or one with a drift.
+    """Return a field at nodes (m, 2) that has the covariance and the readings of a fitted one and
+    takes in more readings; None for a user's own method, or one with a drift.
     """
     prior: Prior
     if isinstance(fitted, AveragedField):
-        # Of a mean of two that of place alone: it grows with each reading and its error is honest.
+        # Of two averaged fields, use that of place alone: it grows with each reading, and its error
+        # is honest.
         fitted = fitted.fields[0]
     if isinstance(fitted, KrigingField) and fitted.drift is None and fitted.covariance.sill > 0:
         prior = StraightPrior(model=fitted.covariance, nodes=nodes)
@@ -236,7 +237,7 @@ def sequential(fitted: Field, nodes: Array) -> SequentialField | None:
 
 
 def _used(weights: csr_array) -> tuple[NDArray[np.int64], Array]:
-    """The nodes (k,) that have any weight, and the weights (n, k) of these."""
+    """The nodes (k,) that have any weight, and their weights (n, k)."""
     used = np.unique(weights.indices).astype(np.int64)
     return used, np.asarray(weights[:, used].toarray())
 

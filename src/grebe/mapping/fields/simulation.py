@@ -1,7 +1,7 @@
-"""Free fields of a covariance model on a regular grid, exactly and fast.
+"""Unconditional fields of a covariance model on a regular grid, exact and fast.
 
-Circulant embedding (Dietrich and Newsam 1997): on a torus large enough the covariance matrix
-is diagonal in Fourier space. What is negative there, of a smooth covariance, is cut off.
+Circulant embedding (Dietrich and Newsam 1997): on a large enough torus, the covariance matrix is
+diagonal in Fourier space. Negative eigenvalues of a smooth covariance are cut off.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Room beyond the grid on the torus, in practical ranges: the first with which what is negative
-# there is no more than such a share of the variance, for to cut it off roughens the fields; and at
-# most so many nodes.
+# Room beyond the grid on the torus, in practical ranges. The first is used with which the negative
+# eigenvalues are no more than this share of the variance, because cutting them off roughens the
+# fields. The room is limited to this many nodes.
 ROOM_RANGES, NEGATIVE_SHARE, MOST_ROOM = (1.0, 2.0, 4.0), 1e-6, 2_000
 
 
@@ -35,10 +35,10 @@ def circulant_fields(
     refine: int = 1,
 ) -> tuple[Array, Array]:
     """Draw `count` fields of mean 0; return them at the grid's nodes in the water (count, m) and,
-    between the nodes by bilinear weights, at `positions` (count, n).
+    interpolated bilinearly between the nodes, at `positions` (count, n).
 
-    The fields are drawn on a grid `refine` times as fine: what lies between nodes is smoother
-    than they are, which matters where the field is rough.
+    The fields are drawn on a grid `refine` times as fine: interpolation between nodes smooths them,
+    which matters if the field is rough.
     """
     step = grid.step_m / refine
     shape = [refine * (side - 1) + 1 for side in grid.inside.shape]
@@ -46,7 +46,7 @@ def circulant_fields(
     place = ((positions - [grid.north[0], grid.east[0]]) / step).T
     nodes, seen = [], []
     for _ in range(0, count, 2):
-        # The real and the imaginary part are two fields that know nothing of each other.
+        # The real and imaginary parts are two independent fields.
         white = rng.normal(size=(*spectrum.shape, 2)).view(np.complex128)[..., 0]
         both = _transformed(white * spectrum)
         for field in (both.real, both.imag)[: count - len(nodes)]:
@@ -56,7 +56,7 @@ def circulant_fields(
 
 
 def _spectrum(model: CovarianceModel, shape: list[int], step: float) -> Array:
-    """Square roots of the covariance's eigenvalues, over the number of nodes, on a torus with
+    """Square roots of the covariance's eigenvalues, divided by the number of nodes, on a torus with
     room beyond the grid.
     """
     values = np.ones((1, 1))
@@ -69,7 +69,7 @@ def _spectrum(model: CovarianceModel, shape: list[int], step: float) -> Array:
 
 
 def _eigenvalues(model: CovarianceModel, shape: list[int], step: float, room: int) -> Array:
-    # Samples may lie beyond the grid by a node or two.
+    # Samples may be outside the grid by a node or two.
     size = [int(fft.next_fast_len(side + max(room, 4)) or side) for side in shape]
     signed = [step * np.where(np.arange(n) <= n // 2, np.arange(n), np.arange(n) - n) for n in size]
     offsets = np.stack(np.meshgrid(*signed, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -1,10 +1,10 @@
-"""A field that knows the shore: what lies behind land is as far as the way around it.
+"""A field that knows the shore: correlation follows the path around land, not across it.
 
-A water distance within a covariance is not positive definite. Instead the field solves a
-stochastic differential equation on the water, (kappa^2 - Laplace) x = white noise, with no
-flux through the shore; far from land its covariance is Matern's with smoothness 1 (Lindgren,
-Rue and Lindstrom 2011; Bakka et al. 2019). On the map's own nodes the equation is a sparse
-matrix of a five-point stencil; kappa and the noise are fitted by restricted likelihood.
+A covariance of distances through the water is not positive definite. Instead, the field solves a
+stochastic differential equation on the water, (kappa^2 - Laplace) x = white noise, with no flux
+through the shore. Far from land its covariance is Matern's with smoothness 1 (Lindgren, Rue and
+Lindstrom 2011; Bakka et al. 2019). On the map's own nodes the equation becomes a sparse matrix with
+a five-point stencil; kappa and the noise are fitted by restricted likelihood.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 # Nodes of the coarser grid on which the parameters are fitted.
 FIT_NODES = 3_000
 MOST_FOR_FIT = 20_000
-# 95 % of Matern's correlation of smoothness 1 is gone at 4 / kappa.
+# At 4 / kappa, a Matern correlation of smoothness 1 has lost 95 %.
 PRACTICAL = 4.0
-# Among so many nodes around a place one is looked for that it sees.
+# How many of the nodes nearest to a place are searched for one that is visible from it.
 SIGHTED = 12
-# The search: practical ranges in grid steps and in extents of the water; noise over sill.
+# Bounds of the search: practical ranges in grid steps and in extents of the water; noise over sill.
 LEAST_RANGE_STEPS, MOST_RANGE_EXTENTS = 3.0, 4.0
 LEAST_NOISE, MOST_NOISE = 1e-4, 1e2
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShoreModel:
-    """`range_m`: where 95 % of the correlation is gone in open water; `sill`: the variance
-    there; `nugget`: the noise of a sample.
+    """`range_m`: distance at which 95 % of the correlation is gone in open water; `sill`: variance
+    there; `nugget`: variance of a sample's noise.
     """
 
     range_m: float
@@ -66,7 +66,7 @@ class ShoreModel:
 
     @property
     def scale(self) -> float:
-        """The white noise's variance, which makes the sill what it is."""
+        """The variance of the white noise that gives the field its sill."""
         return max(self.sill, 1e-300) * 4 * math.pi * self.kappa**2
 
     @property
@@ -81,7 +81,7 @@ class ShoreModel:
 
 
 class Mesh:
-    """The water's nodes, the links between them that do not cross land, and the stencil."""
+    """The water's nodes, the links between them that do not cross land, and their stencil."""
 
     def __init__(self, grid: Grid, water: shapely.Polygon) -> None:
         self.grid, self.step_m, self._water = grid, grid.step_m, water
@@ -110,8 +110,8 @@ class Mesh:
         return csc_matrix(diags_array(adjacency.sum(axis=1)) - adjacency)
 
     def interpolation(self, positions: Array) -> csr_array:
-        """Bilinear weights (n, nodes) over the nodes that no land hides; the nearest of those where
-        none is around, and the nearest of all for a place that is itself on land.
+        """Bilinear weights (n, nodes) over the nodes that are not hidden by land. If all are
+        hidden, the nearest visible node; for a place on land, the nearest node of all.
         """
         grid = self.grid
         place = (positions - [grid.north[0], grid.east[0]]) / self.step_m
@@ -140,7 +140,7 @@ class Mesh:
         return csr_array((data, (row, np.concatenate(columns))), shape=shape)
 
     def _sees(self, positions: Array, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether no land lies between each place and a node beside it."""
+        """Whether the line between each place and a node beside it is free of land."""
         seen = np.ones(len(positions), dtype=bool)
         close = shapely.dwithin(
             self._water.boundary, shapely.points(positions), 1.5 * self.step_m
@@ -150,7 +150,7 @@ class Mesh:
         return seen
 
     def _nearest_seen(self, positions: Array) -> NDArray[np.int64]:
-        """The nearest node that each place sees; the nearest of all where it sees none."""
+        """The nearest node visible from each place, or the nearest of all if none is."""
         if not len(positions):
             return np.empty(0, dtype=np.int64)
         _, near = self._tree.query(positions, k=min(SIGHTED, len(self.nodes)))
@@ -163,7 +163,7 @@ class Mesh:
 
 
 class _System:
-    """Samples on a mesh under given kappa and noise over s^2, the scale s^2 being profiled."""
+    """Samples on a mesh for a given kappa and noise over s^2; the scale s^2 is profiled out."""
 
     def __init__(
         self,
@@ -189,12 +189,12 @@ class _System:
         self.scale = float(self.residual @ self.solve(self.residual)) / self.free
 
     def solve(self, vector: Array) -> Array:
-        """Apply the inverse of the samples' covariance (over s^2)."""
+        """Multiply by the inverse of the samples' covariance (over s^2)."""
         inner = self.posterior.solve(self._weights.T @ vector / self.noise)
         return (vector - self._weights @ inner) / self.noise
 
     def likelihood(self) -> float:
-        """Restricted log-likelihood, but for a constant."""
+        """Restricted log-likelihood, up to a constant."""
         n = len(self.residual)
         log_det = _log_det(self.posterior) - self._log_prior + n * math.log(self.noise)
         _, log_information = np.linalg.slogdet(self.information)
@@ -202,14 +202,14 @@ class _System:
 
 
 def coarse_mesh(water: shapely.Polygon) -> Mesh:
-    """A mesh of the water coarse enough to fit on."""
+    """A mesh of the water, coarse enough for fitting."""
     return Mesh(make_grid(water, math.sqrt(water.area / FIT_NODES)), water)
 
 
 def fit_spde(mesh: Mesh, positions: Array, values: Array) -> ShoreModel:
     """Fit range, sill and noise by restricted likelihood on a coarse mesh.
 
-    Raises `ValueError` when the values do not vary.
+    Raises `ValueError` if the values do not vary.
     """
     if np.ptp(values) == 0:
         raise ValueError("the values do not vary")
@@ -226,7 +226,7 @@ def fit_spde(mesh: Mesh, positions: Array, values: Array) -> ShoreModel:
 
     def system(at: Array) -> _System:
         kappa = PRACTICAL / math.exp(at[0])
-        # Noise over sill, in units of s^2: the sill of s^2 = 1 is 1 / (4 pi kappa^2).
+        # Noise over sill, in units of s^2: for s^2 = 1 the sill is 1 / (4 pi kappa^2).
         noise = math.exp(at[1]) / (4 * math.pi * kappa**2)
         return _System(mesh, weights, values - values.mean(), basis, kappa, noise)
 
@@ -243,7 +243,7 @@ def fit_spde(mesh: Mesh, positions: Array, values: Array) -> ShoreModel:
 
 
 class ShoreField:
-    """The signal given the samples, at a mesh's nodes: mean, variance and draws."""
+    """The signal at a mesh's nodes, given the samples: mean, variance and draws."""
 
     def __init__(self, mesh: Mesh, positions: Array, values: Array, model: ShoreModel) -> None:
         self._mesh = mesh
@@ -260,7 +260,7 @@ class ShoreField:
         return self._shift + float(system.trend[0]) + self._carried(system.residual)
 
     def variance(self) -> Array:
-        """The signal's variance at each node, that of the estimated mean included."""
+        """The signal's variance at each node, including that of the estimated mean."""
         own = inverse_diagonal(self._system.posterior)
         missing = 1 - self._carried(self._system.basis[:, 0])
         return self._scale * (own + missing**2 / float(self._system.information[0, 0]))
@@ -281,18 +281,18 @@ class ShoreField:
         return self.mean() + fields
 
     def _carried(self, residual: Array) -> Array:
-        """What residuals at the samples tell about each node."""
+        """The estimate at each node from residuals at the samples."""
         system = self._system
         return system.posterior.solve(self._weights.T @ residual / system.noise)
 
 
 def prior_precision(mesh: Mesh, model: ShoreModel) -> csc_matrix:
-    """The inverse covariance (nodes, nodes) of the signal before any sample."""
+    """The inverse covariance (nodes, nodes) of the signal before any sample is taken."""
     return _precision(mesh, _operator(mesh, model.kappa)) / model.scale
 
 
 def _precision(mesh: Mesh, operator: csc_matrix) -> csc_matrix:
-    """The inverse covariance (nodes, nodes) over the white noise's variance."""
+    """The inverse covariance (nodes, nodes) for white noise of variance 1."""
     return csc_matrix(operator @ operator) / mesh.step_m**2
 
 
@@ -302,7 +302,7 @@ def _operator(mesh: Mesh, kappa: float) -> csc_matrix:
 
 
 def _factor(matrix: csc_matrix) -> SuperLU:
-    """Factorise a symmetric positive matrix, its pivots on the diagonal."""
+    """Factorise a symmetric positive definite matrix with its pivots on the diagonal."""
     return splu(
         matrix,
         permc_spec="MMD_AT_PLUS_A",
@@ -333,8 +333,8 @@ def _takahashi(
     lower: NDArray[np.float64],
     pivots: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Entries of the inverse where the factor has entries, from the last column to the first:
-    Z = D^-1 L^-1 + (I - L') Z, read column by column.
+    """Entries of the inverse at the factor's non-zero entries, column by column from the last to
+    the first: Z = D^-1 L^-1 + (I - L') Z.
     """
     n = pivots.shape[0]
     inverse = np.zeros(lower.shape[0])
@@ -342,7 +342,7 @@ def _takahashi(
     diagonal = np.empty(n)
     for j in range(n - 1, -1, -1):
         low, high = starts[j], starts[j + 1]
-        # The first entry of a column is the diagonal, the unit of L.
+        # The first entry of a column is the diagonal, where L is 1.
         for s in range(low + 1, high):
             place[rows[s]] = s
             inverse[s] = 0.0

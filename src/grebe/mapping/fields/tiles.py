@@ -1,8 +1,8 @@
-"""Kriging by tiles: neighbouring targets share one window of samples, and one factorisation.
+"""Kriging by tiles: neighbouring targets share one window of samples and one factorisation.
 
-A window of a few dozen samples for each target would, on a track that is sampled each metre,
-end a few metres away. Targets of one tile together can afford hundreds: the nearest to the
-tile, a share from every octant around it, so that a long line does not fill the window.
+On a track sampled every metre, a window of a few dozen samples for each target would end a few
+metres away. The targets of a tile together can afford hundreds: the nearest to the tile, with a
+share from each octant around it, so that one long line does not fill the window.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     Indices = NDArray[np.int64]
 
 OCTANTS = 8
-# A tile holds at most so many targets and such a share of a window's samples.
+# Upper limits for a tile: its targets, and the samples among them as a share of the window's.
 MOST_TARGETS, TILE_SHARE = 600, 1 / 6
-# Of so many times the window's samples around a tile those of the octants are chosen.
+# The octants' samples are chosen from this many times the window's samples, nearest the tile.
 CANDIDATES = 4
 
 
 # Most quantities of a survey have the same samples.
 @remembered(4)
 def tiles(samples: Array, targets: Array, window: int) -> list[tuple[Indices, Indices]]:
-    """Return pairs of indices: the targets of a tile, and the samples that tell about them."""
+    """Return pairs of indices: the targets of a tile, and the samples of its window."""
     tree = KDTree(samples)
     return [
         (members, _window(samples, tree, targets[members], window))
@@ -39,7 +39,7 @@ def tiles(samples: Array, targets: Array, window: int) -> list[tuple[Indices, In
 
 
 def _split(targets: Array, tree: KDTree, window: int) -> list[Indices]:
-    """Halve the targets across their longer side until few enough samples lie among them."""
+    """Halve the targets across their longer side until few enough samples are among them."""
     waiting, done = [np.arange(len(targets))], []
     while waiting:
         members = waiting.pop()
@@ -58,7 +58,7 @@ def _split(targets: Array, tree: KDTree, window: int) -> list[Indices]:
 
 
 def _window(samples: Array, tree: KDTree, targets: Array, window: int) -> Indices:
-    """The nearest samples of each octant around a tile; octants with few leave room to others."""
+    """The nearest samples of each octant around a tile; octants with few leave room for others."""
     low, high = targets.min(axis=0), targets.max(axis=0)
     centre = 0.5 * (low + high)
     _, near = tree.query(centre, k=min(CANDIDATES * window, len(samples)))
@@ -69,7 +69,7 @@ def _window(samples: Array, tree: KDTree, targets: Array, window: int) -> Indice
     away = np.hypot(*outside.T)
     way = samples[near] - centre
     octant = ((np.arctan2(way[:, 1], way[:, 0]) / np.pi + 1) * (OCTANTS / 2)).astype(int) % OCTANTS
-    # Rank within the octant: taking samples by rank takes from all octants alike.
+    # Taking samples by their rank within the octant takes from all octants alike.
     order = np.lexsort((away, octant))
     first = np.searchsorted(octant[order], np.arange(OCTANTS))
     rank = np.empty(len(near), dtype=np.int64)

@@ -1,1 +1,1 @@
-"""The ways to make a map from readings: fit a method, then ask the field."""
+"""Map methods: each is fitted to readings and returns a field to query."""

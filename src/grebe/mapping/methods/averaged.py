@@ -1,8 +1,8 @@
-"""The mean of several methods: which of two covariances is right is part of what is not known.
+"""The mean of several methods: which of two covariances is right is itself uncertain.
 
-Where models fit alike, their mean predicts better than most of them, and what they differ by is
-added to its uncertainty (Hoeting et al. 1999, "Bayesian model averaging"). Their weights are equal:
-weights by left-out readings follow whichever model swings least there, not elsewhere.
+If models fit equally well, their mean predicts better than most of them, and their differences add
+to its uncertainty (Hoeting et al. 1999, "Bayesian model averaging"). The weights are equal: weights
+from left-out readings would favour the model that overshoots least at those, not elsewhere.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Averaged:
-    """The mean of a rough covariance of place and of a smooth one that knows of passes.
+    """The mean of a rough covariance of place and a smooth one that models passes.
 
-    Readings without times are left to the first. `estimator` and `drift` are those of both.
+    Readings without times are mapped by the rough one alone. `estimator` and `drift` apply to both.
     """
 
     estimator: Estimator = "matheron"
@@ -52,7 +52,7 @@ class Averaged:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AveragedField:
-    """The mean of fields that are equally likely."""
+    """The mean of equally likely fields."""
 
     fields: tuple[KrigingField, ...]
     model: Model
@@ -62,7 +62,7 @@ class AveragedField:
         return np.mean([one.mean(places) for one in self.fields], axis=0)
 
     def sd(self, places: Array) -> Array:
-        """See `Field`; what the fields differ by is in it."""
+        """See `Field`; includes the differences between the fields."""
         return _mixed([(one.mean(places), one.sd(places)) for one in self.fields])[1]
 
     def at_moments(self, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
@@ -71,7 +71,7 @@ class AveragedField:
         return [_mixed(of_fields) for of_fields in zip(*found, strict=True)]
 
     def draws(self, places: Array, count: int, seed: int) -> Array:
-        """See `Field`: from one field after the other."""
+        """See `Field`: the fields take turns."""
         drawn = np.empty((count, len(places)))
         for i, one in enumerate(self.fields):
             turn = slice(i, None, len(self.fields))
@@ -85,7 +85,7 @@ class AveragedField:
 
 
 def _mixed(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Mean and standard deviation of what is equally likely to be any of some (mean, sd)."""
+    """Mean and standard deviation of an equal mixture of distributions (mean, sd)."""
     means, sds = (np.array(one) for one in zip(*found, strict=True))
     return means.mean(axis=0), np.sqrt((sds**2).mean(axis=0) + means.var(axis=0))
 
@@ -95,7 +95,9 @@ def _mean_of(curves: Sequence[Callable[[Array], Array]], distance: Array) -> Arr
 
 
 def averaged(fields: tuple[KrigingField, ...]) -> AveragedField:
-    """The mean of fields, and what it is made of: that of the first, in numbers that are means."""
+    """The mean of fields, with a model that averages nuggets and curves and otherwise describes the
+    first field.
+    """
     models = [one.model for one in fields]
     first = models[0]
     return AveragedField(

@@ -1,9 +1,9 @@
-"""Fit, then ask: what a map's method is given, and what it answers.
+"""Fit, then query: what a map's method is given, and what it returns.
 
 A `Method` is a frozen value with its own settings. Its `fit` takes the `Readings` of one quantity
 and the `Domain` that the map covers, and returns a `Field`: the signal's mean, standard deviation
-and draws at any place of the water, and the `Model` that it is made of. Anything with these
-members is a method; nothing has to be inherited or registered.
+and draws at any place of the water, and the `Model` behind it. Anything with these members is a
+method; nothing has to be inherited or registered.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """What was read of one quantity: `values` (n,) in its unit at `positions` (n, 2) [m], north
-    and east, at `times` (n,) [unix s] where they are known.
+    """Readings of one quantity: `values` (n,) in its unit at `positions` (n, 2) [m], north and
+    east, and at `times` (n,) [unix s] if known.
 
-    `extra_sd` (n,): standard deviation of a value's error besides the sensor's noise. `moment_s`
-    [unix s]: when the field of them is asked for; None: at each place when the boat was near.
+    `extra_sd` (n,): standard deviation of a value's error in addition to the sensor's noise.
+    `moment_s`: the time [unix s] of the field to make from them; None: at each place, the time when
+    the boat was near.
     """
 
     positions: Array
@@ -65,31 +66,31 @@ class Readings:
 
 @dataclass(frozen=True)
 class Domain:
-    """The water that a map covers, and the grid of its nodes; meshes are made when asked for."""
+    """The water that a map covers, and the grid of its nodes; meshes are made on first use."""
 
     outline: shapely.Polygon
     grid: Grid
 
     def __getstate__(self) -> dict[str, Any]:
-        """Another process makes meshes of its own."""
+        """Leave the meshes out: another process makes its own."""
         return {"outline": self.outline, "grid": self.grid}
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The map's own nodes and the links between them that no land crosses."""
+        """The map's own nodes and the links between them that do not cross land."""
         return Mesh(self.grid, self.outline)
 
     @cached_property
     def coarse_mesh(self) -> Mesh:
-        """A mesh coarse enough to fit parameters on."""
+        """A mesh coarse enough for fitting parameters."""
         return coarse_mesh(self.outline)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Companions:
-    """The quantities by whose readings another one is mapped: their `names`, their `correlations`
-    with it, and by which share of the standard deviation of the median place they make it surer.
-    Where they are not `heeded` it is mapped alone.
+    """The quantities whose readings help to map another: their `names`, their `correlations` with
+    it, and `spared`, the share by which they reduce the standard deviation at the median place. If
+    they are not `heeded`, the quantity is mapped alone.
     """
 
     names: tuple[str, ...]
@@ -100,14 +101,15 @@ class Companions:
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """What a field is made of, as reports and files print it.
+    """The model behind a field, as reports and files print it.
 
-    `nugget` is the variance of a reading about the signal; `sill` the signal's variance, `range_m`
-    the covariance's own parameter and `practical_range_m` where 95 % of the correlation is gone,
-    None where a method knows no such thing. `ratio` of the ranges across and along `angle_deg`
-    (clockwise from north). `semivariance` is the model's curve over distance [m], `empirical`
-    what it was held to. `companions` are other quantities that were mapped together with it.
-    `passing` is what passes differ by; of a mean of several `parts` are these.
+    `nugget` is the variance of a reading about the signal, `sill` the signal's variance, `range_m`
+    the covariance's own parameter, and `practical_range_m` the distance at which 95 % of the
+    correlation is gone; None if a method has no such parameter. `ratio` is that of the ranges
+    across and along `angle_deg` (clockwise from north). `semivariance` is the model's curve over
+    distance [m], and `empirical` the variogram it was fitted to or is shown beside. `companions`
+    are the quantities that were mapped together with it. `passing` is the process by which passes
+    differ; `parts` are the models of which this is the mean.
     """
 
     kind: str
@@ -136,7 +138,7 @@ class Field(Protocol):
 
     @property
     def model(self) -> Model:
-        """What the field is made of."""
+        """The model behind the field."""
         ...
 
     def mean(self, places: Array) -> Array:
@@ -144,7 +146,7 @@ class Field(Protocol):
         ...
 
     def sd(self, places: Array) -> Array:
-        """Standard deviation of the signal about its mean, (m,); the readings' noise apart."""
+        """Standard deviation of the signal about its mean, (m,), without the readings' noise."""
         ...
 
     def draws(self, places: Array, count: int, seed: int) -> Array:
@@ -152,33 +154,33 @@ class Field(Protocol):
         ...
 
     def given(self, readings: Readings) -> Field:
-        """The field that the same model makes of other readings.
+        """The field that the same model gives for other readings.
 
-        Validation asks for one for every fold, so it may be coarser than this field.
+        Validation calls this for every fold, so the result may be coarser than this field.
         """
         ...
 
 
 @runtime_checkable
 class Timed(Protocol):
-    """A field that knows how the water differs from one moment to another. A field that does not
-    need not have this.
+    """A field that models how the water differs between times. Other fields need not have this
+    method.
     """
 
     def at_moments(self, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
-        """Mean and standard deviation of the signal, (m,) each, at each moment (k,) [unix s]."""
+        """Mean and standard deviation of the signal, (m,) each, at each time (k,) [unix s]."""
         ...
 
 
 def field_at_moments(field: Field, places: Array, moments_s: Array) -> list[tuple[Array, Array]]:
-    """As `Timed` has it, of any field: one that does not know of moments is the same at all."""
+    """As `Timed`, for any field: one that does not model time is the same at all times."""
     if isinstance(field, Timed):
         return field.at_moments(places, moments_s)
     return [(field.mean(places), field.sd(places))] * len(moments_s)
 
 
 class Method(Protocol):
-    """A way to make a field of readings; a frozen value with its own settings."""
+    """A way to make a field from readings; a frozen value with its own settings."""
 
     @property
     def key(self) -> str:
@@ -191,5 +193,5 @@ class Method(Protocol):
         ...
 
     def fit(self, readings: Readings, domain: Domain) -> Field:
-        """Fit to readings. Raises `ValueError` where they do not determine a field."""
+        """Fit to readings. Raises `ValueError` if they do not determine a field."""
         ...

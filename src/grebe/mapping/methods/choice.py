@@ -1,4 +1,4 @@
-"""The built-in methods by name, and the choice among them where none is asked for."""
+"""The built-in methods by name, and the choice among them if none is set."""
 
 from __future__ import annotations
 
@@ -26,44 +26,44 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 M = TypeVar("M", bound=Method)
-# Methods that know straight distances alone.
+# Methods that use straight-line distances only.
 Straight = Kriging | Passes | Averaged
 
-# Land matters where more of the sight lines within the range cross it than this.
+# Land matters if it crosses more than this share of the sight lines within the range.
 BLOCKED_SHARE = 0.02
 SIGHT_LINES = 2_000
 
 COVARIANCE_FITS: Mapping[str, CovarianceFit] = MappingProxyType(
     {"rough": fit_rough, "smooth": fit_smooth, "reml": fit_reml, "wls": fit_variogram}
 )
-# What is tried where kriging with a covariance of place alone is asked for: a rough one under
-# priors, and the variogram's.
+# The methods tried for kriging with a covariance of place alone: a rough covariance under priors,
+# and the variogram's.
 KRIGING: tuple[Kriging, ...] = tuple(
     Kriging(fit_covariance=COVARIANCE_FITS[name]) for name in ("rough", "wls")
 )
-# What is taken where nothing is asked for.
+# The default method.
 AVERAGED = Averaged()
-# For front ends. Of several methods under one name the one that predicts best what is left out
-# is taken.
+# For front ends. If there are several methods under a name, the one that best predicts left-out
+# readings is used.
 METHODS: Mapping[str, tuple[Method, ...]] = MappingProxyType(
     {"kriging": (AVERAGED,), "passes": (Passes(),), "spde": (Spde(),)}
 )
 
-# The methods to try on some readings, and the reason in a sentence.
+# The methods to try on given readings, and the reason in a sentence.
 Choice = Callable[[Readings, Domain], tuple[tuple[Method, ...], str]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ByShore:
-    """Choose by whether land lies between the readings and the map: `straight` methods where it
-    does not, `around` where it does.
+    """Choose by whether land lies between the readings and the map: `straight` methods if it does
+    not, `around` if it does.
     """
 
     straight: tuple[Straight, ...] = (AVERAGED,)
     around: tuple[Method, ...] = (Spde(),)
 
     def __call__(self, readings: Readings, domain: Domain) -> tuple[tuple[Method, ...], str]:
-        """The methods to try, and why. `ValueError` where there are too few pairs."""
+        """Return the methods to try, and why. Raises `ValueError` if there are too few pairs."""
         if any(one.drift is not None for one in self.straight):
             return self.straight, "a drift is asked for"
         first = self.straight[0]
@@ -82,7 +82,7 @@ class ByShore:
 
 
 def with_settings(methods: tuple[M, ...], **settings: object) -> tuple[M, ...]:
-    """The methods with some settings replaced; None leaves a setting as it is.
+    """Replace settings of the methods; None leaves a setting unchanged.
 
     Raises `InputError` for a setting that a method does not have.
     """
@@ -104,7 +104,7 @@ def with_settings(methods: tuple[M, ...], **settings: object) -> tuple[M, ...]:
 def blocked_share(
     water: shapely.Polygon, positions: Array, nodes: Array, reach_m: float, seed: int = 0
 ) -> float:
-    """Share of the straight lines from samples to nodes within reach that cross land."""
+    """Share of the straight lines, from samples to nodes within reach, that cross land."""
     rng = np.random.default_rng(seed)
     a = positions[rng.integers(len(positions), size=20 * SIGHT_LINES)]
     b = nodes[rng.integers(len(nodes), size=20 * SIGHT_LINES)]
@@ -112,7 +112,7 @@ def blocked_share(
     if not len(near):
         return 0.0
     shapely.prepare(water)
-    # Samples may lie a GPS error beyond the shore: their lines say nothing.
+    # Samples may be a GPS error beyond the shore: their lines show nothing.
     near = near[shapely.intersects_xy(water, a[near])]
     lines = shapely.linestrings(np.stack([a[near], b[near]], axis=1))
     return float(1 - np.mean(shapely.covers(water, lines))) if len(near) else 0.0

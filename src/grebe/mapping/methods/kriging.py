@@ -1,4 +1,4 @@
-"""Kriging as a method: a covariance of the straight distance, and a drift."""
+"""Kriging as a method: a covariance of straight-line distance, and a drift."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Fields are drawn on a grid with so many nodes a range, for between two of them they are smoother
-# than they should be (by 1/60 of the variance); up to so many times as fine as the map, where
-# that is not too much.
+# Fields are drawn on a grid with this many nodes per range, because between two nodes they are too
+# smooth (by 1/60 of the variance). The grid is up to `REFINE` times as fine as the map's, if that
+# does not exceed `MOST_DRAWN_NODES`.
 NODES_A_RANGE, REFINE, MOST_DRAWN_NODES = 30, 3, 2_000_000
-# As many at once as keep memory in bounds [numbers].
+# How many numbers are drawn at once, to limit memory.
 DRAWN_AT_ONCE = 5_000_000
 
 CovarianceFit = Callable[["Array", "Array", Estimator], VariogramFit]
@@ -36,10 +36,10 @@ CovarianceFit = Callable[["Array", "Array", Estimator], VariogramFit]
 
 @dataclass(frozen=True, kw_only=True)
 class Kriging:
-    """Kriging with a covariance of the straight distance.
+    """Kriging with a covariance of straight-line distance.
 
     `fit_covariance` takes positions (n, 2), values (n,) and the variogram's `estimator`:
-    `fit_reml`, `fit_variogram` or your own. `drift` is what the mean depends on besides a
+    `fit_reml`, `fit_variogram` or your own. `drift` gives what the mean depends on besides a
     constant.
     """
 
@@ -51,7 +51,7 @@ class Kriging:
     label = "Kriging"
 
     def fit(self, readings: Readings, domain: Domain) -> KrigingField:
-        """See `Method`. Where nothing varies the variogram's flat model is taken."""
+        """See `Method`. If nothing varies, the variogram's flat model is used."""
         fit = first_fit(readings, self.estimator, self.drift)
         if fit.model.sill > 0 and np.ptp(readings.values) > 0:
             values = without_drift(readings, self.drift)
@@ -68,14 +68,14 @@ class Kriging:
 def first_fit(
     readings: Readings, estimator: Estimator, drift: DriftFunction | None
 ) -> VariogramFit:
-    """The covariance that fits the variogram of what a drift leaves best; `ValueError` where there
-    are too few pairs.
+    """Fit a covariance to the variogram of the values without their drift. Raises `ValueError` if
+    there are too few pairs.
     """
     return fit_variogram(readings.positions, without_drift(readings, drift), estimator)
 
 
 def without_drift(readings: Readings, drift: DriftFunction | None) -> Array:
-    """The readings' values (n,) less the drift that fits them best."""
+    """The readings' values (n,) minus the best-fitting drift."""
     at, data = readings.positions, readings.values
     if drift is None:
         return data
@@ -84,7 +84,7 @@ def without_drift(readings: Readings, drift: DriftFunction | None) -> Array:
 
 
 def described(fit: VariogramFit) -> Model:
-    """A fitted covariance as reports print it."""
+    """Describe a fitted covariance for reports."""
     model = fit.model
     return Model(
         kind=model.kind,
@@ -106,9 +106,9 @@ def described(fit: VariogramFit) -> Model:
 class KrigingField:
     """The signal by kriging with a given covariance, of place alone or of place and time.
 
-    With a `fleeting` part a place is as it was when the boat came nearest, as far as that part is
-    known there: on the way it is, and within some metres beside it no longer. Where the readings
-    are asked for at one moment, it is what the whole water had of it then.
+    With a `fleeting` part, each place is shown as it was when the boat came nearest, as far as that
+    part is known there: fully on the boat's path, and not at all beyond some metres from it. If the
+    readings are for a single time, the fleeting part is that of all the water at that time.
     """
 
     covariance: CovarianceModel
@@ -159,7 +159,7 @@ class KrigingField:
         )
 
     def draws(self, places: Array, count: int, seed: int) -> Array:
-        """Free fields whose error at the readings is taken away by kriging."""
+        """Unconditional fields, whose error at the readings is removed by kriging."""
         grid, at = self.domain.grid, self.readings.positions
         drawn = np.empty((count, len(places)))
         rng = np.random.default_rng(seed)
@@ -182,7 +182,7 @@ class KrigingField:
         return drawn
 
     def _refinement(self, grid: Grid) -> int:
-        """How many times as fine as the map's grid free fields are drawn."""
+        """How many times as fine as the map's grid the unconditional fields are drawn."""
         if grid.inside.size * REFINE**2 >= MOST_DRAWN_NODES:
             return 1
         fine = math.ceil(NODES_A_RANGE * grid.step_m / self.covariance.range_m)
@@ -211,7 +211,7 @@ class KrigingField:
         return Drift(at_samples=self.drift(self.readings.positions), at_targets=self.drift(places))
 
     def _passing(self, fleeting: Fleeting, places: Array) -> Passing:
-        """What of the fleeting part holds at some places."""
+        """The fleeting part that applies at some places."""
         readings = self.readings
         assert readings.times is not None
         if readings.moment_s is not None:
@@ -224,8 +224,8 @@ class KrigingField:
 
 
 def _free_courses(passing: Passing, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """The fleeting part before any reading, at the samples (count, n) and at the targets
-    (count, m): what is not shared with the way is another course.
+    """The fleeting part before any reading, at the samples (count, n) and at the targets (count,
+    m). The part that is not shared with the boat's path comes from an independent realisation.
     """
     n = len(passing.at_samples)
     both = np.concatenate([passing.at_samples, passing.at_targets])

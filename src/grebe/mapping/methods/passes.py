@@ -1,13 +1,14 @@
-"""Kriging in place and time: a smooth field, and what passes over one place differ by.
+"""Kriging in place and time: a smooth field, and the differences between passes over one place.
 
-A sensor's readings along one pass agree better than two passes do. A rough covariance calls the
-difference a steep slope between the passes; a smooth one swings there. Here it is what it is:
+A sensor's readings agree better along one pass than between two. A rough covariance takes the
+difference for a steep slope between the passes, and a smooth one overshoots there. This method
+models it as a process of time:
 
-    y(x, t) = m + S(x) + E(t) + noise,
+    y(x, t) = m + S(x) + E(t) + noise.
 
-S a Matérn 3/2 field of the place and E an exponential process of the time, in which all the water
-is alike. The map shows each place as it was when the boat came nearest: E as it was then, as far as
-a place beside the way shares it.
+S is a Matérn 3/2 field of place, and E an exponential process of time that all the water shares.
+The map shows each place as it was when the boat came nearest: with E at that time, as far as a
+place beside the path shares it.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ from grebe.mapping.methods.base import Domain, Readings
 from grebe.mapping.methods.kriging import KrigingField, described, first_fit, without_drift
 
 KIND = "matern32"
-# Where the search begins: the range as a share of the extent, and the fleeting part's variance as
-# one of the values'.
+# The search's start: the range as a share of the extent, and the fleeting part's variance as a
+# share of the values'.
 RANGE_SHARE, FLEETING_SHARE = 0.1, 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Passes:
-    """Kriging with a covariance of place and one of time. `drift` is what the mean depends on
-    besides a constant; the variogram by `estimator` is shown, and nothing is fitted to it.
+    """Kriging with a covariance of place and one of time. `drift` gives what the mean depends on
+    besides a constant. The variogram by `estimator` is only shown; nothing is fitted to it.
     """
 
     estimator: Estimator = "matheron"
@@ -43,7 +44,7 @@ class Passes:
     label = "Kriging in place and time"
 
     def fit(self, readings: Readings, domain: Domain) -> KrigingField:
-        """See `Method`. `ValueError` for readings without times."""
+        """See `Method`. Raises `ValueError` for readings without times."""
         if readings.times is None:
             raise ValueError("what passes differ by is told by the readings' times alone")
         fit = first_fit(readings, self.estimator, self.drift)
@@ -67,7 +68,7 @@ class Passes:
 def fit_passes(
     positions: np.ndarray, values: np.ndarray, times: np.ndarray, estimator: Estimator
 ) -> tuple[VariogramFit, Fleeting]:
-    """The covariances of place and of time by their posterior mode, under the priors of
+    """Fit the covariances of place and of time by their posterior mode, under the priors of
     `grebe.mapping.covariance.posterior`.
     """
     shown = fit_variogram(positions, values, estimator)
@@ -82,7 +83,7 @@ def fit_passes(
         model=model,
         candidates=(model,),
         standard_errors=problem.standard_errors(model, at),
-        reason=f"{KIND} of place and what passes differ by, by the posterior mode under priors",
+        reason=f"{KIND} in place and a process in time, by the posterior mode under priors",
     )
     return fit, problem.fleeting(at)
 

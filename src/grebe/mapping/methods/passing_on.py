@@ -1,4 +1,4 @@
-"""A field that passes on what another one says; what wraps a field says only what it changes."""
+"""A field that forwards to another, so that a wrapper defines only what it changes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PassingField:
-    """Says what `field` says."""
+    """Forwards every call to `field`."""
 
     field: Field
 

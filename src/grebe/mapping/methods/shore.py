@@ -1,4 +1,4 @@
-"""A known value along the shore, for any method whose field heeds `Readings.extra_sd`."""
+"""A known value along the shore, for any method whose field uses `Readings.extra_sd`."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Pseudo-readings on the whole shore, when no spacing is asked for.
+# Pseudo-readings along all shores, if no spacing is given.
 DEFAULT_COUNT = 200
 
 
 @dataclass(frozen=True, kw_only=True)
 class WithShore:
-    """A method whose field also heeds pseudo-readings along the shore, islands' too: `value` with
-    the standard deviation `sd`, in the quantity's unit, every `spacing_m`.
+    """A method whose field also uses pseudo-readings along the shore, including islands': `value`
+    with the standard deviation `sd`, in the quantity's unit, every `spacing_m`.
 
     The model is fitted to the real readings alone.
     """
@@ -36,12 +36,12 @@ class WithShore:
 
     @property
     def key(self) -> str:
-        """The method's own."""
+        """The key of the wrapped method."""
         return self.method.key
 
     @property
     def label(self) -> str:
-        """The method's own, and what is taken for granted."""
+        """The label of the wrapped method, and the value assumed along the shore."""
         return f"{self.method.label}, {self.value:g} ± {self.sd:g} along the shore"
 
     def fit(self, readings: Readings, domain: Domain) -> ShoredField:
@@ -58,7 +58,7 @@ class WithShore:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShoredField(PassingField):
-    """A field that keeps the shore's pseudo-readings whatever readings it is given."""
+    """A field that adds the shore's pseudo-readings to whatever readings it is given."""
 
     shore: Readings
 
@@ -70,7 +70,7 @@ class ShoredField(PassingField):
 
 
 def shore_places(water: shapely.Polygon, spacing_m: float | None = None) -> Array:
-    """Places along all shores of the water at an even spacing, (n, 2)."""
+    """Evenly spaced places along all shores of the water, (n, 2)."""
     spacing = spacing_m or water.length / DEFAULT_COUNT
     places: list[Array] = []
     for ring in (water.exterior, *water.interiors):

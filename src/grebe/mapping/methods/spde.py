@@ -24,7 +24,7 @@ REASON = "range and noise by restricted likelihood on the water's mesh"
 class Spde:
     """A field with no flux through the shore, and a constant mean.
 
-    `estimator` is of the variogram that the report draws beside the model.
+    `estimator` is for the variogram that the report draws beside the model.
     """
 
     estimator: Estimator = "matheron"
@@ -47,7 +47,7 @@ class Spde:
 
 
 def described(parameters: ShoreModel, empirical: EmpiricalVariogram | None = None) -> Model:
-    """The parameters as reports print them."""
+    """Describe the parameters for reports."""
     return Model(
         kind=parameters.kind,
         text=parameters.text,
@@ -63,7 +63,7 @@ def described(parameters: ShoreModel, empirical: EmpiricalVariogram | None = Non
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpdeField:
-    """The signal on a mesh of the water; between nodes by bilinear weights."""
+    """The signal on a mesh of the water, interpolated bilinearly between nodes."""
 
     parameters: ShoreModel
     model: Model
@@ -79,7 +79,7 @@ class SpdeField:
             )
 
     def __getstate__(self) -> dict[str, Any]:
-        """What was worked out of the fields stays in this process: a factor cannot leave it."""
+        """Leave the computed fields out: a factorisation cannot be sent to another process."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def mean(self, places: Array) -> Array:

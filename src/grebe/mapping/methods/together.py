@@ -1,9 +1,9 @@
-"""Cokriging as a method: a quantity by its own readings and by those of others.
+"""Cokriging as a method: a quantity is mapped from its own readings and those of others.
 
-It pays where one is sparse and another that goes with it is dense. Of quantities that were read at
-the same places, with the same shape of covariance, the others tell nothing that a quantity's own
-readings do not (Wackernagel 2003, chapter 25), and it is mapped alone: so it is too where the
-likelihood is not clearly for their sharing anything.
+It pays if one quantity is sparse and a correlated one is dense. If the quantities were read at the
+same places and have the same shape of covariance, the others add nothing to a quantity's own
+readings (Wackernagel 2003, chapter 25), and it is mapped alone. The same holds if the likelihood
+does not clearly favour shared structure.
 """
 
 from __future__ import annotations
@@ -38,11 +38,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Samples of a quantity are joined to so many places at most, from this size on [m].
+# A quantity's samples are merged to at most this many places, starting with this size [m].
 MOST_PLACES, JOINED_M = 500, 0.5
-# A share of the standard deviation that is no gain; and at so many places it is looked at.
+# A reduction of the standard deviation by less than this share is no gain; the number of places at
+# which it is evaluated.
 NO_GAIN, LOOKED_AT = 0.02, 300
-# How near a kept reading is the same one [m].
+# A kept reading within this distance is the same one [m].
 SAME_M = 1e-6
 
 
@@ -50,8 +51,8 @@ SAME_M = 1e-6
 class Together:
     """Ordinary cokriging under a linear model of coregionalisation of two structures.
 
-    `beside`: the other quantities' readings by their names, each on a scale of its own; `alone`:
-    how the quantity is mapped where they tell nothing.
+    `beside`: the other quantities' readings by name, each on its own scale; `alone`: how the
+    quantity is mapped if they add nothing.
     """
 
     beside: tuple[tuple[str, Readings], ...]
@@ -61,7 +62,7 @@ class Together:
     label = "Cokriging"
 
     def fit(self, readings: Readings, domain: Domain) -> Field:
-        """See `Method`. `ValueError` where a quantity does not vary."""
+        """See `Method`. Raises `ValueError` if a quantity does not vary."""
         several = (readings, *(one for _, one in self.beside))
         fitted = fit_coregionalisation(several)
         made = TogetherField(
@@ -97,7 +98,7 @@ class Together:
             nugget=nugget,
             sill=sill,
             practical_range_m=reach,
-            reason="ranges, noise and what the quantities share by the posterior mode under priors",
+            reason="ranges, noise and shared structure by the posterior mode under priors",
             semivariance=partial(_semivariance, covariance),
             empirical=_shown(readings),
         )
@@ -105,8 +106,8 @@ class Together:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TogetherField:
-    """The signal of the first of some quantities, given the readings of all. `whole` (n, 2) is
-    where it was read before any reading was left out.
+    """The signal of the first of several quantities, given the readings of all. `whole` (n, 2) are
+    the places of its readings before any was left out.
     """
 
     covariance: Coregionalisation
@@ -129,8 +130,8 @@ class TogetherField:
         return np.sqrt(self._estimate(places)[2])
 
     def given(self, readings: Readings) -> TogetherField:
-        """See `Field`. Where the quantity's own readings are left out the others' are too, as if
-        the boat had not been there: each goes with the nearest.
+        """See `Field`. Where the quantity's own readings are left out, so are the others' that are
+        nearest to them, as if the boat had not been there.
         """
         kept = KDTree(readings.positions).query(self.whole)[0] <= SAME_M
         tree = KDTree(self.whole)
@@ -138,8 +139,8 @@ class TogetherField:
         return replace(self, readings=readings, beside=beside)
 
     def spared(self) -> float:
-        """By which share of the median place's standard deviation the other quantities make the
-        map surer.
+        """The share by which the other quantities reduce the standard deviation at the median
+        place.
         """
         nodes = self.domain.grid.nodes
         some = nodes[:: -(-len(nodes) // LOOKED_AT)]
@@ -148,7 +149,7 @@ class TogetherField:
         return float(1 - np.median(together) / np.median(alone))
 
     def draws(self, places: Array, count: int, seed: int) -> Array:
-        """Free fields whose error at the readings is taken away by cokriging."""
+        """Unconditional fields, whose error at the readings is removed by cokriging."""
         observed, rng = self._observed(), np.random.default_rng(seed)
         seen, there = self._free(observed, places, count, rng)
         noise = rng.normal(0.0, np.sqrt(observed.noise), seen.shape)
@@ -159,7 +160,7 @@ class TogetherField:
         self, observed: Observed, places: Array, count: int, rng: np.random.Generator
     ) -> tuple[Array, Array]:
         """Signals before any reading: of each quantity where it was observed (count, n), and of the
-        first at the places (count, m).
+        first one at the places (count, m).
         """
         n, at = len(observed.of), np.vstack([observed.positions, places])
         seen, there = np.zeros((count, n)), np.zeros((count, len(places)))
@@ -181,7 +182,7 @@ class TogetherField:
         return Cokriging(self._observed(), self.covariance)
 
     def _observed(self) -> Observed:
-        """The readings of all, those of one quantity joined where there are too many."""
+        """The readings of all quantities, merged where one has too many."""
         several = (self.readings, *self.beside)
         joined = [_joined(one, float(self.covariance.nuggets[i])) for i, one in enumerate(several)]
         positions, values, noise = (np.concatenate(column) for column in zip(*joined, strict=True))
@@ -190,13 +191,13 @@ class TogetherField:
 
 
 def _semivariance(covariance: Coregionalisation, distance: Array) -> Array:
-    """The model's curve of the first of the quantities."""
+    """The model's semivariance of the first quantity."""
     level = float(covariance.nuggets[0]) + float(covariance.whole[0, 0])
     return level - covariance.covariance(0, distance)
 
 
 def _shown(readings: Readings) -> EmpiricalVariogram | None:
-    """The variogram that the report draws, where there are pairs enough for one."""
+    """The variogram that the report draws, if there are enough pairs."""
     try:
         return fit_variogram(readings.positions, readings.values, "matheron").empirical
     except ValueError:
@@ -204,7 +205,7 @@ def _shown(readings: Readings) -> EmpiricalVariogram | None:
 
 
 def _joined(readings: Readings, nugget: float) -> tuple[Array, Array, Array]:
-    """Places, their means, and the noise variance of each."""
+    """Places, the mean value at each, and its noise variance."""
     extra = np.zeros(len(readings)) if readings.extra_sd is None else readings.extra_sd**2
     columns = np.column_stack([readings.values, extra])
     at, means, counts = merge_places(readings.positions, columns)
@@ -217,7 +218,7 @@ def _joined(readings: Readings, nugget: float) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoneField(PassingField):
-    """The field of a quantity that its companions tell nothing of."""
+    """The field of a quantity to which its companions add nothing."""
 
     companions: Companions
 

@@ -1,1 +1,1 @@
-"""What a map is worth: what is left out is predicted, and standard deviations are held to it."""
+"""How good a map is: left-out readings are predicted, and standard deviations checked by them."""

@@ -1,10 +1,10 @@
-"""How far a map's standard deviations can be trusted, on the boat's way and off it.
+"""How far a map's standard deviations can be trusted, on the boat's path and off it.
 
-A sensor's readings along one pass agree better than two passes do: the water changes between
-them, and sensors lag and drift. A covariance of place alone cannot tell the two apart. So stretches
-of the way are left out, which readings before and after them of the same pass frame, and whole
-lines, which only other passes frame; each says by what factor standard deviations are off. Between
-the way and places away from it the factor goes over within metres.
+A sensor's readings agree better along one pass than between two: the water changes between passes,
+and sensors lag and drift. A covariance of place alone cannot distinguish the two. So two kinds of
+pieces are left out: stretches of the path, framed by readings of the same pass, and whole lines,
+framed by other passes only. Each kind gives a factor by which standard deviations are wrong. Beside
+the path, the first factor gives way to the second within metres.
 """
 
 from __future__ import annotations
@@ -24,16 +24,17 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# Factors beyond these are the data's fault and not the model's.
+# Factors beyond these are the fault of the data and not of the model.
 LEAST, MOST = 0.3, 6.0
-# So many left-out pieces weigh as much as the belief that the model is right.
+# The prior that the model is right weighs as much as this many left-out pieces.
 BELIEF_PIECES = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """Factors of the standard deviations on the way and off it; `way` (n, 2) is the samples', and
-    places within `wide_m` of it are on it. `unrest` is where errors are larger than elsewhere.
+    """Factors of the standard deviations on the path and off it. `way` (n, 2) is the path through
+    the samples, and places within `wide_m` of it are on it. `unrest` gives where errors are larger
+    than elsewhere.
     """
 
     on_way: float = 1.0
@@ -48,7 +49,7 @@ class Calibration:
         return usual if self.unrest is None else usual * self.unrest.factor(places)
 
     def _usual(self, places: Array) -> Array:
-        """The factor at each place, where the water is no more restless than elsewhere."""
+        """The factor at each place, without the effect of `unrest`."""
         if self.way is None or self.on_way == self.off_way:
             return np.full(len(places), self.on_way)
         away = np.maximum(off_the_way(self.way, places) - self.wide_m, 0.0)
@@ -57,8 +58,8 @@ class Calibration:
 
 
 def spread(errors: Errors, pieces: int) -> float:
-    """By what factor standard deviations are too small: where half and where 95 % of the
-    standardised errors lie, against where they should.
+    """By what factor standard deviations are too small: the 50 % and 95 % quantiles of the absolute
+    standardised errors, compared with those of a normal distribution.
     """
     if len(errors.error) == 0:
         return 1.0
@@ -70,7 +71,7 @@ def spread(errors: Errors, pieces: int) -> float:
 
 
 def for_few(pieces: int) -> float:
-    """How much wider an interval of 95 % has to be where no more than so many left-out pieces, each
-    with an error of its own, told how wide: Student's quantile over the normal one.
+    """How much wider a 95 % interval has to be if its width was estimated from so few left-out
+    pieces, each with an error of its own: Student's quantile over the normal one.
     """
     return float(stdtrit(max(pieces - 1, 1), 0.975)) / Z95

@@ -1,4 +1,4 @@
-"""The method that predicts best what is left out, and how far to trust its standard deviations."""
+"""The method that best predicts left-out readings, and a calibration of its standard deviations."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from grebe.mapping.proof.validation import STRETCH_M, Validation, predicted, pro
 from grebe.mapping.scale import LINEAR, Scale
 from grebe.mapping.way import half_cell_m
 
-# Of more readings a share proves the map: along a way they lie closer than what is left out is
-# wide, and more of them tell the same.
+# More readings than these are thinned for validation: along a path they are closer together than
+# the left-out pieces are wide, and more of them show the same.
 MOST_FOR_PROOF = 1_000
 CHOSEN = "this one predicts left-out samples better"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Best:
-    """The method that predicts best, its field, what it is made of, and how far it is trusted."""
+    """The method that predicts best, its field and model, and how far they can be trusted."""
 
     method: Method
     field: Field
@@ -34,8 +34,8 @@ class Best:
 def best_of(
     methods: Sequence[Method], readings: Readings, domain: Domain, scale: Scale = LINEAR
 ) -> Best:
-    """Fit each method and take the one that predicts best what is left out, stretches of the way
-    of two lengths and whole lines. Where nothing can be left out it is the first.
+    """Fit each method and return the one that best predicts what is left out: stretches of the path
+    of two lengths, and whole lines. If nothing can be left out, return the first.
     """
     tried = [_tried(one, readings, domain, scale) for one in methods]
     scores = [score for score, _ in tried]
@@ -70,7 +70,8 @@ def _tried(method: Method, readings: Readings, domain: Domain, scale: Scale) -> 
     lines = spread(calmed(far, unrest), validation.pieces) * for_few(validation.pieces)
     calibration = Calibration(
         on_way=float(np.exp(np.mean(np.log(on_way)))),
-        # Off the way there is less to tell by: no map is made surer there than its model is.
+        # There is less evidence off the path: the model's standard deviation is never reduced
+        # there.
         off_way=max(lines, 1.0),
         way=way,
         wide_m=half_cell_m(domain.grid.step_m),
@@ -88,5 +89,5 @@ def _tried(method: Method, readings: Readings, domain: Domain, scale: Scale) -> 
 
 
 def _every(count: int) -> int:
-    """Which of so many readings prove the map: every first, second, third ..."""
+    """The step by which `count` readings are thinned for validation."""
     return -(-count // MOST_FOR_PROOF)

@@ -1,8 +1,8 @@
-"""Where a map errs more than elsewhere: at a front, at a plume's edge, over weeds.
+"""Where a map errs more than elsewhere: at a front, at the edge of a plume, over weeds.
 
-A covariance is the same everywhere, and so is the standard deviation it leaves at a distance from
-the samples. What left-out stretches of the boat's way were missed by tells where that is too
-little and where too much. It is heeded only if it foretells the errors of other stretches.
+A covariance is the same everywhere, and so is the standard deviation it leaves at a given distance
+from the samples. The errors at left-out stretches of the boat's path show where that is too small
+and where too large. The result is used only if it predicts the errors of other stretches.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating]
 
-# The side of the blocks of water [m] within which errors are one piece of evidence.
+# Side of the blocks of water [m]; all errors within a block are one piece of evidence.
 BLOCK_M = 12.0
-# Widths of the kernel that are tried [m]; the belief that all water is alike weighs as much as so
-# many blocks at the very place.
+# Widths of the kernel that are tried [m]; the prior that all water is alike weighs as much as this
+# many blocks at the place itself.
 WIDTHS_M, BELIEF_BLOCKS = (15.0, 30.0, 60.0), 3.0
-# The kernel ends at so many widths, and is summed on a raster of so many cells a width.
+# The kernel is cut off at this many widths, and summed on a raster with this many cells a width.
 LONGEST_REACH, CELLS_A_WIDTH = 3.0, 4
-# What no normal error exceeds but one in 16,000 tells no more than that one, squared.
+# Squared errors are limited to this: a normal error exceeds it once in 16,000.
 LARGEST_SQUARE = 16.0
-# By so much the log likelihood of the errors must gain, each block counted once.
+# The gain in log likelihood of the errors that is required, with each block counted once.
 WORTH = 2.0
 FEWEST_BLOCKS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unrest:
-    """Squares (k,) of the errors over their usual size in blocks of water about `centres` (k, 2),
-    and the width of the kernel [m] that carries them to other places.
+    """Squares (k,) of the errors relative to their usual size, in blocks of water with `centres`
+    (k, 2); and the width [m] of the kernel that carries them to other places.
     """
 
     centres: Array
@@ -49,15 +49,15 @@ class Unrest:
     width_m: float
 
     def factor(self, places: Array) -> Array:
-        """The factor (m,) of the standard deviation at places (m, 2); about 1 in the mean."""
+        """The factor (m,) of the standard deviation at places (m, 2); about 1 on average."""
         squares, blocks = (
             field(places) for field in (self._carried(self.squares), self._carried(None))
         )
         return _believed(squares, blocks)
 
     def _carried(self, values: Array | None) -> RegularGridInterpolator:
-        """The sum of the blocks' values, or of ones, each times its kernel, at any place: summed on
-        a raster fine enough for the kernel, for maps have many nodes.
+        """An interpolator of the sum of the blocks' values, or of ones, each times its kernel. It
+        is summed on a raster fine enough for the kernel, because maps have many nodes.
         """
         step = self.width_m / CELLS_A_WIDTH
         room = LONGEST_REACH * self.width_m
@@ -73,7 +73,7 @@ class Unrest:
         return RegularGridInterpolator(axes, spread, bounds_error=False, fill_value=0.0)
 
     def factor_by_others(self, blocks: NDArray[np.int64]) -> Array:
-        """The factor (m,) in some of the blocks, by all other blocks."""
+        """The factor (m,) in the given blocks, from all other blocks."""
         pairs = KDTree(self.centres).sparse_distance_matrix(
             KDTree(self.centres), LONGEST_REACH * self.width_m, output_type="coo_matrix"
         )
@@ -86,7 +86,7 @@ class Unrest:
 
 
 def unrest_of(stretches: Sequence[Errors]) -> Unrest | None:
-    """What errors of left-out stretches tell of other places; None where that is nothing."""
+    """Estimate unrest from the errors of left-out stretches; None if they show none."""
     places = np.concatenate([one.places for one in stretches])
     if not len(places):
         return None
@@ -94,7 +94,7 @@ def unrest_of(stretches: Sequence[Errors]) -> Unrest | None:
     blocks = blocks_of(places, BLOCK_M)
     inside = np.bincount(blocks)
     squares = np.bincount(blocks, np.minimum(z**2, LARGEST_SQUARE)) / inside
-    # Water that does not vary is missed by nothing anywhere.
+    # Water that does not vary has no errors anywhere.
     if len(inside) < FEWEST_BLOCKS or not squares.mean() > 0:
         return None
     squares /= squares.mean()
@@ -106,7 +106,7 @@ def unrest_of(stretches: Sequence[Errors]) -> Unrest | None:
 
 
 def calmed(errors: Errors, unrest: Unrest | None) -> Errors:
-    """Errors with the standard deviations that the unrest of other blocks than their own gives."""
+    """Errors with their standard deviations scaled by the unrest of all blocks but their own."""
     if unrest is None or not len(errors.places):
         return errors
     _, own = KDTree(unrest.centres).query(errors.places)
@@ -114,13 +114,13 @@ def calmed(errors: Errors, unrest: Unrest | None) -> Errors:
 
 
 def _believed(squares: NDArray[Any], blocks: NDArray[Any]) -> Array:
-    """A factor from the squares that were told and the weight of the blocks that told them."""
+    """A factor from the weighted squares and the weight of their blocks."""
     return np.sqrt((BELIEF_BLOCKS + squares) / (BELIEF_BLOCKS + blocks))
 
 
 def _gain(unrest: Unrest) -> float:
-    """By how much the factors by other blocks raise the log likelihood of each block's square,
-    which counts as one normal error's.
+    """The gain in log likelihood from factors by other blocks, where each block's square counts as
+    that of one normal error.
     """
     variance = unrest.factor_by_others(np.arange(len(unrest.squares))) ** 2
     return 0.5 * float(np.sum(unrest.squares * (1 - 1 / variance) - np.log(variance)))

@@ -1,8 +1,8 @@
-"""Cross-validation: what a map is worth where no sample lies near.
+"""Cross-validation: how good a map is where no sample is near.
 
-Along a track neighbours betray the answer, so whole lines of the track or, where it has no
-lines, blocks of water are left out at a time, not single samples. The nearest sample and the
-inverse squared distance are judged on the same folds.
+Along a track, a sample's neighbours give its value away. So not single samples but whole lines of
+the track are left out at a time, or blocks of water if the track has no lines. The nearest sample
+and inverse squared distance are judged on the same folds.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
     Indices = NDArray[np.int64]
 
 FEWEST_SAMPLES = 20
-# A line ends where the track has turned so far from the line's direction, seen over such a
-# distance; shorter lines belong to the one before.
+# A line ends where the track has turned this far from the line's direction, seen over this
+# distance; a shorter line is joined to the next one.
 TURN_RAD, SIGHT_M, SHORTEST_LINE = np.pi / 4, 5.0, 8
 FEWEST_LINES = 5
 BLOCKS_PER_SIDE = 5
-# Stretches that are left out of the boat's way: the side of the blocks [m], and in how many turns.
+# Stretches of the path that are left out: the side of the blocks [m], and the number of turns.
 STRETCH_M, STRETCH_TURNS = (12.0, 36.0), 4
-# So many left-out samples of a turn are predicted, evenly spread: more tell the same.
+# At most this many left-out samples of a turn, evenly spread, are predicted: more show the same.
 MOST_JUDGED = 250
 IDW_NEIGHBOURS = 12
-# An error of so small a share of the values is none: of water that is the same everywhere.
+# An error below this share of the values counts as zero: the water is the same everywhere.
 ROUNDING = 1e-12
-# Standard deviations within which half and 95 % of a normal distribution lie.
+# A normal distribution has 50 and 95 % of its mass within these standard deviations.
 Z50, Z95 = 0.6745, 1.9600
 
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """What was predicted of left-out samples at `places` (m, 2): `error` (m,) and its standard
-    deviation `sd` (m,), the reading's noise in it, and what was `read` (m,).
+    """Predictions of left-out samples at `places` (m, 2): their `error` (m,) and its standard
+    deviation `sd` (m,), including the reading's noise, and the values `read` (m,).
     """
 
     places: Array
@@ -67,11 +67,10 @@ class Validation:
     """Errors of left-out samples, in the unit of the quantity.
 
     `pieces` lines of the track or blocks of water (`left_out`) were left out in `folds` turns.
-    `score` is the mean negative log density of the errors, but for a constant, once all standard
-    deviations are scaled to an msdr of 1: what models are chosen by. `msdr` is the mean squared
-    standardised error (ideal 1); `coverage50` and `coverage95` the shares of samples within
-    their intervals; `nearest_rmse` and `idw_rmse` what the nearest sample and the inverse
-    squared distance would give.
+    `msdr` is the mean squared standardised error (ideally 1). `score` is the mean negative log
+    density of the errors, up to a constant, once all standard deviations are scaled to an msdr of
+    1. `coverage50` and `coverage95` are the shares of samples within their intervals;
+    `nearest_rmse` and `idw_rmse` the errors of the nearest sample and of inverse squared distance.
     """
 
     left_out: Literal["lines", "blocks", "given"]
@@ -89,8 +88,8 @@ class Validation:
 
 
 def validate(readings: Readings, field: Field, folds: Indices | None = None) -> Validation | None:
-    """Leave out each fold in turn, the field's model kept; None for too few samples, or all in
-    one fold.
+    """Leave out each fold in turn, keeping the field's model. Return None if there are too few
+    samples, or all are in one fold.
     """
     proof = prove(readings, field, folds)
     return None if proof is None else proof[0]
@@ -99,7 +98,7 @@ def validate(readings: Readings, field: Field, folds: Indices | None = None) -> 
 def prove(
     readings: Readings, field: Field, folds: Indices | None = None, scale: Scale = LINEAR
 ) -> tuple[Validation, Errors] | None:
-    """As `validate`, with the errors themselves, on the scale of the readings."""
+    """As `validate`, but also return the errors themselves, on the scale of the readings."""
     left_out: Literal["lines", "blocks", "given"] = "given"
     pieces = 0
     if folds is None:
@@ -132,8 +131,8 @@ def prove(
 
 
 def predicted(readings: Readings, field: Field, folds: Indices, most: int = MOST_JUDGED) -> Errors:
-    """Leave out each fold in turn, the field's model kept, and predict at most so many samples of
-    it; a fold that leaves next to nothing is passed over.
+    """Leave out each fold in turn, keeping the field's model, and predict at most `most` of its
+    samples. A fold that leaves next to nothing is skipped.
     """
     nothing: Array = np.empty(0)
     errors: list[Array] = [nothing]
@@ -160,7 +159,7 @@ def predicted(readings: Readings, field: Field, folds: Indices, most: int = MOST
 
 
 def _turns(folds: Indices) -> list[NDArray[np.bool_]]:
-    """The samples of each fold that leaves enough others."""
+    """The samples of each fold, for the folds that leave enough others."""
     turns = [folds == k for k in np.unique(folds)]
     return [out for out in turns if (~out).sum() >= FEWEST_SAMPLES]
 
@@ -173,9 +172,9 @@ def stretch_folds(positions: Array, side_m: float, seed: int = 0) -> Indices:
 
 
 def line_folds(positions: Array, seed: int = 0) -> tuple[Indices, Literal["lines", "blocks"], int]:
-    """The turn (n,) in which each sample's line is left out, a quarter of the lines at a time; what
-    is left out, and how many there are: blocks of water where the track has fewer than
-    `FEWEST_LINES` lines.
+    """The turn (n,) in which each sample's line is left out, a quarter of the lines at a time;
+    whether lines or blocks of water are left out, and how many there are. Blocks are used if the
+    track has fewer than `FEWEST_LINES` lines.
     """
     lines = track_lines(positions)
     count = int(lines.max()) + 1 if len(lines) else 0
@@ -189,7 +188,7 @@ def line_folds(positions: Array, seed: int = 0) -> tuple[Indices, Literal["lines
 
 
 def track_lines(positions: Array) -> Indices:
-    """Number the straight lines of a track, (n,): a new one where it turns."""
+    """Number the straight lines of a track, (n,): a new line starts where it turns."""
     lines = np.zeros(len(positions), dtype=np.int64)
     start, line = 0, 0
     heading: float | None = None
@@ -211,7 +210,7 @@ def track_lines(positions: Array) -> Indices:
 
 
 def _simple_errors(readings: Readings, folds: Indices, scale: Scale) -> Array:
-    """Errors (2, m) of the nearest sample and of the inverse squared distance, in the unit."""
+    """Errors (2, m) of the nearest sample and of inverse squared distance, in the unit."""
     positions, values = readings.positions, scale.back(readings.values)
     found = [
         _simple(positions[~out], values[~out], positions[out]) - values[out]
@@ -221,7 +220,7 @@ def _simple_errors(readings: Readings, folds: Indices, scale: Scale) -> Array:
 
 
 def _simple(positions: Array, values: Array, targets: Array) -> Array:
-    """The nearest sample's value and the inverse squared distance's, (2, m)."""
+    """Estimates of the nearest sample and of inverse squared distance, (2, m)."""
     tree = KDTree(positions)
     distance, index = tree.query(targets, k=min(IDW_NEIGHBOURS, len(values)))
     distance, index = np.atleast_2d(distance), np.atleast_2d(index)

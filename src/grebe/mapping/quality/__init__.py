@@ -1,1 +1,1 @@
-"""What each reading is worth: QARTOD's tests, and a survey boat's own."""
+"""Quality control of readings: QARTOD's tests, and tests specific to a survey boat."""

@@ -1,8 +1,9 @@
-"""Bubbles in a conductivity cell, told from water by what the other sensors say.
+"""Bubbles in a conductivity cell, distinguished from water by the other sensors.
 
-A bubble lowers the conductivity at once, keeps it low for seconds to minutes, and leaves at once:
-the field between the electrodes has less water. Water that conducts less is another water: it
-comes with another temperature, oxygen or pH, over the metres that mixing takes, or it stays.
+A bubble displaces water in the field between the electrodes. It lowers the conductivity at once,
+keeps it low for seconds to minutes, and leaves at once. Water of lower conductivity is different
+water: it comes with another temperature, oxygen or pH, over the metres that mixing takes, or it
+stays.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
     Mask = NDArray[np.bool_]
 
-# A fall or a rise is what changes between means over so many seconds before and after an instant.
+# A fall or rise is the difference of means over this many seconds before and after an instant.
 EDGE_S = 4.0
-# It is one of a bubble from this share of the value on, and so many times the usual change.
+# It is a bubble's if it exceeds this share of the value and this many times the usual change.
 LEAST_SHARE, CLEAR_TIMES = 0.025, 8.0
-# Another sensor changes with it from so many times its own usual change on.
+# Another sensor changes with it if its change exceeds this many times its own usual change.
 COMPANION_TIMES = 6.0
-# A bubble is gone after this time [s]; what stays lower is water.
+# A bubble is gone after this time [s]; a value that stays lower is water.
 LONGEST_S = 900.0
 # The value is back when less than this part of the fall is left.
 BACK_SHARE = 0.4
@@ -34,8 +35,8 @@ FEWEST_SAMPLES = 60
 def bubbles(conductivity: Array, others: Sequence[Array], times: Array) -> Mask:
     """Which readings (n,) of a conductivity were taken with a bubble in the cell.
 
-    `others` (n,) each: sensors of the same sonde that a bubble in that cell leaves alone; without
-    any nothing is found. `times` (n,) [s] ascend.
+    `others` (n,) each: sensors of the same sonde that a bubble in that cell does not affect; if
+    there are none, no bubble is found. `times` (n,) [s] must ascend.
     """
     found = np.zeros(len(times), dtype=bool)
     there = np.isfinite(conductivity) & (conductivity > 0)
@@ -70,7 +71,7 @@ def _after_falls(t: Array, level: Array, others: Sequence[Array]) -> Mask:
     for first in falls:
         if first < place:
             continue
-        # The edge's steepest reading is the fall itself.
+        # The steepest reading of the edge is the fall itself.
         end = int(np.searchsorted(t, t[first] + 2 * EDGE_S))
         steepest = first + int(np.argmin(change[first : max(end, first + 1)]))
         around = slice(*np.searchsorted(t, (t[steepest] - EDGE_S, t[steepest] + EDGE_S)))
@@ -85,7 +86,7 @@ def _after_falls(t: Array, level: Array, others: Sequence[Array]) -> Mask:
 
 
 def _change(t: Array, values: Array) -> Array:
-    """Mean of the `EDGE_S` from each reading on, less that of those before (n,); 0 at gaps."""
+    """Mean over `EDGE_S` from each reading on, minus the mean before it (n,); 0 at gaps."""
     there = np.isfinite(values)
     total = np.concatenate([[0.0], np.cumsum(np.where(there, values - values[there].mean(), 0.0))])
     count = np.concatenate([[0], np.cumsum(there)])
@@ -101,12 +102,12 @@ def _change(t: Array, values: Array) -> Array:
 
 
 def _usual(change: Array) -> float:
-    """The standard deviation of changes, by their median: edges do not count."""
+    """The standard deviation of changes, from their median, so that edges do not count."""
     return 1.4826 * float(np.median(np.abs(change)))
 
 
 def _back(t: Array, level: Array, fall: int) -> int | None:
-    """The reading with which the level of before is there again; None where it does not return."""
+    """The first reading back at the level before the fall; None if it does not return."""
     start, end = np.searchsorted(t, (t[fall] - 5 * EDGE_S, t[fall] + LONGEST_S))
     if fall - start < 3:
         return None

@@ -1,10 +1,11 @@
-"""Quality control of samples: QARTOD's tests by ioos_qc, and three of a survey boat's own.
+"""Quality control of samples: QARTOD's tests, run by ioos_qc, and tests for a survey boat.
 
-Nothing is deleted: each value gets a flag (1 good, 3 suspect, 4 failed, 9 missing), the worst of
-its tests, and only the good ones make the map. The tests: gross range, spike, flat line, rate
-of change (IOOS QARTOD manuals; a noisy sensor's by what its noise allows), location (outside the
-water), time (going back), the sonde settling after it was put in, samples out of the water,
-bubbles in the conductivity's cell, and excursions to somewhere else altogether.
+Nothing is deleted. Each value gets a flag (1 good, 3 suspect, 4 failed, 9 missing), the worst of
+its tests; suspect and failed values are left out of the map. ioos_qc runs gross range, spike, flat
+line and rate of change (IOOS QARTOD manuals), with wider limits for a noisy sensor. The others are
+location (outside the water), time (going back), a sonde that is still settling after it was put in,
+samples out of the water, bubbles in the conductivity cell, and excursions to values that are not
+the water's.
 """
 
 from __future__ import annotations
@@ -30,36 +31,36 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
     Flags = NDArray[np.int64]
 
-# Beyond the shore by more than this a position is wrong, or the outline is [m].
+# If a position is farther than this beyond the shore, it or the outline is wrong [m].
 OUTSIDE_M = 25.0
-# A gap this many times as long as the usual interval is told of.
+# A gap this many times as long as the usual interval is reported.
 GAP_FACTOR = 10.0
-# So many times slower the clock of the flat line test goes; the fastest sonde that it can judge.
+# How many times slower the flat line test's clock runs; the fastest sonde that can be tested [s].
 SLOWED, FASTEST_S = 100, 0.02
-# Noise is judged from so many samples on.
+# Noise is estimated from at least this many samples.
 FEWEST_SAMPLES = 30
-# What noise alone makes of a spike and of a step, five standard deviations of each, is neither: a
+# A spike or step that noise alone can explain, up to five standard deviations of it, is none. A
 # spike is the lesser of two steps, a step the difference of two readings.
 SPIKE_NOISE = 5.0
 RATE_NOISE = 5.0 * math.sqrt(2.0)
-# A bubble in a conductivity cell is judged by the other sensors, but not by the depth of the sonde.
+# The other sensors bear witness to a bubble in a conductivity cell, except the sonde's depth.
 WITHOUT_WITNESS = frozenset({"sonde_depth_m"})
-# Of the readings of a depth so many at most are echoes from below the bed; what lies deeper than
-# so large a share of the others is none of the bed's.
+# At most this share of depth readings are echoes from below the bed; the bed is no deeper than this
+# quantile of the others.
 MOST_AWAY, DEEPEST_SHARE = 0.2, 0.99
-# A record whose smallest step is so many times its sensor's is too coarse to tell when it stuck.
+# A record whose smallest step is this many times its sensor's is too coarse to show a stuck sensor.
 COARSE_STEPS = 2.5
-# In the air the conductivity falls at once to nearly nothing, by this factor from one sample to
-# the next; an inflow thins it by and by.
+# In air, the conductivity falls to nearly nothing at once, by this factor from one sample to the
+# next; an inflow lowers it gradually.
 ABRUPT = 3.0
-# Samples beside one in the air that are suspect as well [s].
+# Samples this near in time to one in the air are suspect too [s].
 SPLASH_S = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """Flags (n,) of each quantity, and for each quantity and test the numbers of values that it
-    found suspect and failed; `notes` on the whole record.
+    """Flags (n,) of each quantity; for each quantity and test, how many values it found suspect and
+    failed; and `notes` on the whole record.
     """
 
     flags: dict[str, Flags]
@@ -70,9 +71,10 @@ class Quality:
 def check_quality(
     samples: Samples, water: shapely.Polygon, quantities: Quantities = BUILTIN
 ) -> Quality:
-    """Flag each value of some samples, whose order is that of time, by the limits of `quantities`.
+    """Flag each value of the samples, in the order in which they were taken, by the limits of
+    `quantities`.
 
-    The flags that they have are not looked at. Raises `InputError` where a quantity is unknown.
+    Existing flags are ignored. Raises `InputError` if a quantity is unknown.
     """
     shared = {"location": _location(samples, water), "time": _time(samples.times)}
     notes = _notes(samples.times)
@@ -105,7 +107,7 @@ def check_quality(
 
 
 def _settled(samples: Samples, quantities: Quantities) -> dict[str, float]:
-    """How long [s] each sensor on the sonde settled."""
+    """How long each sensor on the sonde took to settle [s]."""
     held = {key: one for key, one in samples.values.items() if quantities.known(key).on_sonde}
     return settling_times(held, samples.times, samples.positions)
 
@@ -115,7 +117,7 @@ def _until(since: Array, settled_s: float) -> Flags:
 
 
 def _bubbly(samples: Samples, quantities: Quantities) -> dict[str, NDArray[np.bool_]]:
-    """Readings with a bubble in the cell, for each quantity that the air would tell."""
+    """Readings with a bubble in the cell, for each quantity that can detect air."""
     cell = [key for key in samples.values if quantities.known(key).air_share is not None]
     others = [
         column
@@ -126,8 +128,8 @@ def _bubbly(samples: Samples, quantities: Quantities) -> dict[str, NDArray[np.bo
 
 
 def _noise(values: Array) -> float:
-    """Standard deviation of a sensor's noise, by its third differences, whose median no gradient
-    and no outlier moves.
+    """Standard deviation of a sensor's noise, from the median of its third differences, which
+    neither a gradient nor an outlier affects.
     """
     if len(values) < FEWEST_SAMPLES:
         return 0.0
@@ -139,7 +141,7 @@ def _bad(flags: Flags) -> NDArray[np.bool_]:
 
 
 def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
-    """The tests of one quantity on its values that are there; what has no limit is not tested."""
+    """Run the tests of one quantity on its present values; a test without a limit is skipped."""
     qartod, limits = _qartod(), quantity.limits
     stamps = (1e9 * times).astype(np.int64).astype("datetime64[ns]")
     results: dict[str, Any] = {
@@ -148,14 +150,14 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
         )
     }
     if np.any(gone := np.asarray(results["gross range"]) == Flag.FAIL) and not gone.all():
-        # What is beyond the range is no neighbour of what is within it: -9999 is no spike.
+        # A value out of range is no neighbour of those within it, so -9999 makes no spike.
         rest = _tests(values[~gone], times[~gone], quantity)
         return {name: _with(one, gone) for name, one in rest.items()} | {
             "gross range": np.asarray(results["gross range"]).astype(np.int64)
         }
     if len(values) > 2 and (step := float(np.median(np.diff(times)))) > FASTEST_S:
         noise = _noise(values)
-        # A differential spike leaves the two neighbours of a spike alone.
+        # The differential method does not flag the two neighbours of a spike.
         results["spike"] = qartod.spike_test(
             values,
             suspect_threshold=max(limits.spike_suspect, SPIKE_NOISE * noise),
@@ -166,7 +168,7 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
             values, stamps, threshold=max(limits.rate_per_s, RATE_NOISE * noise / step)
         )
         if math.isfinite(limits.flat_suspect_s + limits.flat_fail_s):
-            # It counts in whole seconds, and a sonde may be faster: tell it of longer ones.
+            # The test counts whole seconds, but a sonde may be faster: slow its clock down.
             slowed = (SLOWED * 1e9 * (times - times[0])).astype(np.int64).astype("datetime64[ns]")
             results["flat line"] = qartod.flat_line_test(
                 values,
@@ -190,9 +192,9 @@ def _tests(values: Array, times: Array, quantity: Quantity) -> dict[str, Flags]:
 def _elsewhere(
     values: Array, times: Array, jumps: NDArray[np.bool_], step: float, quantity: Quantity
 ) -> NDArray[np.bool_]:
-    """Which readings (n,) are on an excursion that is no water: one at a single value, as of a
-    sensor that has dropped out, where a plume varies; and of a depth what of one lies below the
-    bed.
+    """Which readings (n,) are on an excursion that is not water. For a sensor on the sonde, an
+    excursion at a single value, as of a sensor that has dropped out; a plume would vary. For a
+    depth, an excursion's readings below the bed.
     """
     away = excursions(values, times, jumps, step)
     if not away.any() or (not quantity.on_sonde and away.mean() > MOST_AWAY):
@@ -210,8 +212,9 @@ def _elsewhere(
 
 
 def _from_the_beginning(flags: Any, values: Array, quantity: Quantity) -> Flags:
-    """Flags of a flat line, failed from where it begins: a sensor that is stuck was so at once. Not
-    of a logger that writes fewer digits than its sensor has: its record may well stand still.
+    """Flags of a flat line, failed from its beginning, because a stuck sensor was stuck at once. If
+    a logger writes fewer digits than its sensor has, its record may well stand still, and the flags
+    are left unchanged.
     """
     flags = np.ma.filled(np.ma.asarray(flags), Flag.NOT_EVALUATED).astype(np.int64)
     steps = np.diff(np.unique(values))
@@ -225,21 +228,21 @@ def _from_the_beginning(flags: Any, values: Array, quantity: Quantity) -> Flags:
 
 
 def _with(flags: Flags, gone: NDArray[np.bool_]) -> Flags:
-    """Flags of a test that some values did not take part in."""
+    """Flags of a test from which some values were excluded."""
     whole = np.full(len(gone), Flag.NOT_EVALUATED, dtype=np.int64)
     whole[~gone] = flags
     return whole
 
 
 def _qartod() -> Any:
-    """IOOS's tests, imported only when they are run; their types do not know arrays."""
+    """IOOS's tests, imported only when they are run; their type annotations do not cover arrays."""
     from ioos_qc import qartod
 
     return qartod
 
 
 def _within(limits: Limits) -> tuple[float, float]:
-    """The suspect span, not wider than the failing one."""
+    """The suspect span, no wider than the failing one."""
     low, high = limits.suspect_span
     return max(low, limits.fail_span[0]), min(high, limits.fail_span[1])
 
@@ -270,8 +273,8 @@ def _notes(times: Array) -> tuple[str, ...]:
 
 
 def _out_of_water(samples: Samples, quantities: Quantities) -> Flags:
-    """Failed where a sensor that can tell reads what it does in the air, suspect just before and
-    after.
+    """Flags that are failed where a sensor that can detect air is in the air, and suspect just
+    before and after.
     """
     flags = np.full(len(samples), Flag.GOOD)
     for key in samples.values:
@@ -297,7 +300,7 @@ def _in_the_air(column: Array, times: Array, share: float) -> Flags:
 
 
 def _abrupt(column: Array, low: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Of the runs of low values those that begin or end with a jump."""
+    """The runs of low values that begin or end with a jump."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], low.astype(int), [0]])))
     found = np.zeros(len(low), dtype=bool)
     for first, end in zip(edges[::2], edges[1::2], strict=True):

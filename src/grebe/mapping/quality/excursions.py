@@ -1,8 +1,8 @@
-"""Stretches of readings that are somewhere else altogether: a dropout to zero, an echo from below
-the bed, a loose plug.
+"""Excursions: stretches of readings that are not the water's, such as a dropout to zero, an echo
+from below the bed, or a loose plug.
 
-A spike's neighbours tell that it is one. A stretch has neighbours of its own kind, and only the
-jumps on either side of it, and that the readings come back to where they were, tell what it is.
+A spike is recognised by its neighbours. A stretch has neighbours of its own kind. It is recognised
+only by the jumps on either side and by the return of the readings to where they were.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
     Mask = NDArray[np.bool_]
 
-# Readings that come back later than this have not been away: the water is another one [s].
+# If readings return later than this, they were no excursion but different water [s].
 LONGEST_S = 600.0
 
 
 def excursions(values: Array, times: Array, jumps: Mask, step: float) -> Mask:
-    """Which readings (n,) are on an excursion: between `jumps` (n,), more than `step` away from the
-    stretches before and after, which agree. At an end of the record the longer stretch is believed.
+    """Which readings (n,) are on an excursion: between `jumps` (n,), and more than `step` away from
+    the stretches before and after, which agree. At an end of the record, the longer of two
+    stretches is believed.
     """
     found = np.zeros(len(values), dtype=bool)
     runs = _runs(jumps)
@@ -36,7 +37,7 @@ def excursions(values: Array, times: Array, jumps: Mask, step: float) -> Mask:
         back = _back(values, times, runs, k, step)
         for away in runs[k + 1 : back]:
             found[slice(*away)] = True
-        # What lies between an excursion's stretches is on the way there.
+        # Readings between the stretches of an excursion belong to it.
         if back > k + 1:
             found[here[1] : runs[back][0] if back < len(runs) else len(values)] = True
         k = back
@@ -44,14 +45,14 @@ def excursions(values: Array, times: Array, jumps: Mask, step: float) -> Mask:
 
 
 def _runs(jumps: Mask) -> list[tuple[int, int]]:
-    """The stretches without a jump, (first, end)."""
+    """The stretches without a jump, as (first, end)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], (~jumps).astype(int), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _first_believed(values: Array, times: Array, runs: list[tuple[int, int]], step: float) -> int:
-    """The number of the stretch with which a record begins: the first, or the second where the
-    first is short, shorter than it, and elsewhere.
+    """The index of the stretch with which the record begins: the first, or the second if the first
+    is brief, has fewer readings than the second, and is more than `step` away from it.
     """
     if len(runs) < 2:
         return 0
@@ -62,8 +63,8 @@ def _first_believed(values: Array, times: Array, runs: list[tuple[int, int]], st
 
 
 def _back(values: Array, times: Array, runs: list[tuple[int, int]], k: int, step: float) -> int:
-    """The stretch with which the record goes on after stretch k, in place of those that are
-    elsewhere; the next one where none comes back in time.
+    """The stretch with which the record continues after stretch k, skipping excursions; the next
+    one if none returns in time.
     """
     end = runs[k][1]
     level, left = values[end - 1], times[end - 1]
@@ -73,7 +74,7 @@ def _back(values: Array, times: Array, runs: list[tuple[int, int]], k: int, step
         if abs(values[runs[j][0]] - level) <= step:
             return j
     else:
-        # The record ends elsewhere.
+        # The record ends on an excursion.
         if times[-1] - left <= LONGEST_S and len(values) - end < end:
             return len(runs)
     return k + 1

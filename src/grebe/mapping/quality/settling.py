@@ -1,12 +1,12 @@
-"""A sonde that settles after it was put in: all sensors judged together, and with the boat.
+"""A sonde that settles in the water: all sensors are judged together, and with the boat's motion.
 
-A sensor that comes to the water from somewhere else approaches its value exponentially, steepest
-in the first reading. So do gradients under a moving boat, and they move several sensors at once,
-as a settling sonde does: neither the shape nor the number of sensors tells them apart. Two things
-do. A reading that belongs to no water of this record, far beyond all that the sensor shows later,
-is not the lake's; and while the boat lies still, the water under it does not change faster than
-the boat meets it under way. Where one sensor settles for sure, another is believed with less. No
-time is set: the slowest approach that is looked for is a share of the record.
+A sensor brought into the water from elsewhere approaches its value exponentially, steepest at the
+first reading. Gradients under a moving boat look the same, and like a settling sonde they affect
+several sensors at once. So neither the shape nor the number of sensors distinguishes the two. Two
+other things do. A first reading far beyond all that the sensor shows later is not the lake's. And
+while the boat holds its position, the water under it does not change faster than along its path.
+Where one sensor settles for certain, weaker evidence is enough for another. No duration is set: the
+slowest approach considered is a share of the record.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 FEWEST_SAMPLES = 20
-# Time constants that are tried [s]: the fastest, and how many to a factor of ten.
+# Time constants to try [s]: the fastest, and how many per factor of ten.
 FASTEST_TAU_S, TAUS_A_DECADE = 10.0, 12
-# An approach is fitted over so many of its time constants; to tell what belongs to the water, the
-# record must go on for three times as long.
+# An approach is fitted over this many of its time constants. To show which values belong to the
+# water, the record must go on for three times as long.
 SPAN_TAUS, LATER_STRETCHES = 4.0, 3.0
-# It must explain so much of that stretch, and leave less than half of what a straight line does.
+# It must explain this share of that stretch, and leave less than half of what a straight line does.
 EXPLAINED, OVER_LINE = 0.9, 0.5
-# The first reading lies beyond all later ones by this part of their range: alone; beside another
-# sensor that settles, beyond them at all.
+# How far the first reading must be beyond all later ones, as a share of their range: on its own,
+# and if another sensor settles too.
 ALONE, TOGETHER = 1.0, 0.0
-# With the boat still, an approach is larger than what half of the later stretches show.
+# If the boat holds its position, an approach must be larger than half of the later stretches show.
 STILL_TIMES = 1.0
-# Quantities that one sensor tells: two of them are one witness.
+# Quantities derived from one sensor: two of them are one witness.
 SENSORS = {
     "oxygen_saturation_percent": "dissolved_oxygen_mgl",
     "specific_conductance_uscm": "conductivity_uscm",
     "chlorophyll_ugl": "chlorophyll_rfu",
     "phycocyanin_ugl": "phycocyanin_rfu",
 }
-# More samples than these tell no more about one approach.
+# More samples than these add nothing about one approach.
 MOST_SAMPLES = 4000
-# A boat that stays within this distance [m], what GPS wanders, for this time [s] lies still: one
-# that surveys is tens of metres on by then.
+# A boat that stays within this distance [m], about the wander of GPS, for this time [s] holds its
+# position: by then a surveying boat is tens of metres away.
 STILL_M, STILL_S = 8.0, 60.0
-# Settled: what is left of the approach.
+# A sensor has settled when this share of the approach is left.
 SETTLED_SHARE = 0.05
 
 
@@ -56,9 +56,9 @@ SETTLED_SHARE = 0.05
 class Approach:
     """An exponential approach at the start of a record: time constant `tau_s` [s].
 
-    `beyond` is how far the first reading lies beyond all that follow the approach, in their range;
-    `times_usual` its size over what the sensor usually shows in as long a time. Both are NaN where
-    the record is too short to tell.
+    `beyond` is how far the first reading is beyond all that follow the approach, as a share of
+    their range; `times_usual` is its size over what the sensor usually shows in as long a time.
+    Both are NaN if the record is too short.
     """
 
     tau_s: float
@@ -67,14 +67,14 @@ class Approach:
 
     @property
     def settled_s(self) -> float:
-        """When it is over, after the first reading [s]."""
+        """When the sensor has settled, after the first reading [s]."""
         return self.tau_s * math.log(1 / SETTLED_SHARE)
 
 
 def settling_times(
     columns: Mapping[str, Array], times: Array, positions: Array
 ) -> dict[str, float]:
-    """How long each sensor settled [s after the first sample]; only those that did.
+    """How long each sensor took to settle [s after the first sample]; only those that did.
 
     `columns` (n,) by sensor, NaN for gaps; `times` (n,) [s], in order; `positions` (n, 2) [m].
     """
@@ -92,7 +92,7 @@ def settling_times(
         key: one
         for key, one in found.items()
         if one.beyond >= ALONE
-        # Over the first two time constants 86 % of an approach happens.
+        # In the first two time constants, 86 % of an approach takes place.
         or (still_s >= max(2 * one.tau_s, STILL_S) and not one.times_usual < STILL_TIMES)
     }
     sure = {SENSORS.get(key, key) for key in clear}
@@ -105,13 +105,13 @@ def settling_times(
 
 
 def _still_for(since: Array, positions: Array) -> float:
-    """How long the boat lay still from the first sample on [s]."""
+    """How long the boat held its position, from the first sample on [s]."""
     away = np.hypot(*(positions - positions[0]).T) > STILL_M
     return float(since[np.argmax(away)]) if away.any() else float(since[-1])
 
 
 def _calm(values: Array) -> Array:
-    """Values without single outliers: the median of three."""
+    """Values without single outliers: medians of three."""
     if len(values) < 3:
         return values
     inner = np.median(np.column_stack([values[:-2], values[1:-1], values[2:]]), axis=1)
@@ -119,7 +119,7 @@ def _calm(values: Array) -> Array:
 
 
 def _approach(since: Array, values: Array) -> Approach | None:
-    """The approach that explains most of its stretch, if one does."""
+    """The approach that explains its stretch best; None if none does."""
     slowest = max(since[-1] / 6, FASTEST_TAU_S)
     decades = math.log10(slowest / FASTEST_TAU_S)
     best: tuple[float, float, float] | None = None
@@ -147,15 +147,15 @@ def _approach(since: Array, values: Array) -> Approach | None:
 
 
 def _fit(shape: Array, values: Array) -> tuple[float, float]:
-    """The factor of a shape beside a constant by least squares, and the squares left."""
+    """The factor of a shape, next to a constant, by least squares; and the remaining squares."""
     centred, off = shape - shape.mean(), values - values.mean()
     factor = float(centred @ off / max(float(centred @ centred), 1e-300))
     return factor, float(np.sum((off - factor * centred) ** 2))
 
 
 def _later(since: Array, values: Array, length_s: float) -> tuple[float, float]:
-    """How far the first reading lies beyond all after `length_s` [s], in their range, and the
-    median of how far they range within stretches as long; NaN where the record is too short.
+    """How far the first reading is beyond all those after `length_s` [s], as a share of their
+    range; and the median range within stretches as long. NaN if the record is too short.
     """
     if since[-1] < (1 + LATER_STRETCHES) * length_s:
         return math.nan, math.nan

@@ -1,1 +1,1 @@
-"""Several surveys of one water: what changed between two, and the trend of more."""
+"""Several surveys of one water: the change between two, and the trend over more."""

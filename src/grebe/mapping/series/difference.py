@@ -1,4 +1,4 @@
-"""The difference of two surveys of the same water, with what is known of it."""
+"""The difference of two surveys of the same water, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """Later less earlier: `mean` and `sd` (rows, columns), the two maps' errors independent.
+    """Later minus earlier: `mean` and `sd` (rows, columns), with the two maps' errors independent.
 
-    `clear` is true where zero lies outside the 95 % interval.
+    `clear` is true where zero is outside the 95 % interval.
     """
 
     mean: Array
@@ -30,12 +30,12 @@ class Difference:
 
     @property
     def clear(self) -> NDArray[np.bool_]:
-        """Where the water has changed, at 95 %."""
+        """Where the water has changed, at the 95 % level."""
         return np.abs(self.mean) > Z95 * self.sd
 
 
 def refuse_other_unit(one: Quantity, other: Quantity) -> None:
-    """Raise `InputError` where two surveys have a quantity in different units."""
+    """Raise `InputError` if two surveys have a quantity in different units."""
     if one.unit != other.unit:
         raise InputError(
             f"{one.label} is in {one.unit or '1'} in one survey and in {other.unit or '1'} in "

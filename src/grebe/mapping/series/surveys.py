@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class QuantitySeries:
-    """One quantity over a series: `first` map, and of each of its n surveys the mean and the
-    standard deviation at the m nodes in the water, (n, m), and the `times_s` (n,) [unix s].
-    `mean_p` is the probability of the mean's trend adjusted for the number of quantities.
+    """One quantity over a series of n surveys: the `first` map; the `times_s` (n,) [unix s] of the
+    surveys; and the `means` and `sds` (n, m) at the m nodes in the water. `mean_p` is the
+    probability of the mean's trend, adjusted for the number of quantities.
     """
 
     first: QuantityMap

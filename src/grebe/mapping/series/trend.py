@@ -1,11 +1,11 @@
-"""What a series of surveys of one water tells of its change over the years, place by place.
+"""How a water changed over the years, place by place, from a series of surveys.
 
-A survey's map misses the water by its own errors; and all of the water, by what the day was like
-and how the sensor was calibrated. With three to ten surveys the second is what counts, and it is
-the same at all places: a thousand places that rise together on one warm day are one observation.
-So a trend's variance has two parts: of the survey as a whole, known from the scatter of the mean
-over the area about its line, with as many degrees of freedom as surveys are left by the line; and
-of the place, from the scatter about the area's mean, never less than the maps' own errors.
+A survey's map differs from the water by its own errors, and everywhere alike by the weather of the
+day and the calibration of the sensor. With three to ten surveys the common error dominates, and it
+is the same at all places: a thousand places that rise together on one warm day are one observation.
+So a trend's variance has two parts. That of the survey as a whole comes from the scatter of the
+area's mean about its line, with the degrees of freedom that the line leaves. That of the place
+comes from the scatter about the area's mean, and is never less than the maps' own errors.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 YEAR_S = 365.25 * 86_400
-# Surveys no further apart than this are of one day [s].
+# Surveys no farther apart than this are of the same day [s].
 ONE_DAY_S = 0.5 * 86_400
-# A trend needs surveys of a day more than its line has parameters.
+# A trend needs surveys on one day more than its line has parameters.
 FEWEST_SURVEYS = 3
-# A season is told from a trend by so many surveys at least, over so many years.
+# To separate a season from a trend takes this many surveys, over this many years.
 FEWEST_FOR_SEASON, LEAST_YEARS_FOR_SEASON = 6, 2.0
-# Beyond this condition number a wave of a year is fitted to next to nothing.
+# Beyond this condition number, a yearly wave is fitted to next to nothing.
 WORST_CONDITION = 100.0
-# Of the places that are called changed, so many may not have (false discovery rate).
+# Of the places called changed, this share may be unchanged (false discovery rate).
 DISCOVERY_RATE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeanTrend:
-    """The trend of the mean over the area [unit / year], its standard error, the degrees of freedom
-    of that, and the two-sided probability of one as large without a trend.
+    """The trend of the mean over the area [unit / year], its standard error and degrees of freedom,
+    and the two-sided probability of a trend as large by chance.
     """
 
     slope: float
@@ -57,10 +57,11 @@ class MeanTrend:
 
 @dataclass(frozen=True, kw_only=True)
 class Trend:
-    """The trend of each of m places [unit / year] `slope` (m,), its standard error `sd` (m,), and
-    `adjusted_p` (m,): of the places with no more than this, as large a share is called changed in
-    error (Benjamini and Hochberg 1995). `of_mean` is that of the mean over the area,
-    `mean_values` (n,) what it was made of, and `fitted_mean` (n,) what is left of them.
+    """The trend `slope` (m,) of each of m places [unit / year], its standard error `sd` (m,), and
+    `adjusted_p` (m,): among the places at or below a value, no more than that share is called
+    changed in error (Benjamini and Hochberg 1995). `of_mean` is the trend of the mean over the
+    area, `mean_values` (n,) are that mean in each survey, and `fitted_mean` (n,) the line fitted to
+    them.
     """
 
     slope: Array
@@ -82,10 +83,10 @@ def fit_trend(
     """Fit a line over time to each place of n maps.
 
     `times_s` (n,) [unix s]; `mean` and `sd` (n, m) of the maps; `patches`: how many places are
-    independent, at least 1. With `seasonal` the line has a wave of a year beside it, the same in
-    each year.
+    independent, at least 1. With `seasonal`, a yearly wave, the same in each year, is added to the
+    line.
 
-    Raises `InputError` where there are too few surveys, or all of one time.
+    Raises `InputError` if there are too few surveys, or all are of one time.
     """
     design = _design(np.asarray(times_s, dtype=float), seasonal=seasonal)
     count, parameters = design.shape
@@ -96,13 +97,13 @@ def fit_trend(
     spread = float(np.sum((leftover @ over_area) ** 2)) / freedom
     squares = float(row @ row)
     whole = squares * spread
-    # Each place about the area's mean, pooled: a place alone has too few surveys to tell by.
+    # Each place about the area's mean, pooled: one place alone has too few surveys.
     apart = leftover @ (mean - over_area[:, None])
     scatter = float(np.mean(np.sum(apart**2, axis=0))) / freedom
     local = np.maximum(row**2 @ sd**2, squares * scatter)
     slope = row @ mean
     variance = whole + local
-    # Satterthwaite's degrees of freedom of a sum of variances.
+    # Satterthwaite's degrees of freedom for a sum of variances.
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = whole**2 / freedom + local**2 / (freedom * max(patches, 1.0))
         degrees = np.where(variance > 0, variance**2 / parts, freedom)
@@ -117,20 +118,20 @@ def fit_trend(
 
 
 def days_of(times_s: Array) -> list[Array]:
-    """Times (n,) [unix s], which ascend, in parts of one day each: no more than `ONE_DAY_S` from
-    one to the next.
+    """Split ascending times (n,) [unix s] into days: within one, successive times are no more than
+    `ONE_DAY_S` apart.
     """
     return np.split(times_s, np.flatnonzero(np.diff(times_s) > ONE_DAY_S) + 1)
 
 
 def check_times(times_s: Array, *, seasonal: bool) -> None:
-    """Raise `InputError` where surveys at these times (n,) [unix s] tell no trend, or no season."""
+    """Raise `InputError` if surveys at these times (n,) [unix s] show no trend, or no season."""
     _design(np.asarray(times_s, dtype=float), seasonal=seasonal)
 
 
 def adjusted(p: Array) -> Array:
-    """Probabilities (m,) adjusted for their number, so that a share of no more than that of those
-    at or below each is false (Benjamini and Hochberg 1995, J. R. Stat. Soc. B 57: 289).
+    """Probabilities (m,) adjusted for their number: among those at or below a value, no more than
+    that share is false (Benjamini and Hochberg 1995, J. R. Stat. Soc. B 57: 289).
     """
     order = np.argsort(p)[::-1]
     ranks = np.arange(len(p), 0, -1)
@@ -140,8 +141,8 @@ def adjusted(p: Array) -> Array:
 
 
 def adjusted_for_family(p: Array) -> Array:
-    """Probabilities (m,) adjusted so that any error among those at or below each is no likelier
-    than that (Holm 1979, Scand. J. Stat. 6: 65).
+    """Probabilities (m,) adjusted for their number: the probability of any error among those at or
+    below a value is no more than that value (Holm 1979, Scand. J. Stat. 6: 65).
     """
     order = np.argsort(p)
     steps = p[order] * np.arange(len(p), 0, -1)
@@ -151,7 +152,7 @@ def adjusted_for_family(p: Array) -> Array:
 
 
 def _design(times_s: Array, *, seasonal: bool) -> Array:
-    """One row a survey: 1, the time in years, and with a season the wave of a year."""
+    """One row for each survey: 1, the time in years, and for a season the yearly wave."""
     count, years = len(times_s), (times_s - times_s.mean()) / YEAR_S
     span = float(np.ptp(years))
     if count < FEWEST_SURVEYS:
@@ -168,11 +169,11 @@ def _design(times_s: Array, *, seasonal: bool) -> Array:
                 f"{LEAST_YEARS_FOR_SEASON:g} years; there are {count} over {span:.1f}.",
                 settings=("seasonal",),
             )
-        # The phase of the calendar year does not matter: both waves are fitted.
+        # The phase relative to the calendar year does not matter: both waves are fitted.
         phase = 2 * np.pi * times_s / YEAR_S
         columns += [np.cos(phase), np.sin(phase)]
     design = np.column_stack(columns)
-    # Days that differ by the leap years' quarters alone are the same time of the year.
+    # Days that differ only by the quarter days of leap years are the same time of the year.
     if np.linalg.cond(design / np.linalg.norm(design, axis=0)) > WORST_CONDITION:
         raise InputError(
             "The surveys are all of the same time of the year: there is no season to tell.",
@@ -187,7 +188,7 @@ def _of_mean(slope: float, sd: float, freedom: int) -> MeanTrend:
 
 
 def _two_sided(slope: Array, sd: Array, freedom: Array) -> Array:
-    """Probability (m,) of a slope as large without a trend, by Student's distribution."""
+    """Probability (m,) of a slope as large by chance, by Student's distribution."""
     from scipy.special import stdtr
 
     with np.errstate(divide="ignore", invalid="ignore"):
