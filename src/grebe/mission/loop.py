@@ -3,9 +3,8 @@
 The loop connects a helm, a boat and a recorder. Grebe's controller, the peers it is compared with
 and every front end use it. The loop tests every state estimate for entry into the next set
 (Definition 5) and for a sample, and asks the helm for thrusts at every control step. The recorder
-stores the measurements of an estimate before the loop goes on, so a mission can be cut off at any
-point and resumed. It does so only after the boat has received its command, and the loop does not
-wait for a slow disk.
+stores everything as it is measured, so a mission can be cut off at any point and resumed. It does
+so after the boat has received its command and, unless the disk is slow, before the next estimate.
 """
 
 from __future__ import annotations
