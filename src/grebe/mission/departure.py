@@ -144,8 +144,8 @@ def _after_all(survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, Tra
 def _spent_before(
     survey_file: SurveyFile, survey: Survey, sortie: Sortie | None, renews: bool | None
 ) -> Spent:
-    """Return what a boat has spent of the battery with which it continues. Nobody knows whether the
-    battery of a real boat was changed at the harbour if its part was not finished.
+    """Return what a boat has spent of the battery with which it continues. It is not known whether
+    a real boat whose part is unfinished got another battery at the harbour.
     """
     boat = 1 if sortie is None else sortie.boat
     if renews is None:
@@ -166,8 +166,8 @@ def _spent(survey_file: SurveyFile, survey: Survey, boat: int, *, came_home: boo
 
 
 def _spent_by(survey_file: SurveyFile, survey: Survey, boat: int) -> Spent:
-    """Return what a boat has spent that takes over another boat's part from where it is: since it
-    was last at one of its own planned harbours. Nobody has changed its battery in between.
+    """Return what a boat has spent when it takes over another boat's part from where it is. This
+    counts from its last time at a harbour of its own, as planned, where its battery was last new.
     """
     planned = as_planned(survey_file.revisions()).sorties
     own = [one.start for one in planned if one.boat == boat]
@@ -178,7 +178,7 @@ def _spent_by(survey_file: SurveyFile, survey: Survey, boat: int) -> Spent:
 
 
 def _came_home(survey_file: SurveyFile, boat: int) -> bool:
-    """Whether the last mission of a boat ended at home, where its battery may be changed."""
+    """Whether the last mission of a boat ended as it should, where its battery may be changed."""
     whose = "" if survey_file.survey.fleet is None else f"boat {boat}: "
     own = [event for event in survey_file.events() if event.message.startswith(whose)]
     return bool(own) and own[-1].code in {end.value for end in AT_HOME}

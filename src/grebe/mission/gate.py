@@ -1,4 +1,4 @@
-"""The gate between a mission and its boat, which stopping the mission shuts at once.
+"""The gate between a mission and its boat: a stop of the mission shuts it at once.
 
 A stop may come from another thread while the mission solves a step or waits for an estimate. The
 gate then removes the thrust immediately and blocks every later command of the mission.

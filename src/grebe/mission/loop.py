@@ -63,8 +63,8 @@ from grebe.mission.telling.statistics import MissionReport, Statistics
 
 # The state reported for a mission that never received an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-# In a mission that is extended to where more samples pay, a boat looks for another place after
-# other boats have blocked it for this long [s].
+# On an extension of its mission, a boat looks for another place after other boats have blocked it
+# for this long [s].
 ELSEWHERE_S = 30.0
 # The start of a mission without a date: simulated time needs no calendar.
 SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
@@ -320,7 +320,7 @@ class Mission:
         self._give_patience(observation)
 
     def _asks_for_order(self, plans: Replanner, observation: Observation) -> bool:
-        """Request a new order if there is cause. Returns whether the boat would sail one, which it
+        """Request a new order if there is cause. Return whether the boat would sail one, which it
         does not on its route home.
         """
         time_s, place = observation.time_s, observation.state[:2]

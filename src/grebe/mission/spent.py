@@ -35,8 +35,8 @@ NOTHING = Spent()
 def spent_since_harbour(
     track: TrackTable, vessel: Vessel, harbour: Place, *, came_home: bool
 ) -> Spent:
-    """Return what a boat has spent, from its track; nothing if it came home and is at the harbour,
-    rather than near it by chance.
+    """Return what a boat has spent, from its track; nothing if it came home and is at its harbour,
+    but not if it only happens to be near it.
 
     A mission that began at the harbour began with a full battery.
     """

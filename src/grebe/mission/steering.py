@@ -123,7 +123,7 @@ class Steering:
         return lambda seconds: command.thrusts_at(observation.time_s - since + seconds)
 
     def send(self, observation: Observation, thrusts: Thrusts) -> None:
-        """Command thrusts, together with the motion that they hold, for boats driven by it."""
+        """Command thrusts, and the motion to which they lead for a boat driven by its motion."""
         vessel = self.controller.vessel
         surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
         told = self._tracker.told(observation.time_s, thrusts)

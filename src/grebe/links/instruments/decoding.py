@@ -1,4 +1,4 @@
-"""Decodes lines and registers into readings, without I/O, so that formats are tested without it."""
+"""Decodes lines and registers into readings. Without I/O, so that every format is easy to test."""
 
 from __future__ import annotations
 

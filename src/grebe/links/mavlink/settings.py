@@ -15,9 +15,9 @@ class MavlinkSettings:
     """The settings of a MAVLink boat.
 
     `drive` says what orders become. After `silence_s` without a message the line counts as lost.
-    `find_s` is how long to wait for an autopilot, and `settle_s` how long until it knows where it
-    is. `system` is its number, 0 for the first one heard. The lags [s] are those of the autopilot's
-    inner loops, None if unknown.
+    `find_s` is how long to wait for an autopilot, and `settle_s` how long to wait until it knows
+    where it is. `system` is the autopilot's number, 0 for the first one heard. The lags [s] are
+    those of the autopilot's inner loops, None if unknown.
 
     Raises `UsageError` for impossible values.
     """

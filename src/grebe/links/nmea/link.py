@@ -1,5 +1,4 @@
-"""The link to a boat that sends its position and heading by NMEA 0183, and receives thrusts as
-JSON.
+"""The link to a boat that sends position and heading by NMEA 0183, and takes thrusts as JSON.
 
 Each position makes one estimate; if positions are rare, a heading in between makes one too. The
 link's time is that of the sentences. The link has no thread: it sends the lines that keep the boat

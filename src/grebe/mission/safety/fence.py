@@ -3,10 +3,10 @@
 At every estimate the boat's motion is predicted: first under its present or planned thrusts, for
 the reaction time, and then under the law of `grebe.control.station`. That law brakes with the
 reverse thrust of the weaker thruster and, in a current or wind, turns the boat and holds it. If the
-prediction leaves the water, the law takes over at once. The prediction of the estimate before
-stayed inside, so the law still keeps the boat inside now. The braking distance is never assumed,
-but computed from Eq. (9) for this hull, speed, turn, current and wind. (Safety by a backup policy:
-Gurriet et al. 2020, IEEE Access 8.)
+prediction leaves the water, the law takes over at once. It would have kept the boat inside from the
+previous estimate, and therefore still does. The braking distance is never assumed, but computed
+from Eq. (9) for this hull, speed, turn, current and wind. (Safety by a backup policy: Gurriet et
+al. 2020, IEEE Access 8.)
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class Fence:
 
 
 def fence_of(water: shapely.Polygon, no_go: Sequence[shapely.Polygon], place: Place) -> Fence:
-    """Return the fence of a survey: the part nearest to a place of its water less no-go zones."""
+    """Return the fence of a survey: of its water without no-go zones, the part nearest a place."""
     left = water.difference(shapely.union_all(list(no_go))) if no_go else water
     parts = [p for p in shapely.get_parts(left) if isinstance(p, shapely.Polygon) and p.area > 0]
     point = shapely.Point(place)

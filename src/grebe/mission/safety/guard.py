@@ -254,7 +254,7 @@ class Guard:
         lookout.claim(np.array([facts.place, self._memory.place]))
 
     def _in_others_way(self, lookout: Lookout, facts: Facts, ahead: Place | None) -> Memory | None:
-        """Return what a boat does that has waited for others; None if it waits on."""
+        """Return the memory of a boat that has waited for others; None if it waits on."""
         memory, waited_s = self._memory, facts.time_s - self._memory.since_s
         if waited_s <= LEAST_WAIT_S:
             return None

@@ -141,8 +141,8 @@ class Lookout:
         return self.traffic.nearest_m(self.boat, place) < NEAR_M
 
     def fence(self, fence: Fence, place: Place) -> Fence:
-        """Return the fence around a place, without the water that others claim, or wish for with
-        precedence.
+        """Return the fence around a place, without the water that others claim, or that those with
+        precedence wish to cross.
         """
         return fence.less(self._blocked(), place, NEAR_M)
 
@@ -164,7 +164,7 @@ class Lookout:
 
     def wish(self, place: Place, *places: Place) -> None:
         """Announce where the boat would go next, from a place through others. When the first of
-        these changes, the room that it requires is reset.
+        these changes, the required room and the time waited start again from zero.
         """
         towards = places[0] if places else None
         if towards != self.towards:
@@ -174,8 +174,8 @@ class Lookout:
         self.traffic.wish(self.boat, way, self.room_m)
 
     def is_clear(self, place: Place, towards: Place) -> bool:
-        """Whether no other boat claims the next piece of the path, or wishes for it with
-        precedence.
+        """Whether no other boat claims the next piece of the path, and none with precedence wishes
+        to cross it.
         """
         way = shapely.LineString(_way_to(place, towards))
         return not self._blocked().intersects(way)
@@ -215,8 +215,8 @@ def _way_to(*places: Place) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, kw_only=True)
 class InFleet:
-    """What a mission has to know of its boat's fleet: the boat's `lookout`, and whether a boat that
-    is done `stands_by` because others still sail.
+    """What a mission has to know of its boat's fleet: the boat's `lookout`, and `stands_by`, which
+    returns whether a boat that is done has to wait because others still sail.
     """
 
     lookout: Lookout

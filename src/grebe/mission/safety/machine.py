@@ -53,7 +53,7 @@ def advised(
     vessel: Vessel,
     asked: tuple[Asked, ...] = (),
 ) -> Memory:
-    """Return what the boat does from this estimate on, and why.
+    """Return the memory from this estimate on: what the boat does, and why.
 
     If the boat has to be stopped or freed at this estimate, the requests `asked` are answered
     later.
@@ -73,7 +73,7 @@ def advised(
 
 
 def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
-    """Return what the boat does by its own judgement."""
+    """Return the memory of a boat that acts by its own judgement, without a request."""
     if memory.state is SafetyState.SURVEYING or _waits_in_the_survey(memory):
         finding = must_go_home(memory.battery, facts, settings) or _tired(memory, facts)
         if finding is not None:
@@ -89,8 +89,8 @@ def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
 
 
 def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge: Place) -> Memory:
-    """Return what a boat does that could no longer stop inside the fence if it went on: it brakes
-    and goes back to a refuge; after a few times it goes home, or its mission ends.
+    """Return the memory of a boat that could no longer stop inside the fence if it went on: it
+    brakes and goes back to a refuge. After a few times it goes home, or its mission ends.
     """
     if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
         return memory
@@ -108,7 +108,7 @@ def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge:
 
 
 def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
-    """Return what a boat does that would come too near to another: it stops, and waits at a
+    """Return the memory of a boat that would come too near to another: it stops, and waits at a
     `refuge` where it is in nobody's way.
     """
     if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
@@ -119,7 +119,7 @@ def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
 
 
 def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | None:
-    """Return what a boat does that waits for others, by how it is stuck; None if it waits on."""
+    """Return the memory of a boat that waits for others, by how `stuck` it is; None to wait on."""
     match stuck:
         case Stuck.WAITS:
             return None
@@ -136,14 +136,14 @@ def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | Non
 
 
 def gone_on(memory: Memory, facts: Facts, why: str = "the way is clear of other boats") -> Memory:
-    """Return what a boat does that waited for others, once its path is clear."""
+    """Return the memory of a boat that waited for others, once its path is clear."""
     finding = Finding(cause=Cause.CLEAR, message=why)
     return changed(memory, facts, memory.resumes, finding)
 
 
 def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySettings) -> Memory:
-    """Return what a boat does after `seconds` without a usable estimate: it stops, as far as dead
-    reckoning allows; after `settings.blind_s` the mission ends.
+    """Return the memory of a boat after `seconds` without a usable estimate: it stops, as far as
+    dead reckoning allows. After `settings.blind_s` its mission ends.
     """
     if memory.state is SafetyState.STOPPED:
         return memory
@@ -170,7 +170,7 @@ def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySetti
 
 
 def without_way_home(memory: Memory, time_s: float, why: str) -> Memory:
-    """Return the end of a mission whose boat was sent home but has no route there."""
+    """Return the memory of a boat that was sent home but has no route there: its mission ends."""
     return replace(
         memory,
         state=SafetyState.STOPPED,
@@ -181,8 +181,8 @@ def without_way_home(memory: Memory, time_s: float, why: str) -> Memory:
 
 
 def shut_in(memory: Memory, observation: Observation, why: str) -> Memory:
-    """Return what a boat does that is sent home across a closed area: it holds its position until
-    somebody opens the area or fetches the boat.
+    """Return the memory of a boat that is sent home but shut in by a closed area: it holds its
+    position until somebody opens the area or fetches the boat.
     """
     return replace(
         memory,
@@ -227,7 +227,9 @@ def _watched(
 
 
 def _stops(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
-    """Return what a boat does whose mission has to end at once, or that a current carries off."""
+    """Return the memory of a boat whose mission has to end at once, or that a current carries off;
+    None if there is no such cause.
+    """
     dead = dead_thruster(memory.turning)
     if dead is not None:
         return stopped(memory, facts, dead)
@@ -241,7 +243,9 @@ def _stops(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | N
 
 
 def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
-    """Return what a boat does that has been carried off, or outside its fence, for too long."""
+    """Return the memory of a boat that has been carried off, or outside its fence, for too long;
+    None if it has not.
+    """
     seconds = 0.0 if memory.against_s is None else facts.time_s - memory.against_s
     if seconds <= (settings.against_s if memory.carried else OUTSIDE_S):
         return None
@@ -273,7 +277,9 @@ def _tired(memory: Memory, facts: Facts) -> Finding | None:
 
 
 def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
-    """Return what a boat does that must go astern to get free, or has finished an attempt."""
+    """Return the memory of a boat that begins or ends an attempt to get free by going astern, or
+    gives up after too many; None in all other cases.
+    """
     if memory.state is SafetyState.FREEING:
         if facts.time_s - memory.since_s < settings.astern_s:
             return None
@@ -291,7 +297,7 @@ def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | N
 
 
 def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
-    """Return what the boat does after a request."""
+    """Return the memory of a boat after a request."""
     if asked.request is Request.HOME:
         if SafetyState.RETURNING in (memory.state, memory.resumes):
             return memory
@@ -315,8 +321,8 @@ def _waits_in_the_survey(memory: Memory) -> bool:
 
 
 def _unmeasured(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
-    """Return whether the survey waits for an instrument, as a memory; it does not after a request
-    to go on.
+    """Return the memory of a surveying boat: it holds its position while an instrument is silent
+    for too long, unless it has been asked to go on.
     """
     if memory.unheeded or facts.mute_s <= settings.mute_s:
         return memory
@@ -326,7 +332,7 @@ def _unmeasured(memory: Memory, facts: Facts, settings: SafetySettings) -> Memor
 
 
 def _held(memory: Memory, facts: Facts) -> Memory:
-    """Return what a boat does that holds its position: it goes on as soon as it may."""
+    """Return the memory of a boat that holds its position: it goes on as soon as it may."""
     if memory.cause is Cause.UNMEASURED and not facts.mute:
         finding = Finding(cause=Cause.MEASURES, message="every instrument sends readings again")
         return changed(memory, facts, memory.resumes, finding)

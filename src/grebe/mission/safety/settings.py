@@ -19,9 +19,9 @@ class SafetySettings:
     thruster is trusted with `weaker_share` of its full thrust. A boat braked at the fence more than
     `fence_tries` times before it reaches a target goes home.
 
-    `home` is (longitude, latitude), by default the survey's start. The boat must be home `max_s`
-    [s] after the mission's first estimate, and at the instant `until`. `battery_reserve` is the
-    share of the battery that must be left then. `battery_wh` is the capacity of a battery whose
+    `home` is (longitude, latitude), by default the survey's start. The boat must be home within
+    `max_s` [s] of the mission's first estimate, and by the instant `until`. `battery_reserve` is
+    the share of the battery that must be left then. `battery_wh` is the capacity of a battery whose
     share the boat does not report, and `used_wh` the energy used before (None: what the recorded
     track shows since the boat left its harbour). The predicted time home is increased by
     `home_share` of it and by `home_slack_s`. `comes_home` gives the reason of a mission that only

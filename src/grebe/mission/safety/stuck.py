@@ -27,8 +27,8 @@ GROUND_FACTOR = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Since when, and from which place, the boat has not moved away, and how far it has fallen
-    behind its thrust [m].
+    """The motion of a boat: since when, and from which place, it has not moved away, and how far it
+    has fallen behind its thrust [m].
     """
 
     since_s: float | None = None
@@ -65,7 +65,9 @@ def watched_motion(before: Motion, facts: Facts, vessel: Vessel, least_depth_m: 
 
 
 def _missed_m(facts: Facts, vessel: Vessel, seconds: float) -> float:
-    """Return the distance that the thrust should have given [m]; 0 if the boat moves."""
+    """Return the distance [m] that the thrust should have given in still water; 0 if the boat
+    moves.
+    """
     _, _, _, surge, sway, yaw_rate = facts.state
     force = abs(sum(facts.thrusts))
     speed = steady_rate(-vessel.x_u, -vessel.x_uu, force) if force > 0 else 0.0

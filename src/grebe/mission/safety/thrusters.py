@@ -45,8 +45,8 @@ MOST_MISSED_SHARE = 0.15
 DEAD, SURE, ALIVE, PERSIST_S = 0.35, 2.0, 0.5, 3.0
 SIDES = ("", "port", "starboard")
 
-# Filtered moments [N m]: of port, starboard, the drag and the current's four terms, which are to be
-# `EXPLAINED` (see `_moments`), and of surge and sway over ground.
+# The number of moments whose shares are estimated: of port, starboard, the drag and the current's
+# four terms. The moment of surge and sway over ground is filtered with them (see `_moments`) [N m].
 EXPLAINED = 7
 NONE = (0.0,) * (EXPLAINED + 1)
 
@@ -55,9 +55,9 @@ NONE = (0.0,) * (EXPLAINED + 1)
 class Turning:
     """Filtered yaw rate and moments, and the estimates made from them.
 
-    `products` (8, 8) are the averaged products of all moments but the last and of the moment that
-    they must explain; the array is never written to. `current` (north, east) is the average of its
-    estimates [m/s]. `side` has seemed dead since `since_s`.
+    `products` (8, 8) are the averaged products of all moments but the last, and of the moment that
+    they have to explain; the array is never written to. `current` (north, east) is the average of
+    its estimates [m/s]. The thruster on `side` has seemed dead since `since_s`.
     """
 
     time_s: float | None = None
@@ -163,9 +163,9 @@ def _current(weather: Weather) -> tuple[float, float]:
 
 
 def _expected(n: float, e: float, moved: float) -> tuple[Array, Array]:
-    """Return the prior (7,), for the boat as modelled and the terms of the estimated current (n,
-    e), and its standard deviations (7,). The estimate is `moved` away from its average [m/s], and
-    may move further.
+    """Return the means (7,) and standard deviations (7,) of the prior: the boat as modelled, and
+    the terms of the estimated current (n, e). That has `moved` away from its average [m/s], and may
+    move further.
     """
     sd = math.hypot(CURRENT_SD_MPS, moved)
     apart = sd * math.hypot(n, e, sd)

@@ -104,9 +104,9 @@ class Traffic:
             ]
 
     def in_the_way(self, boat: int, way: NDArray[np.float64], *, of_plan: bool = False) -> Waiting:
-        """Return the boats whose claims are on this boat's path (n, 2) [m], and those that only
-        wish to go there with precedence. With `of_plan`, claims count from the distance that plans
-        keep.
+        """Return the boats whose claims are on this boat's path (n, 2) [m], and those that have
+        precedence and only wish to go there. With `of_plan`, claims count within the larger
+        distance that plans keep.
         """
         line = _line(way)
         claimed_m = self.wide_m if of_plan else self.apart_m + 2 * WANDER_M

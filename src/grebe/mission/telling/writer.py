@@ -15,7 +15,7 @@ from grebe.mission.telling.recorders import KeepsTogether
 
 # How long the loop waits for the disk at each estimate [s]; usually long enough.
 PATIENCE_S = 0.03
-# With this many unstored events the loop waits for the disk after all; they are some 10 s of them.
+# With this many unstored events, some 10 s of them, the loop waits for the disk after all.
 MOST_BEHIND = 500
 
 
