@@ -260,7 +260,7 @@ def test_where_one_boat_does_not_answer_the_others_are_left_in_good_order(tmp_pa
 
 @pytest.mark.slow
 def test_a_large_boat_that_needs_room_to_turn_is_given_it(tmp_path):
-    """Two boats, the large one first, once waited for each other to the end after their launch."""
+    """Two boats launched side by side, the large one first, once waited for each other for ever."""
     vessels = (PRESETS["otter"], PRESETS["spyboat"])
     path = fleet_file(tmp_path / "f.gpkg", boats=2, side=60.0, vessels=vessels)
     world = SimulatedWorld(

@@ -167,7 +167,7 @@ def _spent(survey_file: SurveyFile, survey: Survey, boat: int, *, came_home: boo
 
 def _spent_by(survey_file: SurveyFile, survey: Survey, boat: int) -> Spent:
     """Return what a boat has spent when it takes over another boat's part from where it is. This
-    counts from its last time at a harbour of its own, as planned, where its battery was last new.
+    counts from its last time at one of its planned harbours: nobody changes its battery elsewhere.
     """
     planned = as_planned(survey_file.revisions()).sorties
     own = [one.start for one in planned if one.boat == boat]

@@ -103,7 +103,7 @@ def test_a_way_against_the_current_takes_longer_and_one_that_is_impossible_for_e
 
 
 def weaving(share_port=1.0, share_starboard=1.0):
-    """Yield commands, and a plant whose thrusters give a share of them."""
+    """Return the class of a plant whose thrusters give a share of the commanded thrusts."""
 
     class Weak(Plant):
         def command(self, thrusts):
