@@ -115,7 +115,7 @@ class Station:
                 pass
 
     def match_clocks(self, rounds: int = 5) -> None:
-        """Request the boat's time a few times, and give up after the first one unanswered."""
+        """Request the boat's time a few times; without answers its messages count as undelayed."""
         for _ in range(rounds):
             if not self._ask_time(1.0):
                 return

@@ -38,8 +38,8 @@ def _check(period_s: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class InWindow:
-    """Every reading at a speed in the window of the set that contains it or, between sets, of the
-    set that the boat is heading for. The default.
+    """Every reading at a speed that suits the sensors: in the window of the set that contains it
+    or, between sets, of the set for which the boat is heading. The default.
     """
 
     period_s: float = 1.0
