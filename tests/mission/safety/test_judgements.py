@@ -216,7 +216,7 @@ def test_a_limit_that_is_none_sends_nobody_home():
 
 
 def test_what_is_asked_while_the_boat_must_be_freed_is_answered_after():
-    """A boat called home at the estimate at which it is stuck in weeds goes home once it is free."""
+    """A boat called home at the estimate at which weeds are found goes home once it is free."""
     settings = SafetySettings()
     held = Motion(behind_m=99.0, since_s=0.0, time_s=60.0)
     asked = (Asked(request=Request.HOME, why="rain"),)
