@@ -1,4 +1,4 @@
-"""Boats behind MAVLink for the tests: a stand-in autopilot at the other end of a line in memory."""
+"""MAVLink boats for the tests: a stand-in autopilot at the other end of a line in memory."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ PX4_MODES = {Mode.GUIDED: 6 << 16, Mode.HOLD: 4 << 16 | 3 << 24, Mode.MANUAL: 1 
 
 
 class Px4StandIn(StandIn):
-    """The stand-in with PX4's ways: modes of two numbers, OFFBOARD only while orders come, and
-    integers sent as a float's bytes.
+    """The stand-in with the behaviour of PX4: modes of two numbers, OFFBOARD only while orders
+    come, and integers sent as a float's bytes.
     """
 
     def __init__(self, boat):
@@ -91,7 +91,7 @@ def linked(boat=None, air=CLEAR, survey=SURVEY, drive="motion", watch=lambda _: 
 
 
 def sail(link, survey=SURVEY):
-    """A whole mission; returns its report and its recorder."""
+    """Sail a complete mission; return its report and its recorder."""
     recorder = MemoryRecorder()
     helm = Controller(link.model, survey.sets, corridors=survey.corridors)
     return Mission(survey, helm, link, recorder).run(), recorder

@@ -1,4 +1,4 @@
-"""A boat behind MAVLink, sailed over a line in memory by real bytes: orders, faults, refusals."""
+"""A MAVLink boat, sailed over a line in memory by real bytes: orders, faults, refusals."""
 
 import math
 import re
@@ -51,7 +51,7 @@ def test_the_estimates_are_the_boat_s_states_in_the_survey_s_frame():
     when = seen.time_s - seen.age_s
     near = np.array([row for row in truth if abs(row[0] - when - 38.0) < 20.0])
     nearest = near[np.argmin(np.hypot(*(near[:, 1:3] - seen.state[:2]).T))]
-    # The autopilot tells its origin to 1e-7 of a degree, which is a centimetre.
+    # The autopilot gives its origin to 1e-7 of a degree, which is a centimetre.
     assert np.array(seen.state) == pytest.approx(nearest[1:], abs=0.01)
 
 
@@ -156,7 +156,7 @@ def test_a_current_is_found_and_made_up_for():
 
 
 def test_a_boat_that_is_slow_to_start_is_not_taken_for_one_in_a_current():
-    """Its autopilot makes whatever surge was predicted, and would confirm any belief."""
+    """Its autopilot makes whatever surge was predicted, and so would confirm any estimate."""
     report, recorder = sail(linked(standin(accel_max_mps2=0.2)))
     assert report.complete
     found = [event.weather for event in recorder.of(Estimate)]
@@ -251,7 +251,7 @@ def test_settings_that_cannot_be_are_refused():
     st.lists(st.tuples(st.floats(0.001, 0.2), st.floats(0.0, 0.5)), min_size=5, max_size=30),
 )
 def test_the_clock_is_off_by_no_more_than_half_its_best_exchange(offset_s, waits):
-    """A question and its answer take different ways: the truth lies between."""
+    """A question and its answer take different times; the truth is in between."""
     clock, now_s = BoatClock(), 100.0
     for there_s, back_s in waits:
         clock.exchanged(now_s, now_s + there_s + back_s, now_s + there_s + offset_s)

@@ -96,7 +96,7 @@ def looked_at(boat):
 
 
 def within(seconds, what):
-    """Wait until something holds; whether it does."""
+    """Wait until a condition holds; return whether it does."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if what():
@@ -116,7 +116,7 @@ def test_mavsdk_reads_the_stand_in_as_an_autopilot():
         assert within(3.0, telemetry.armed)
         assert within(3.0, lambda: telemetry.position_velocity_ned().velocity.north_m_s != 0.0)
         assert telemetry.health().is_global_position_ok in (True, False)
-        # The boat has heard nothing for three seconds and stops: both can be read at leisure.
+        # The boat stops, as it has had no order for three seconds, so both can be read at leisure.
         assert within(8.0, lambda: abs(boat.autopilot.plant.state[3]) < 0.01)
         time.sleep(0.3)
         place = telemetry.position_velocity_ned().position

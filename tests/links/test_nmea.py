@@ -1,4 +1,4 @@
-"""NMEA 0183 in, lines of thrust out: what is said, when it was, and what becomes of it."""
+"""NMEA 0183 in, lines of thrust out: the sentences, their times, and the state from them."""
 
 import json
 import math
@@ -63,7 +63,7 @@ def pretend(voice=PLAIN, start=(0.0,) * 6, **settings):
     return boat, link
 
 
-# What sentences say. GGA, RMC and HDT are the printed examples of the standard's users.
+# Sentences. GGA, RMC and HDT are the printed examples of the standard's users.
 def test_printed_sentences_are_read():
     place, motion, variation = read_sentence(
         b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A"
@@ -116,7 +116,7 @@ def test_what_is_damaged_says_nothing():
         for bit in range(7):
             wrong = bytearray(whole)
             wrong[place] ^= 1 << bit
-            # One bit in a letter of the sum can leave the sum as it was: 0a is 0A.
+            # Changing a bit in a letter of the sum may leave the sum unchanged: 0a is 0A.
             assert not read_sentence(bytes(wrong)) or bytes(wrong).upper() == whole
     for wrong in (b"", b"$", b"$GPHDT,274.07,T", b"\xff\xfe" * 9, sentence("GPHDT,north,T")):
         assert not read_sentence(wrong)
@@ -370,9 +370,8 @@ def free_port():
 
 @contextmanager
 def over_udp(survey, voice):
-    """A boat that keeps step with whoever steers it: its minutes pass as fast as they are computed.
-
-    Yields it and its URL.
+    """Yield a boat and its URL. The boat keeps step with its helm: its minutes pass as fast as they
+    are computed.
     """
     here, there, done = free_port(), free_port(), threading.Event()
     plant = Plant(survey.vessel, survey.start.at_rest())

@@ -1,4 +1,4 @@
-"""A recorded survey goes where it went, at the speed that is asked for."""
+"""A recorded survey repeats its track, at the requested speed."""
 
 import json
 

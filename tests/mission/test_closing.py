@@ -1,4 +1,4 @@
-"""An area is closed while the boat sails: it stays out, and visits what it still can."""
+"""An area is closed while the boat sails: it stays out, and visits the cells that it still can."""
 
 import threading
 import time
@@ -43,7 +43,7 @@ def survey():
 
 
 class Closer:
-    """Closes zones once so many targets are reached, and knows where the boat was from then on."""
+    """Closes zones once `after` targets are reached, and records where the boat is from then on."""
 
     def __init__(self, zones, after):
         self.zones, self.after, self.mission, self.places = zones, after, None, []
@@ -61,7 +61,7 @@ class Closer:
     __call__ = hear
 
     def outside(self, zone):
-        """Whether the boat, once it has left a zone, keeps out of it."""
+        """Whether the boat stays out of a zone once it has left it."""
         inside = shapely.contains_xy(zone, np.array(self.places))
         out = np.flatnonzero(~inside)
         return len(out) > 0 and not inside[out[0] :].any()
@@ -134,7 +134,7 @@ WAVY = shapely.Point(40, 40).buffer(40).union(shapely.Point(95, 40).buffer(25))
 
 @pytest.fixture(scope="module")
 def wavy(survey):
-    """A lake with a round coast: what is cut of its cells has short sides, and many."""
+    """A lake with a round coast, which cuts cells into polygons with many short sides."""
     region = Region(name="wavy", frame=survey.frame, water=shapely.Polygon(WAVY.exterior))
     settings = PlanSettings(cell_m=12.0, speed_min_mps=0.5, speed_max_mps=1.5)
     return plan(region, BOAT, settings).survey
@@ -166,7 +166,7 @@ def test_a_second_area_is_fenced_off_from_a_boat_that_is_still_in_the_first(surv
     assert not enclosure.fence.holds((45.0, 30.0))
     assert enclosure.holds((37.0, 30.0))
     assert not enclosure.fence.holds((30.0, 30.0))
-    # Whichever side it leaves on is the side that it is on.
+    # A boat that leaves a zone is fenced in on the side on which it left.
     across = Enclosure()
     across.draw(survey, (29.0, 30.0))
     assert across.holds((29.0, 30.0))
@@ -177,7 +177,7 @@ def test_a_second_area_is_fenced_off_from_a_boat_that_is_still_in_the_first(surv
 
 
 def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(tmp_path, survey):
-    """It had been led across, or left at the edge without thrust."""
+    """It was once led across the area, or left at its edge without thrust."""
     start, place = survey.start, survey.targets[5].set.centre
     away = np.array(place) - (start.north_m, start.east_m)
     axis = int(np.argmax(np.abs(away)))
@@ -196,7 +196,7 @@ def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(t
 
 
 def test_an_area_that_is_closed_while_another_order_is_made_is_heeded_after_it(survey, monkeypatch):
-    """The other order failed, and the area was forgotten."""
+    """The other order once failed, and the area was forgotten."""
     plans = Replanner(
         survey=survey, plan=KeptPlan(revision=first_revision(survey)), vessel=BOAT,
         helm_of=lambda _: None, waits=True,
@@ -226,7 +226,7 @@ def test_an_order_for_another_weather_that_cannot_be_made_leaves_the_old_one(sur
 
 
 def test_ways_home_around_a_closed_area_are_worked_out_beside_a_real_boat(survey, monkeypatch):
-    """On a large lake that takes seconds, in which the boat must be heard."""
+    """On a large lake that takes seconds, in which the boat must still be steered."""
     measured, go = [], threading.Event()
     whole = WayHome.measure
 

@@ -1,4 +1,4 @@
-"""What a mission says, and to whom."""
+"""The events of a mission, and their receivers."""
 
 import itertools
 import math
@@ -99,7 +99,7 @@ def test_the_report_counts_what_was_said(heard):
 
 
 def test_by_default_every_second_within_the_window_is_kept(heard):
-    """A reading is missing only where the surge lies outside the window."""
+    """A reading is missing only when the surge is outside the window."""
     recorder, _ = heard
     when = np.array([event.elapsed_s for event in recorder.of(SampleTaken)])
     window = SURVEY.sets[0]
@@ -191,7 +191,7 @@ def test_a_mission_that_is_out_of_time_says_so():
 
 
 def test_no_listener_can_harm_a_mission():
-    """A display that fails, even while it prints, is dropped; the others go on listening."""
+    """A display that fails, even while it prints, is dropped; the other listeners remain."""
     heard = []
 
     def broken(event):
@@ -223,7 +223,7 @@ def test_the_log_keeps_reasons_and_warnings_and_neither_track_nor_samples(heard)
 
 
 class Waiting:
-    """A helm of another kind: full ahead, whatever comes. It steers through the same loop."""
+    """Another kind of helm, always full ahead, in the same loop."""
 
     vessel, step_s = SURVEY.vessel, 0.5
 

@@ -1,4 +1,4 @@
-"""What a fleet's boats have spent counts, whichever part they sail; a closed part is no loss."""
+"""The energy that a boat of a fleet has spent counts for every part; a closed part is no loss."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def fleet_file(path, sorties=None, side=50.0):
 def sailed(
     path, faults=None, settings=None, close=None, stop_at=None, resume=False, real=False, changed=()
 ):
-    """Sail a fleet; its report, and the settings with which each mission set out, in turn. `real`
-    boats are simulated ones of which the fleet does not know that they are.
+    """Sail a fleet; return its report, and the settings with which each mission set out, in turn.
+    `real` boats are simulated, but the fleet does not know it.
     """
     began = []
 
@@ -85,7 +85,7 @@ def test_who_takes_over_what_another_has_left_sets_out_with_what_its_battery_has
     assert [safety.used_wh for _, safety in began[:2]] == [0.0, 0.0]
     first = report.missions[0][2]
     assert began[2][1].used_wh == pytest.approx(first.energy_wh, rel=0.05)
-    # A battery that was named is the one that it set out with, and not another one each time.
+    # A given battery is the one for the first departure, not a new one each time.
     named = MissionSettings(safety=SafetySettings(battery_wh=80.0, used_wh=0.0))
     _, began, _ = sailed(fleet_file(tmp_path / "g.gpkg"), blind, named)
     assert began[2][1].used_wh == pytest.approx(first.energy_wh, rel=0.05)
@@ -102,7 +102,7 @@ def test_a_fleet_that_goes_on_has_less_time_by_what_each_boat_has_been_out(tmp_p
     _, again, _ = sailed(path, resume=True)
     for boat, safety in again[: len(spent)]:
         assert safety.max_s == pytest.approx(most_s - spent[boat], abs=2.0)
-    # Another battery has all of its time before it.
+    # With a new battery the time counts from zero.
     other = fleet_file(tmp_path / "g.gpkg", SortieSettings(minutes=MINUTES, reserve=RESERVE))
     sailed(other, stop_at=6)
     fresh = MissionSettings(safety=SafetySettings(battery_wh=80.0, used_wh=0.0))
@@ -116,12 +116,12 @@ def test_a_boat_whose_part_is_closed_comes_home_and_is_not_lost(tmp_path):
     with SurveyFile.open(path) as file:
         _, other = file.revision.sorties
         cells = file.revision.targets[other.first - 1 : other.last]
-    # All of the second boat's cells but the first, as soon as it has reached that.
+    # Close all cells of the second boat but the first, as soon as it has reached that.
     closed = [one.set.polygon.buffer(-0.5) for one in cells[1:]]
     report, _, reasons = sailed(path, {1: Faults(blind=((25.0, 1e9),))}, close=closed)
     ended = [(boat, one.ended) for boat, _, one in report.missions]
     assert ended[:2] == [(1, EndReason.BLIND), (2, EndReason.CAME_HOME)]
-    # It is there to take over what the other has left.
+    # The second boat can take over the rest of the other's part.
     assert reasons[-1] == "boat_lost"
     assert ended[2][0] == 2
 
@@ -159,13 +159,13 @@ def planned_in_rounds(tmp_path_factory):
 
 @pytest.fixture
 def in_rounds(planned_in_rounds, tmp_path):
-    """A copy of it that may be sailed."""
+    """A copy of that plan, to be sailed."""
     return Path(shutil.copy(planned_in_rounds, tmp_path / "f.gpkg"))
 
 
 @pytest.mark.slow
 def test_a_real_boat_that_is_home_sets_out_again_only_in_a_run_that_somebody_begins(in_rounds):
-    """Its battery is the one that it came home with, until somebody has changed it."""
+    """It still has the battery with which it came home, until somebody has changed it."""
     report, began, _ = sailed(in_rounds, real=True)
     assert sorted(boat for boat, _ in began) == [1, 2]
     assert report.ashore == (1, 2)
@@ -180,13 +180,14 @@ def test_a_real_boat_that_is_home_sets_out_again_only_in_a_run_that_somebody_beg
 
 @pytest.mark.slow
 def test_who_comes_home_because_the_time_of_the_run_is_over_stays_there(in_rounds):
-    """The time of the plan's sorties is new at the harbour, and that of the run is not."""
+    """At the harbour a sortie's time begins again, but the run's time does not."""
     until = MissionSettings(safety=SafetySettings(max_s=70.0))
     report, began, _ = sailed(in_rounds, settings=until)
     assert [one.ended for *_, one in report.missions] == [EndReason.CAME_HOME] * 2
     assert sorted(boat for boat, _ in began) == [1, 2]
     assert 0 < report.reached < report.targets
-    # What they have used counts when they go on with real boats, until somebody says otherwise.
+    # With real boats, energy used before counts in a resumed run unless the operator says
+    # otherwise.
     used_wh = {boat: one.energy_wh for boat, _, one in report.missions}
     _, began, _ = sailed(in_rounds, resume=True, real=True, stop_at=1, changed=(2,))
     first = dict(reversed(began))
@@ -197,7 +198,7 @@ def test_who_comes_home_because_the_time_of_the_run_is_over_stays_there(in_round
 
 @pytest.mark.slow
 def test_who_lies_near_a_harbour_without_having_come_home_keeps_others_away(in_rounds):
-    """One that is blind within a boat's length of a harbour has not been taken ashore."""
+    """A boat that goes blind within its length of a harbour has not been taken ashore."""
     sailed(in_rounds, {2: Faults(blind=((2.0, 1e9),))}, stop_at=3)
     with SurveyFile.open(in_rounds) as file:
         ends = file.track_ends(2)

@@ -1,4 +1,4 @@
-"""Boats of a fleet go on where it pays, each where the others are not going to read."""
+"""Boats of a fleet extend their missions where it pays, each where the others will not measure."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def fleet_file(path, sorties=None):
 
 
 def explored(path, minutes=4.0, faults=None):
-    """Sail both boats and let them go on; return the report, and the least distance kept."""
+    """Sail both boats with extensions; return the report, and the least distance kept."""
     plants, least = {}, [np.inf]
     wish = Wish(quantity=KEY, minutes=minutes)
 
@@ -73,7 +73,7 @@ def explored(path, minutes=4.0, faults=None):
 
 
 def new_ways(path):
-    """Each revision's boat, with what is new of its order as a line through the cells' middles."""
+    """Each revision's boat, with the new part of its order as a line through the cells' centres."""
     with SurveyFile.open(path) as file:
         revisions = file.revisions()
     found = []
@@ -106,7 +106,7 @@ def test_both_go_on_in_rounds_that_keep_to_different_water_and_it_is_the_same_tw
     rounds = new_ways(path)
     assert sorted({boat for boat, _ in rounds}) == [1, 2]
     assert len(rounds) >= 4
-    # What each plans next lies beside what the other has just announced.
+    # Each boat plans next to what the other has just announced, not across it.
     for (boat, way), (other, before) in zip(rounds[1:], rounds, strict=False):
         if boat != other:
             assert way.intersection(before.buffer(4.0)).length < 0.3 * way.length

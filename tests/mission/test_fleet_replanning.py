@@ -1,4 +1,4 @@
-"""Boats of a fleet plan their parts anew, each its own, in one plan that all share."""
+"""Boats of a fleet replan their parts, each its own, in one plan that all share."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def fleet_file(path):
 
 
 def sailed(path, zone_file=None, world=None, **options):
-    """Sail both boats in a current that nobody planned for; return the report and revisions."""
+    """Sail both boats in an unplanned current; return the report and the revisions."""
     world = world or SimulatedWorld(weather=OTHER)
     with SurveyFile.open(path) as file:
         said, closing = [], {}
@@ -69,7 +69,7 @@ def test_each_boat_plans_its_own_part_anew_and_leaves_the_others_alone(tmp_path,
         assert [one.number for one in revisions] == list(range(1, len(revisions) + 1))
         for old, new in pairwise(revisions):
             same = [one.number for one in old.sorties if part(old, one) == part(new, one)]
-            # One boat is given another order, and the other keeps its own.
+            # One boat gets another order, and the other keeps its own.
             assert len(same) >= 1
         tracks.append([one.states for one in track.each_boat()])
     for one, other in zip(*tracks, strict=True):
@@ -77,7 +77,7 @@ def test_each_boat_plans_its_own_part_anew_and_leaves_the_others_alone(tmp_path,
 
 
 def part(revision, sortie):
-    """The numbers of the targets that a sortie visits, in their order."""
+    """The numbers of the targets that a sortie visits, in order."""
     own = revision.sortie(sortie.number)
     return [target.seq for target in revision.targets[own.first - 1 : own.last]]
 

@@ -1,4 +1,4 @@
-"""A mission that has sailed its order goes on where it pays, until its time or its wish is over."""
+"""A mission that has sailed its order is extended where it pays, until its time or aim is met."""
 
 import json
 

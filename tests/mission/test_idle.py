@@ -1,4 +1,4 @@
-"""A mission that has nothing left to do says so."""
+"""A mission that has nothing left to do reports that."""
 
 from grebe.core.vessel import PRESETS
 from grebe.mission.telling.statistics import Statistics

@@ -1,4 +1,4 @@
-"""Boats that wait for each other are let go on, or home: rings of waiting, turns, narrow water."""
+"""Boats that wait for each other go on, or home: rings of waiting, precedence, narrow water."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_the_nearest_to_its_harbour_makes_way_and_nobody_who_cannot():
 
 
 def face_to_face(home_m=(100.0, 50.0)):
-    """Two boats, 11 m apart, of which each has to pass the other, as they have waited for long."""
+    """Two boats, 11 m apart, that have to pass each other and have waited for long."""
     traffic = Traffic(apart_m=APART_M, order=(1, 2))
     one = Lookout(traffic=traffic, boat=1, harbour=(-100.0, 0.0))
     two = Lookout(traffic=traffic, boat=2, harbour=(-100.0, 0.0))
@@ -230,7 +230,7 @@ def test_a_simulated_boat_lies_where_it_was_launched_until_it_is_told_something(
 
 
 def narrow(path, width, at, vessels, minutes, cell_m):
-    """A bent arm of a lake, 250 m long, and two unlike boats with one harbour in it."""
+    """A bent arm of a lake, 250 m long, and two different boats with one harbour in it."""
     bend = shapely.LineString([(0, 0), (125, 0), (125 + 125 * math.cos(0.7), 125 * math.sin(0.7))])
     water = bend.buffer(width / 2, cap_style="square", join_style="mitre")
     harbour = bend.interpolate(at, normalized=True)
@@ -278,7 +278,7 @@ def sailed(path):
 
 @pytest.mark.slow
 def test_two_unlike_boats_with_one_harbour_in_a_narrow_arm_do_it_all(tmp_path):
-    """They set out from one place at once, met, and waited for each other to the end."""
+    """They once set out from one place together, met, and waited for each other to the end."""
     narrow(tmp_path / "f.gpkg", 16.0, 0.5, ("heron", "blueboat"), 12.0, 8.0)
     report, events, least = sailed(tmp_path / "f.gpkg")
     assert report.complete

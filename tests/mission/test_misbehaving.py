@@ -1,5 +1,5 @@
-"""Boats and helms that do not keep their contract: a clock that stands, places that are none,
-thrusts that are none.
+"""Boats and helms that break their contract: clocks that stand still, and places and thrusts that
+are not numbers.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ START = (-5.0, 2.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Odd(SimulatedLink):
-    """A simulated boat whose observations and orders something happens to."""
+    """A simulated boat whose observations and orders are tampered with."""
 
     def __init__(self, change: Callable[[int, Observation], Observation]) -> None:
         super().__init__(Plant(BOAT, START), UniformSonde())
@@ -53,7 +53,7 @@ class Odd(SimulatedLink):
 
 
 def sailed(link: Odd, helm: Any = None) -> Ended:
-    """How a mission with such a boat, or helm, ends."""
+    """Return how a mission with such a boat, or helm, ends."""
     recorder = MemoryRecorder()
     helm = helm or Controller(BOAT, SETS)
     settings = MissionSettings(limit_s=300.0)
@@ -136,7 +136,7 @@ def test_a_link_that_fails_below_says_so() -> None:
 
 
 class Helmsman:
-    """A helm that always wants the same."""
+    """A helm that always commands the same thrusts."""
 
     def __init__(self, thrusts: Any, step_s: float = 1.0) -> None:
         self.reached, self.vessel, self.step_s = 0, BOAT, step_s

@@ -1,4 +1,4 @@
-"""Whole missions in simulation: what is recorded is what happened."""
+"""Complete missions in simulation: the record agrees with what happened."""
 
 import numpy as np
 import pytest
@@ -94,7 +94,7 @@ def test_an_unknown_current_does_not_stop_the_mission(tmp_path, rule):
 
 
 class Stopping(SimulatedLink):
-    """A link that fails after so many estimates, as a lost radio does."""
+    """A link that fails after a number of estimates, as if its radio were lost."""
 
     after, closed = 0, False
 
@@ -147,7 +147,7 @@ def test_two_missions_cannot_share_a_file(tmp_path):
 
 
 def test_most_of_the_way_is_measured(flown):
-    """One reading a second, and the boat is within its window for most of them."""
+    """There is one reading a second, most of them within the speed window."""
     _, report = flown
     assert report.samples > 0.6 * report.duration_s
 
@@ -165,7 +165,7 @@ def test_force_forgets_nothing_before_the_new_mission_can_start(tmp_path):
 
 
 def test_an_unreachable_target_ends_the_mission_as_incomplete(tmp_path):
-    """A current faster than the boat: it is carried off, and the mission ends soon, and says so."""
+    """A current faster than the boat carries it off; the mission soon ends, and says why."""
     world = SimulatedWorld(weather=Weather(current_north_mps=-4.0))
     with new_file(tmp_path) as file:
         report = simulate(file, Lookahead(), world)

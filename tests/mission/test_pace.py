@@ -1,4 +1,4 @@
-"""A sortie is late where its time, or its battery at the power that it draws, does not last."""
+"""A sortie is late if its time, or its battery at the power drawn, does not last."""
 
 from types import SimpleNamespace
 
@@ -13,7 +13,7 @@ HOME = ((8.0, 47.0),)
 
 
 def late(bounds, used_wh, monkeypatch, *, slower=1.5, half_s=600.0):
-    """What a sortie of two equal halves says after the first, sailed `slower` than predicted."""
+    """How late a sortie of two equal halves is after the first, sailed `slower` than predicted."""
     monkeypatch.setattr(pace, "remaining_s", lambda *_: half_s)
     part = SimpleNamespace(settings=None, targets=[1, 2])
     watch = Pace(vessel=PRESETS["blueboat"], bounds=bounds)
@@ -22,7 +22,7 @@ def late(bounds, used_wh, monkeypatch, *, slower=1.5, half_s=600.0):
 
 
 def test_a_boat_that_is_slow_to_save_its_battery_puts_nothing_off(monkeypatch):
-    """Half as slow again as predicted, at a third of the power."""
+    """It takes half as long again as predicted, at a third of the power."""
     bounds = SortieSettings(battery_wh=100.0, reserve=0.2, harbours=HOME)
     assert late(bounds, 20.0, monkeypatch) is None
 
@@ -31,7 +31,7 @@ def test_a_battery_that_does_not_last_at_the_power_drawn_is_late(monkeypatch):
     bounds = SortieSettings(battery_wh=100.0, reserve=0.2, harbours=HOME)
     told = late(bounds, 50.0, monkeypatch)
     assert told.pace == pytest.approx(1.5)
-    # 30 Wh are left but for the reserve, at 50 Wh in 900 s.
+    # Without the reserve 30 Wh are left, at 50 Wh in 900 s.
     assert told.left_s == pytest.approx(540.0)
 
 

@@ -1,4 +1,4 @@
-"""What is left is planned anew while the boat sails, and the file says why."""
+"""The remaining targets are replanned while the boat sails, and the file says why."""
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -42,7 +42,7 @@ def run(path, survey, world, **options):
 
 
 def with_an_impossible_window(survey, place):
-    """The survey with a target that asks for more speed than the boat has."""
+    """The survey with a target that requires more speed than the boat has."""
     target = survey.targets[place]
     fast = TargetSet(vertices=target.set.vertices, speed_min_mps=4.0, speed_max_mps=5.0)
     targets = list(survey.targets)
@@ -91,7 +91,7 @@ def test_nothing_is_planned_anew_where_nothing_is_otherwise(tmp_path, survey):
 
 
 def test_an_order_that_cannot_be_made_ends_the_wait_for_it(survey, monkeypatch):
-    """Whatever goes wrong beside the loop is heard there; it must not wait for ever."""
+    """The loop hears of every error in the background; it must not wait for ever."""
     monkeypatch.setattr(
         "grebe.mission.replanning.replanned",
         lambda *_, **__: [].pop(),  # an error of no plan's
@@ -145,7 +145,7 @@ def test_a_sortie_is_judged_by_the_battery_of_its_own_boat(survey, boat, battery
 
 @pytest.mark.slow
 def test_a_sortie_that_is_too_slow_puts_off_its_last_targets(tmp_path, survey, monkeypatch):
-    """A bound that is drawn in after planning: as if the boat had turned out slower."""
+    """A bound is tightened after planning, as if the boat were slower than predicted."""
     monkeypatch.setattr("grebe.mission.pace.LEAST_S", 20.0)
     monkeypatch.setattr("grebe.mission.pace.SLOW", 0.5)
     frame = LocalFrame(origin_lon_deg=3.0, origin_lat_deg=50.0)

@@ -1,4 +1,4 @@
-"""A mission goes on from wherever its boat is: around land, with the battery that it has."""
+"""A mission resumes from where its boat is: around land, with the battery that it has."""
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -53,7 +53,7 @@ def planned():
 
 
 def across(survey):
-    """How many targets are reached when the next one lies across the bar from the harbour."""
+    """How many targets are reached when the next one is across the bar from the harbour."""
     return next(
         i for i, t in enumerate(survey.targets) if t.kind == "cell" and t.set.centre[0] > 40
     )
@@ -93,7 +93,7 @@ def test_a_mission_that_came_home_goes_on_around_land(tmp_path, survey):
 
 
 def cut_off(file, targets, *, sortie, now):
-    """Sail a sortie and stop it after so many targets, as if the computer had died there."""
+    """Sail a sortie and stop it after some `targets`, as if the computer had died there."""
 
     class Counter:
         mission = None
@@ -121,7 +121,7 @@ def test_the_sortie_that_was_broken_off_is_gone_on_with(tmp_path, planned):
         assert departure.sortie.number == 2
         assert departure.reached == 6
         assert departure.state == there
-        # Another is sailed meanwhile: the boat is no longer where it was left.
+        # Another sortie is sailed meanwhile, so the boat is no longer where it was left.
         cut_off(file, 3, sortie=1, now=NOW + timedelta(hours=2))
         assert prepare(file, NOW, resume=True).sortie.number == 1
         back = prepare(file, NOW, resume=True, sortie=2)
@@ -149,14 +149,14 @@ def test_what_the_battery_has_given_since_the_harbour_counts_after_a_break(tmp_p
         departure = prepare(file, NOW + timedelta(minutes=5), resume=True)
         assert departure.spent.energy_wh == pytest.approx(report.energy_wh, rel=0.03)
         assert departure.spent.seconds == pytest.approx(report.duration_s, rel=0.05)
-        # A battery of which next to nothing is left sends the boat home at once.
+        # A nearly empty battery sends the boat home at once.
         tight = MissionSettings(safety=SafetySettings(battery_wh=1.05 * report.energy_wh))
         again = run_survey(
             file, SimulatedWorld(), steered_by(), NOW + timedelta(minutes=5), tight, resume=True
         )
         assert again.ended is EndReason.CAME_HOME
         assert again.reached <= 14
-        # A simulated boat has another one at its harbour; of a real one nobody knows that it has.
+        # A simulated boat gets a new battery at its harbour; a real one may not.
         kept = prepare(file, NOW + timedelta(minutes=20), resume=True, renews=False)
         assert kept.spent.energy_wh == pytest.approx(report.energy_wh + again.energy_wh, rel=0.03)
         file.set_meta("water", "mavlink:udp:127.0.0.1:14550")

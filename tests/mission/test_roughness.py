@@ -1,4 +1,4 @@
-"""What a boat meets beside the weather: lag, dead band, another hull, bad estimates."""
+"""Difficulties besides the weather: lag, dead band, another hull, bad estimates."""
 
 import math
 from dataclasses import replace
@@ -75,7 +75,7 @@ def test_errors_of_estimates_have_the_size_that_is_asked_for():
     assert states[:, 0].std() == pytest.approx(0.5, rel=0.1)
     assert states[:, 3].std() == pytest.approx(0.02, rel=0.1)
     assert np.all(states[:, 2] == 0)
-    # One estimate in five is lost: the others lie a fifth further apart than they would.
+    # One estimate in five is lost, so the mean interval is a quarter longer.
     assert seen[-1].time_s / (0.1 * 1999) == pytest.approx(1.25, rel=0.05)
 
 
@@ -104,7 +104,7 @@ class Blinking(SimulatedLink):
 
     def command(self, order):
         if self.first <= self.seen < self.last and self.stopped_at is None:
-            # Braked by dead reckoning, with nothing ahead.
+            # The boat is braked by dead reckoning, without thrust ahead.
             assert max(order.thrusts) <= 0
             self.stopped_at = self.seen
         super().command(order)

@@ -1,4 +1,4 @@
-"""Whole small missions with faults: each ends for the right reason, and never outside the water."""
+"""Complete small missions with faults: each ends for the right reason, always within the water."""
 
 import itertools
 import math
@@ -40,7 +40,7 @@ STILL = Weather()
 
 
 class Sailed:
-    """A mission that has been sailed: its report and what it said."""
+    """A mission that has been sailed: its report and its events."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class Sailed:
 
 @pytest.mark.parametrize("boat", ["spyboat", "benchmark", "blueboat", "heron", "otter"])
 def test_the_fence_does_not_disturb_a_planned_mission(boat):
-    """With it and without it the mission is the same to the last digit."""
+    """With and without the fence the mission is the same, bit for bit."""
     survey = replace_vessel(SURVEY, PRESETS[boat])
     fenced, free = Sailed(survey=survey), Sailed(survey=survey, safety=NO_FENCE)
     assert fenced.report.complete
@@ -109,7 +109,7 @@ def replace_vessel(survey, vessel):
 
 
 class AtTheShore:
-    """A helm that has lost its mind: quickly east, whatever there is."""
+    """A helm that has lost its mind: it steers east at speed, whatever is there."""
 
     vessel, step_s, reached = SURVEY.vessel, 0.1, 0
 
@@ -202,8 +202,8 @@ def test_a_boat_whose_thruster_dies_ends_its_mission_with_the_reason(side):
 
 @pytest.mark.parametrize("seed", [3, 15, 31])
 def test_no_thruster_is_called_dead_for_a_current_that_is_not_known_yet(seed):
-    """A hull that is driven across an unknown current holds its course against a whole thruster:
-    the coupling of surge and sway, Eq. (9), makes as much moment as the thruster has.
+    """In an unknown current across its course, a hull may need one thruster's full moment to hold
+    it: the coupling of surge and sway, Eq. (9), makes as much.
     """
     rng = np.random.default_rng(seed)
     around, where, heading, wind_from = rng.uniform(0, 2 * np.pi, 4)
@@ -262,7 +262,7 @@ def test_a_place_is_held_on_request_against_a_current_and_left_again():
 
 
 class Interrupted:
-    """A sonde that says nothing while it is not plugged in."""
+    """A sonde that gives no readings while it is unplugged."""
 
     keys = ("temperature_degc",)
 
@@ -296,7 +296,7 @@ def test_the_survey_waits_for_a_silent_sonde_and_goes_on_when_it_speaks():
 
 
 class Noted(SimulatedLink):
-    """A link that notes what it is told, and may keep an observer waiting."""
+    """A link that records its orders, and may keep an observer waiting."""
 
     def __init__(self, *given):
         super().__init__(*given)
@@ -317,7 +317,7 @@ class Noted(SimulatedLink):
 
 
 def stopped_while(waits_where):
-    """A mission that is stopped from another thread while it waits: what the boat was told."""
+    """Stop a mission from another thread while it waits; return the orders to the boat."""
     waiting, may_go_on = threading.Event(), threading.Event()
 
     def wait():
@@ -351,7 +351,7 @@ def stopped_while(waits_where):
 
 @pytest.mark.parametrize("where", ["step", "observe"])
 def test_a_stop_takes_the_thrust_away_before_it_returns_and_for_good(where):
-    """Also while a step is solved or an estimate is waited for; what is decided later is void."""
+    """Also while it solves a step or waits for an estimate; later decisions have no effect."""
     before, after, report = stopped_while(where)
     assert before[-1] == IDLE
     assert all(order == IDLE for order in after)
@@ -381,7 +381,7 @@ def test_a_boat_that_takes_minutes_to_stop_never_leaves_the_water(share):
     )  # fmt: skip
     one = Sailed(survey=replace_vessel(SURVEY, heavy))
     assert one.stayed_in
-    # What hardly answers its thrusters may be taken for a boat that weeds hold.
+    # A boat that hardly responds to its thrusters may look like one held by weeds.
     assert one.report.ended in {
         EndReason.COMPLETE, EndReason.FENCE_NOT_KEPT, EndReason.OUT_OF_TIME, EndReason.STUCK,
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Where readings of instruments apart from the boat are put."""
+"""The places of readings from instruments with their own connections."""
 
 from datetime import timedelta
 
@@ -11,7 +11,7 @@ from grebe.mission.measuring.sampling import InSets
 
 
 class Probe:
-    """A thermometer that says what it is told to."""
+    """A thermometer that gives the readings that it is set to."""
 
     keys, silent = ("temperature_degc",), ()
 
@@ -24,7 +24,7 @@ class Probe:
 
 
 def test_an_estimate_that_comes_very_late_loses_no_mission():
-    """A process that was stopped for a minute hears old estimates."""
+    """A process that was suspended for a minute receives old estimates."""
     probe = Probe(Reading(age_s=60.0, values={"temperature_degc": 20.0}))
     sampler = Sampler(square_survey().targets, None, InSets(), BUILTIN, probe)
     late = Observation(time_s=100.0, state=(1.0, 2.0, 0.0, 0.0, 0.0, 0.0), age_s=60.0)

@@ -1,4 +1,4 @@
-"""A long mission: what it takes does not grow with what it has behind it."""
+"""A long mission: its use of memory and disk does not grow with its length."""
 
 import sqlite3
 import tracemalloc
@@ -34,7 +34,7 @@ FRAME = 4096 + 24
 
 
 class Restless:
-    """A helm that is asked at every estimate, and says something else each time."""
+    """A helm that steps at every estimate, with another command each time."""
 
     vessel = PRESETS["spyboat"]
     step_s = 0.1
@@ -50,7 +50,7 @@ class Restless:
 
 
 class Drifting:
-    """A boat that is never there: `look` is called every so many estimates."""
+    """A boat that never arrives; `look` is called after every `every` estimates."""
 
     source = "drifting"
 
@@ -83,7 +83,7 @@ class Drifting:
 
 @pytest.mark.slow
 def test_memory_and_journal_are_bounded_while_others_read(tmp_path):
-    """Ten minutes at 10 Hz, a row of the track at each estimate; a reader comes and goes."""
+    """Ten minutes at 10 Hz, with a row of the track at each estimate, and a reader now and then."""
     path = tmp_path / "s.gpkg"
     memory, journal, seen = [], [], []
     with SurveyFile.create(path, SURVEY, meta={}, force=True) as file:
@@ -92,7 +92,7 @@ def test_memory_and_journal_are_bounded_while_others_read(tmp_path):
         def look():
             memory.append(tracemalloc.get_traced_memory()[0])
             journal.append(path.with_name("s.gpkg-wal").stat().st_size)
-            # What it reads it holds until the next look: neither is in the other's way.
+            # The reader keeps its snapshot until the next look; neither side hinders the other.
             if reader.in_transaction:
                 reader.execute("COMMIT")
             else:
@@ -110,14 +110,14 @@ def test_memory_and_journal_are_bounded_while_others_read(tmp_path):
         assert file.count("track") == 6000
         assert file.count("samples") == 600
     assert all(n >= 1000 * i - 502 for i, n in enumerate(seen, 1))
-    # Eight bytes a step are kept, for the median of all; nothing else may stay.
+    # Eight bytes a step are kept, for the median of all; nothing else may accumulate.
     assert max(memory[2:]) - memory[1] < 200_000
-    # A page or two more or less is when the reader came.
+    # The time of the reader's visits may make a difference of a page or two.
     assert max(journal[6:]) <= max(journal[:6]) + 2 * FRAME
 
 
 def test_no_write_of_a_mission_looks_through_a_table(tmp_path):
-    """What the time of a write depends on: every statement finds its rows by a key."""
+    """Every statement finds its rows by a key, so writes do not slow down as tables grow."""
     with SurveyFile.create(tmp_path / "s.gpkg", SURVEY, meta={}, force=True) as file:
         said = []
         file._connection.set_trace_callback(said.append)

@@ -1,4 +1,4 @@
-"""Killed, cut off from power, robbed of its file, or told a wrong time: a mission survives."""
+"""A mission survives being killed, a power cut, the loss of its file, and a wrong clock."""
 
 import json
 import random
@@ -76,7 +76,7 @@ def step(i):
 
 
 def test_wherever_its_journal_is_cut_off_the_file_holds_what_was_written_first(tmp_path):
-    """A power cut may leave any part of what was not yet on the disk: never a gap, never damage."""
+    """A power cut may leave any part of the pending writes, but never a gap or damage."""
     rng = random.Random(1)
     path, cut = tmp_path / "s.gpkg", tmp_path / "cut.gpkg"
     with SurveyFile.create(path, square_survey(), meta={}, force=True) as file:
@@ -130,7 +130,7 @@ def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("fails", [False, True])
 def test_the_boat_is_given_back_before_the_end_is_written(fails):
-    """And not stopped: who asked for the end may be a pilot, who has the boat already."""
+    """The link is closed, not stopped: a pilot who asked for the end may already have the boat."""
     happened = []
 
     class Pilot(SimulatedLink):
@@ -159,7 +159,7 @@ def test_the_boat_is_given_back_before_the_end_is_written(fails):
 
 
 class Stuck:
-    """A recorder that keeps nothing until it is let, and fails when it is told to."""
+    """A recorder that blocks until it is released, and fails on demand."""
 
     def __init__(self):
         self.let, self.batches, self.failure = threading.Event(), [], None
@@ -237,7 +237,7 @@ def test_a_file_that_is_taken_away_is_rescued_whole_and_said(tmp_path, theft):
         assert recorder.record_together([step(2)]) == ()
         rescued = file.path
         assert str(rescued) in said.message
-        # Killed now: what is on the disk under a name must have it all.
+        # If the process is killed now, the named file on the disk must have everything.
         shutil.copy(rescued, tmp_path / "copy.gpkg")
         shutil.copy(f"{rescued}-wal", tmp_path / "copy.gpkg-wal")
     for name in (rescued, tmp_path / "copy.gpkg"):
@@ -367,7 +367,7 @@ def test_a_copy_without_its_journal_is_known_for_one(tmp_path):
 
 
 def test_a_file_whose_journal_a_reader_has_folded_in_is_known_for_whole(tmp_path):
-    """A mission is killed, somebody looks at its file, and it goes on: nothing is missing."""
+    """A mission is killed, a reader opens its file, and the mission resumes: nothing is missing."""
     path, dead = tmp_path / "s.gpkg", tmp_path / "dead" / "s.gpkg"
     dead.parent.mkdir()
     with SurveyFile.create(path, square_survey(), meta={}, force=True) as file:
@@ -376,7 +376,7 @@ def test_a_file_whose_journal_a_reader_has_folded_in_is_known_for_whole(tmp_path
         file.append_track(step(1))
         for name in ("s.gpkg", "s.gpkg-wal"):
             shutil.copy(path.with_name(name), dead.with_name(name))
-        # While a mission writes, who looks on notes nothing.
+        # While a mission writes, a reader writes nothing down.
         with SurveyFile.open(path):
             pass
         assert "mission_open" in file.meta()
@@ -468,7 +468,7 @@ def test_a_boat_whose_grebe_is_killed_is_stopped_and_the_next_run_tells(tmp_path
 
 # -- who watches -----------------------------------------------------------------------------
 
-# More is said at each progress than any pipe holds, and nobody reads it.
+# Each progress message is longer than any pipe holds, and nobody reads it.
 WATCHED = """
 import sys
 from grebe.cli import output

@@ -1,4 +1,4 @@
-"""Boats keep apart: claims that never touch, turns that never overlap, and whole fleets."""
+"""Boats keep apart: claims that never touch, turns that never overlap, and complete fleets."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ def test_whatever_is_claimed_no_two_claims_come_nearer_than_stated(claims):
             held[boat] = shapely.LineString(way) if len(way) > 1 else shapely.Point(way[0])
         for a, one in held.items():
             for b, other in held.items():
-                # Ways are rounded by centimetres, for which there is more room than that.
+                # Paths are rounded by centimetres, for which the distance has enough room.
                 assert a == b or one.distance(other) >= 8.0
 
 
 def test_of_boats_that_wait_the_first_has_the_right_of_way():
     traffic, way = Traffic(apart_m=5.0), np.array([(0, 0), (10, 0)])
     traffic.wish(1, way)
-    # A boat under way is planned with, and needs no more room than its plan.
+    # Others plan with a boat under way, which needs no more room than its plan.
     assert traffic.wished(2).is_empty
     assert not traffic.wished(2, by_all=True).is_empty
     traffic.waits(1, Waiting(claimed_by=frozenset({2})))
@@ -78,7 +78,7 @@ def test_a_boat_that_has_announced_nothing_lies_where_its_claim_ends():
     traffic.announce(2, Announced(moments=np.array([0.0, 5.0]), places=np.eye(2) * 20.0))
     assert traffic.announced(2)[0].at(np.array([7.0])).tolist() == [[0.0, 4.0]]
     assert traffic.announced(1)[0].at(np.array([2.5])).tolist() == [[10.0, 10.0]]
-    # One that is over lies there, whatever it had in mind; one that is ashore is in no way.
+    # A boat that has ended stays there, without a wish; a boat ashore is in nobody's way.
     traffic.leave(2)
     assert traffic.announced(1)[0].at(np.array([2.5])).tolist() == [[20.0, 0.0]]
     traffic.leave(1, ashore=True)
@@ -89,7 +89,7 @@ def test_who_does_not_come_nearer_for_others_waits_for_them_as_one_that_was_stop
     traffic = Traffic(apart_m=5.0)
     boat, place, towards = Lookout(traffic=traffic, boat=1), (0.0, 0.0), (10.0, 0.0)
     traffic.claim(1, np.array([place]))
-    # Within what a plan keeps, and without what a claim does.
+    # Within the distance that plans keep, and outside that of claims.
     traffic.claim(2, np.array([(10.0, 7.5)]))
     boat.wish(place, towards)
     for time_s in np.arange(0.0, STUCK_S + 1.0):
@@ -99,7 +99,7 @@ def test_who_does_not_come_nearer_for_others_waits_for_them_as_one_that_was_stop
     assert not traffic.wished(2).is_empty
     boat.goes((1.0, 0.0), STUCK_S + 2.0)
     assert traffic.wished(2).is_empty
-    # Where nobody is in the way, whatever keeps it is not others.
+    # If nobody is in the way, the boat does not wait for others.
     traffic.claim(2, np.array([(10.0, 30.0)]))
     boat.goes((1.0, 0.0), 3 * STUCK_S)
     assert traffic.wished(2).is_empty
@@ -212,7 +212,7 @@ def test_a_fleet_does_the_same_twice(tmp_path):
 
 @pytest.mark.slow
 def test_unlike_boats_sail_together_each_as_what_it_is(tmp_path):
-    """And what the small one has left is planned anew for the large one."""
+    """The rest of the small boat's part is replanned for the large one."""
     vessels = (PRESETS["otter"], PRESETS["spyboat"])
     path = fleet_file(tmp_path / "f.gpkg", boats=2, side=60.0, vessels=vessels)
     with SurveyFile.open(path) as file:
@@ -240,7 +240,7 @@ def test_what_a_lost_boat_has_left_is_taken_by_another(tmp_path):
     with SurveyFile.open(path) as file:
         assert file.revision.reason == "boat_lost"
         assert {one.boat for one in file.revision.sorties} == {1}
-    # Where the lost boat lies nobody goes.
+    # No boat goes to where the lost boat is.
     assert report.reached >= report.targets - 3
 
 
@@ -260,7 +260,7 @@ def test_where_one_boat_does_not_answer_the_others_are_left_in_good_order(tmp_pa
 
 @pytest.mark.slow
 def test_a_large_boat_that_needs_room_to_turn_is_given_it(tmp_path):
-    """Two boats launched side by side, a large one first: each waited for the other to the end."""
+    """Two boats launched side by side, the large one first, once waited for each other for ever."""
     vessels = (PRESETS["otter"], PRESETS["spyboat"])
     path = fleet_file(tmp_path / "f.gpkg", boats=2, side=60.0, vessels=vessels)
     world = SimulatedWorld(
@@ -273,7 +273,7 @@ def test_a_large_boat_that_needs_room_to_turn_is_given_it(tmp_path):
 
 
 class Sonde:
-    """A pH probe apart from the boat that always has something to say."""
+    """A pH probe with its own connection that always has a reading."""
 
     keys, silent = ("ph",), ()
 
@@ -302,7 +302,7 @@ def test_a_boat_of_a_fleet_has_a_sonde_of_its_own(tmp_path):
     of_second = np.isclose(samples.values["ph"], 6.5)
     assert set(samples.boat[of_second]) == {2}
     assert of_second.sum() > 20
-    # Its own sonde is no longer asked for it, and the other boat's is.
+    # The boat's own sonde no longer gives it, but that of the other boat does.
     assert not np.isfinite(samples.values["ph"][(samples.boat == 2) & ~of_second]).any()
     assert np.isfinite(samples.values["ph"][samples.boat == 1]).any()
 

@@ -1,4 +1,4 @@
-"""A watchdog stops the boat whose mission has died or hangs, and only that one."""
+"""A watchdog stops a boat whose mission has died or hangs, and no other boat."""
 
 import json
 import os
@@ -21,7 +21,7 @@ from grebe.links.passing import PassingLink
 from grebe.mission.safety.watchdog import Watchdog, journal_beside, taken_notes
 from grebe.workflow.simulated import SimulatedWorld
 
-# What a boat does that is stopped from outside: it leaves a line in a file.
+# A boat that writes a line to a file when it is stopped from outside.
 BOAT = """
 import sys
 
@@ -74,7 +74,7 @@ ESTIMATE = Estimate(time=NOON, elapsed_s=0.0, state=(0.0,) * 6, weather=CALM)
 
 
 def under_orders(boat, function="stop", patience_s=5.0):
-    """A watchdog of a boat that has been told to go."""
+    """A watchdog of a boat that has had its first command."""
     dog = Watchdog(EmergencyStop(**stop_of(boat, function, patience_s)))
     dog(ORDER)
     return dog
@@ -161,7 +161,7 @@ def test_an_unforeseen_end_is_no_goodbye_and_a_foreseen_one_is(boat):
 
 
 def test_a_boat_that_was_told_nothing_yet_is_not_stopped(boat):
-    """The first step may take its time; whoever holds the boat until then has it to himself."""
+    """The first step may take long; until then the boat belongs to whoever holds it."""
     dog = Watchdog(EmergencyStop(**stop_of(boat, patience_s=0.05)))
     dog(ESTIMATE)
     time.sleep(0.3)
@@ -210,7 +210,7 @@ def test_a_mission_has_its_boat_guarded_and_the_next_one_tells_what_the_guard_di
 
 
 def test_what_was_recorded_is_kept_where_the_watchdog_does_not_start(boat):
-    """A mission is forgotten only once all that the new one needs is there."""
+    """A mission is deleted only once everything that the new one needs is there."""
     closed = []
 
     def boat_at(departure):

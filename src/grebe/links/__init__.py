@@ -1,1 +1,1 @@
-"""Boats behind one page, `base.BoatLink`: simulated here, real ones beside it."""
+"""Boat links: simulated and real boats behind one interface, `base.BoatLink`."""

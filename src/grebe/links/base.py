@@ -1,23 +1,24 @@
-"""What a mission needs of a boat: the port that every boat link fills.
+"""What a mission needs of a boat: the interface that every boat link implements.
 
-The contract, in full:
+The complete contract:
 
 - **Frame.** Positions are metres north and east in the survey's local frame; heading is
   clockwise from north; surge, sway and yaw rate are over ground, yaw rate positive to starboard.
 - **Heading.** It may be wrapped to any turn or not at all: the mission unwraps it.
-- **Time.** `time_s` counts from when the link was opened and never runs back. It is the link's
-  own: the seconds of a simulated boat pass as fast as they are computed. `age_s` says how long
-  before `time_s` the boat was in that state; who steers predicts it forward.
-- **Orders** hold until the next one. An order says the same twice: the thrusts at the propellers,
-  within the vessel's limits, and the motion that they lead to. A link takes what its boat can
-  follow: bare thrusters the thrusts (how newtons become commands of an actuator is the vessel's
-  knowledge, `Vessel.throttle_of`), an autopilot that holds speed and yaw rate the motion.
-- **Trouble.** `LinkError` means that the boat no longer answers and will not; a single estimate
-  that is missing or not finite is no error, and the next one is waited for.
+- **Time.** `time_s` counts from the opening of the link and never runs back. It is the link's own:
+  the seconds of a simulated boat pass as fast as they are computed. `age_s` says how long before
+  `time_s` the boat was in that state; the mission predicts the state forward.
+- **Orders** hold until the next one. An order states the same thing twice: as thrusts at the
+  propellers, within the vessel's limits, and as the motion to which they lead. A link uses what its
+  boat can follow. Bare thrusters follow the thrusts (`Vessel.throttle_of` converts newtons to
+  commands of an actuator), and an autopilot that holds speed and yaw rate follows the motion.
+- **Errors.** `LinkError` means that the boat no longer answers and will not answer again. A single
+  estimate that is missing or not finite is no error; the mission waits for the next one.
 - **The end.** After `close` the boat has no thrust and `observe` raises `LinkError`; closing
   again does nothing.
 
-A link knows nothing of targets or maps. `tests/contracts/test_links.py` holds every link to this.
+A link knows nothing of targets or maps. `tests/contracts/test_links.py` tests every link for this
+contract.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ from grebe.core.vessel import Vessel
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """A state estimate z in the survey's frame, as it is handed over.
+    """A state estimate z in the survey's frame.
 
-    `time_s` is when it is handed over, since the link was opened; the boat was in that state
-    `age_s` before.
+    `time_s` is when the link returns it, counted from the opening of the link; the boat was in that
+    state `age_s` before.
     """
 
     time_s: float
@@ -44,16 +45,16 @@ class Observation:
     age_s: float = 0.0
 
 
-# What a link hands out as a state that does not know where the boat is.
+# The state that a link returns if it does not know where the boat is.
 NOT_A_STATE: State = (math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What the boat is told until the next order.
+    """What the boat does until the next order.
 
-    `thrusts` (F_1 port, F_2 starboard) [N]; `surge_mps` and `yaw_rate_radps`, over ground, are
-    what a boat is to hold that is steered by its motion instead.
+    `thrusts` (F_1 port, F_2 starboard) [N]; `surge_mps` and `yaw_rate_radps`, over ground, are the
+    motion to hold for a boat that is steered by its motion instead.
     """
 
     thrusts: tuple[float, float]
@@ -66,11 +67,11 @@ IDLE = Order(thrusts=(0.0, 0.0), surge_mps=0.0, yaw_rate_radps=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class BoatStatus:
-    """How the boat is, apart from where it is.
+    """The condition of the boat, apart from its state.
 
-    `mode` in the autopilot's own words; `battery_share` 0 to 1 and `fix` in words where they
-    are known; `age_s` of the last message; `stop_request` says who wants the mission to end
-    (the pilot took over, a key on the boat), and is empty otherwise.
+    `mode` is in the autopilot's own words. `battery_share`, from 0 to 1, and `fix`, in words, are
+    given if known. `age_s` is that of the last message. `stop_request` says who wants the mission
+    to end (the pilot took over, a key on the boat), and is empty otherwise.
     """
 
     mode: str
@@ -82,7 +83,7 @@ class BoatStatus:
 
 
 class BoatLink(Protocol):
-    """A boat that can be observed, commanded and asked for a measurement.
+    """A boat that can be observed and commanded, and that measures.
 
     `source` says where the readings come from, for the survey's metadata.
     """
@@ -93,7 +94,7 @@ class BoatLink(Protocol):
         ...
 
     def observe(self) -> Observation:
-        """Wait for the next state estimate and return it; `LinkError` when none comes."""
+        """Wait for the next state estimate and return it; `LinkError` if none comes."""
         ...
 
     def command(self, order: Order) -> None:
@@ -101,32 +102,32 @@ class BoatLink(Protocol):
         ...
 
     def measure(self) -> Mapping[str, float]:
-        """Return the newest reading of the sonde, keyed by quantity; empty when none."""
+        """Return the newest reading of the sonde, keyed by quantity; empty if there is none."""
         ...
 
     def status(self) -> BoatStatus:
-        """Return how the boat is, without waiting."""
+        """Return the condition of the boat, without waiting."""
         ...
 
     def stop(self) -> None:
-        """Take all thrust away at once; the link stays open."""
+        """Remove all thrust at once; the link stays open."""
         ...
 
     def close(self) -> None:
-        """Leave the boat without thrust and give it back."""
+        """Leave the boat without thrust and release it."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """What an instrument apart from the boat measured `age_s` ago: values by quantity."""
+    """Values by quantity that an instrument with its own connection measured `age_s` ago."""
 
     age_s: float
     values: Mapping[str, float]
 
 
 class Instruments(Protocol):
-    """Sondes apart from the boat, which measure at their own rate; `keys` says which quantities."""
+    """Sondes with their own connections, which measure the quantities `keys` at their own rate."""
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -135,31 +136,31 @@ class Instruments(Protocol):
 
     @property
     def silent(self) -> Sequence[str]:
-        """The names of those from which no readings come."""
+        """The names of the instruments that send no readings."""
         ...
 
     def readings(self) -> Sequence[Reading]:
-        """Hand out what has come since the last call, without waiting."""
+        """Return the readings since the last call, without waiting."""
         ...
 
     def notes(self) -> Sequence[tuple[str, str]]:
-        """Hand out what an operator should know, a code and a sentence each, without waiting."""
+        """Return notes for the operator, a code and a sentence each, without waiting."""
         ...
 
     def close(self) -> None:
-        """Let go of their lines."""
+        """Close the connections."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class AsDriven:
-    """What a boat is to whoever steers it over a link: the hull under an autopilot's inner loops is
-    another plant than the hull.
+    """A boat as it is steered over a link: with an autopilot's inner loops, the hull is another
+    plant than without.
 
-    `model` is the boat as it should be taken to be, None for the survey's own. `holds_motion`: an
-    autopilot holds the speed and yaw rate of an order, whatever its thrusts, and the boat cannot be
-    judged by what these do. `braking_share`: the share of its model's thrust astern that it can be
-    trusted to brake with.
+    `model` is the boat to plan for, None for the survey's own. `holds_motion`: an autopilot holds
+    the speed and yaw rate of an order whatever its thrusts, so the boat cannot be judged by their
+    effect. `braking_share` is the share of the model's reverse thrust that can be trusted for
+    braking.
     """
 
     model: Vessel | None = None
@@ -178,5 +179,5 @@ class DrivenLink(Protocol):
 
 
 def as_driven(link: BoatLink) -> AsDriven:
-    """The boat as it is driven over a link: what the link says, or else as the survey has it."""
+    """Return the boat as it is driven over a link, by default as in the survey."""
     return link.as_driven if isinstance(link, DrivenLink) else AsDriven()

@@ -1,4 +1,4 @@
-"""A line of a preflight list: what was looked at, what was found, and what to do."""
+"""A line of a preflight list: what was checked, what was found, and what to do."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 class Verdict(enum.Enum):
-    """What a line of the list says: go, think again, or stay ashore."""
+    """The verdict of a line: go, look again, or stay ashore."""
 
     GOOD = "ok"
     DOUBTFUL = "look"
@@ -16,7 +16,7 @@ class Verdict(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One line: `advice` says what to do, and is empty where nothing is."""
+    """One line; `advice` says what to do, and is empty if there is nothing to do."""
 
     what: str
     verdict: Verdict
@@ -32,6 +32,6 @@ def check(
     advice: str = "",
     otherwise: Verdict = Verdict.BAD,
 ) -> Check:
-    """Return a line that is good where it holds; its advice stands only where it does not."""
+    """Return a line that is good if it `holds`, and otherwise has its advice."""
     verdict = Verdict.GOOD if holds else otherwise
     return Check(what=what, verdict=verdict, found=found, advice="" if holds else advice)

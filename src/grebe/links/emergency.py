@@ -1,8 +1,8 @@
-"""How a boat is stopped by somebody else, when the mission that steers it has died or hangs.
+"""How another process stops a boat when the mission that steers it has died or hangs.
 
-A link that has such a way says so in its `emergency`; a process of its own is then told what to do
-before the boat moves, and does it without the mission's memory, sockets or locks. So a stop is a
-function by its name, and the plain values that it is called with.
+A link that supports this describes it in its `emergency`. Before the boat moves, a separate process
+gets this description, and later acts on it without the mission's memory, sockets or locks. A stop
+is therefore the name of a function and the plain values for its call.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ Plain = str | float | bool | None
 
 @dataclass(frozen=True, kw_only=True)
 class EmergencyStop:
-    """`action`, as "package.module:function" or "FILE.py:function", is called with `settings`.
+    """A stop: `action`, "package.module:function" or "FILE.py:function", is called with `settings`.
 
-    It opens what it needs, takes all thrust away, and returns once that is done; where it raises
-    it is called again. Settings must be JSON. `patience_s` is the longest silence of the mission
-    [s] that is none of the boat's business: longer than its slowest step and its disk.
+    The function opens what it needs, removes all thrust, and returns once that is done; if it
+    raises an error it is called again. `settings` must be JSON. `patience_s` is the longest silence
+    of the mission [s] that does not stop the boat: longer than its slowest step and its disk take.
     """
 
     action: str
@@ -48,14 +48,14 @@ class EmergencyStop:
 
 @runtime_checkable
 class StopsInEmergency(Protocol):
-    """A link that somebody else can stop the boat of; None where this one cannot."""
+    """A link whose boat another process may be able to stop."""
 
     @property
     def emergency(self) -> EmergencyStop | None:
-        """How the boat is stopped without the mission."""
+        """How the boat is stopped without the mission; None if it cannot be."""
         ...
 
 
 def emergency_of(link: object) -> EmergencyStop | None:
-    """How a link's boat is stopped without the mission; None where nobody else can."""
+    """Return how a link's boat is stopped without the mission; None if it cannot be."""
     return link.emergency if isinstance(link, StopsInEmergency) else None

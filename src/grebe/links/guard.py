@@ -1,16 +1,17 @@
 """The watchdog's own process: it stops a boat whose mission has died or hangs.
 
-A script that `grebe.mission.safety.watchdog` starts with the interpreter's own library alone, so
-that it is small and shares nothing with the mission but a pipe. Its standard input brings one line,
-the charge, in JSON::
+`grebe.mission.safety.watchdog` starts this script with the standard library alone, so that it is
+small and shares only a pipe with the mission. Its standard input brings one line, the charge, in
+JSON::
 
     {"action": "MODULE:FUNCTION" or "FILE.py:FUNCTION", "settings": {...}, "patience_s": 2.0,
      "path": [...], "journal": "FILE" or null}
 
-It answers "ready" and a newline when the action is there, or one line that says why it is not. Then
-every byte is a sign of life, and "q" is a goodbye; the first one says that the boat is under
-orders, and until then there is nothing to stop. Where none comes for `patience_s` any more, or the
-pipe ends without a goodbye, FUNCTION is called with the settings until it returns without an error.
+It answers "ready" and a newline once it has the action, or one line that says why it has not. After
+that every byte is a sign of life, and "q" is a goodbye. The first sign means that the boat has its
+first command; before that there is nothing to stop. If no sign comes for `patience_s`, or the pipe
+ends without a goodbye, FUNCTION is called with the settings until it returns without an error, at
+most `TRIES` times.
 """
 
 import importlib
@@ -24,7 +25,7 @@ from collections.abc import Callable
 from typing import Any
 
 GOODBYE = b"q"
-# How often an action that fails is tried, and how long between two times [s].
+# The number of attempts at an action that fails, and the time between two of them [s].
 TRIES = 20
 BETWEEN_S = 0.5
 
@@ -32,7 +33,7 @@ Action = Callable[..., object]
 
 
 def main() -> None:
-    """Take the charge, watch, and act; a mission that only hung is watched on."""
+    """Take the charge, watch, and act; a mission that only hung is watched again afterwards."""
     charge = json.loads(_first_line())
     try:
         sys.path[:] = charge["path"]
@@ -41,7 +42,7 @@ def main() -> None:
         _answer(f"{type(error).__name__}: {error}")
         return
     _answer("ready")
-    # The first sign, and after an action the first one of a mission that only hung.
+    # Waits for the first sign, and after an action for that of a mission that only hung.
     while _sign() not in (b"", GOODBYE):
         why = _watch(charge["patience_s"])
         if why is None:
@@ -55,7 +56,7 @@ DIED = "the mission's process has ended without a goodbye"
 
 
 def _watch(patience_s: float) -> str | None:
-    """Wait for what calls for action, and say what it is; None for a goodbye."""
+    """Wait for a reason to act and return it; None for a goodbye."""
     while True:
         ready, _, _ = select.select([0], [], [], patience_s)
         if not ready:
@@ -68,12 +69,12 @@ def _watch(patience_s: float) -> str | None:
 
 
 def _sign() -> bytes:
-    """The next sign of life; nothing where the pipe has ended."""
+    """Return the next sign of life; empty if the pipe has ended."""
     return os.read(0, 1)
 
 
 def _act(action: Action, settings: dict[str, Any]) -> str:
-    """Do it, again where it fails, and say how it went."""
+    """Run the action, again if it fails, and return the outcome in words."""
     failure = ""
     for _ in range(TRIES):
         try:
@@ -87,7 +88,7 @@ def _act(action: Action, settings: dict[str, Any]) -> str:
 
 
 def _found(action: str) -> Action:
-    """The function that MODULE:FUNCTION or FILE.py:FUNCTION names."""
+    """Return the function that MODULE:FUNCTION or FILE.py:FUNCTION names."""
     home, _, name = action.rpartition(":")
     if home.endswith(".py"):
         return runpy.run_path(home)[name]
@@ -95,7 +96,7 @@ def _found(action: str) -> Action:
 
 
 def _note(journal: str | None, why: str, outcome: str) -> None:
-    """Leave a line for whoever takes the mission up again: unix time, then what happened."""
+    """Write a line for the operator who resumes the mission: unix time, then what happened."""
     if journal is None:
         return
     try:
@@ -108,7 +109,7 @@ def _note(journal: str | None, why: str, outcome: str) -> None:
 
 
 def _first_line() -> bytes:
-    """The charge, byte by byte: what follows it are signs of life."""
+    """Read the charge byte by byte, because the bytes after it are signs of life."""
     line = b""
     while not line.endswith(b"\n"):
         byte = os.read(0, 1)

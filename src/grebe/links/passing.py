@@ -1,4 +1,4 @@
-"""A link in front of another: it passes everything on, for those that change one thing of it."""
+"""A link that passes everything on to another: the base of links that change a single thing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from grebe.links.emergency import EmergencyStop, emergency_of
 
 
 class PassingLink:
-    """Passes everything on to a link."""
+    """Passes everything on to another link."""
 
     def __init__(self, link: BoatLink) -> None:
         self._link = link

@@ -1,4 +1,4 @@
-"""The socket below ArduPilot's firmware: UDP packets in, lines of JSON back to their sender."""
+"""A physics server for ArduPilot's firmware: UDP packets in, lines of JSON back to the sender."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from grebe.simulation.physics import Physics, ServoPacket, read_packet
 
 PORT = 9002
 LARGEST_PACKET = 2048
-# How often a quiet server looks whether it is to stop [s].
+# How often an idle server checks whether to stop [s].
 LOOK_S = 0.2
-# Another firmware is heard only when the one before has been silent for so long [s], or begins.
+# Another firmware takes over only if it begins anew, or the previous one has been silent for this
+# long [s].
 SILENT_S = 2.0
 
 Address = tuple[str, int]
 
 
 class PhysicsServer:
-    """Serves one firmware at a time; `tell` hears, in words, who comes and starts afresh.
+    """Serves one firmware at a time; `tell` receives a message, in words, when one starts.
 
-    Foreign packets, late copies, and a second firmware beside the first get no answer.
-    `LinkError` where the port is taken.
+    Foreign packets, late copies, and a second firmware beside the first get no answer. Raises
+    `LinkError` if the port is in use.
     """
 
     def __init__(
@@ -52,18 +53,20 @@ class PhysicsServer:
 
     @property
     def address(self) -> Address:
-        """Where it listens."""
+        """The address on which the server listens."""
         host, port = self._socket.getsockname()
         return host, port
 
     def serve(self, stopped: Callable[[], bool] = lambda: False) -> None:
-        """Answer packets until `stopped` says so, or an exception comes; then close the port."""
+        """Answer packets until `stopped` returns true or an exception is raised; then close the
+        port.
+        """
         with self._socket:
             while not stopped():
                 try:
                     data, sender = self._socket.recvfrom(LARGEST_PACKET)
                 except OSError:
-                    # A time-out, or word that the firmware's port is closed by now.
+                    # A time-out, or an error because the firmware has closed its port.
                     continue
                 self._take(data, sender)
 
@@ -82,7 +85,7 @@ class PhysicsServer:
                 self._socket.sendto(answer, sender)
 
     def _admits(self, packet: ServoPacket, sender: Address) -> bool:
-        """Whether a packet is of the firmware that is served, or of one that takes its place."""
+        """Whether a packet is from the firmware that is served, or one that takes its place."""
         now_s = time.monotonic()
         if sender != self._firmware:
             quiet = now_s - self._heard_s > SILENT_S

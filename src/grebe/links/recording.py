@@ -1,4 +1,4 @@
-"""A boat behind its link, with a note of all that it said and was told."""
+"""A link that records the estimates and orders of a boat."""
 
 from __future__ import annotations
 
@@ -10,22 +10,24 @@ from grebe.links.passing import PassingLink
 
 
 class DriveSink(Protocol):
-    """Keeps a drive: states when the boat was in them, orders when they were given [s]."""
+    """Stores a drive: states with the times [s] at which the boat was in them, orders with those at
+    which they were given.
+    """
 
     def state(self, time_s: float, state: State) -> None:
-        """Keep a state estimate."""
+        """Store a state estimate."""
         ...
 
     def order(self, time_s: float, order: Order) -> None:
-        """Keep an order."""
+        """Store an order."""
         ...
 
 
 class RecordingLink(PassingLink):
-    """Passes everything on, and tells a sink of estimates as they came and of orders.
+    """Passes everything on, and gives a sink the estimates, as they came, and the orders.
 
-    Orders are dated by the estimate before them: what an order takes to be thought of is no part
-    of the boat.
+    An order has the time of the estimate before it: the time that the helm takes to compute it is
+    not part of the boat.
     """
 
     def __init__(self, link: BoatLink, sink: DriveSink) -> None:

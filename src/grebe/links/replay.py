@@ -1,6 +1,6 @@
-"""A recorded survey as a boat: it goes where it went, at any speed, whatever it is told.
+"""A recorded survey as a boat: it repeats its track, at any speed, whatever its orders.
 
-For displays, for rehearsing with one's own data, and for comparing controllers: the mission
+This is for displays, for rehearsals with one's own data, and for comparing controllers: the mission
 records what its controller would have done, beside where the boat was.
 """
 
@@ -21,21 +21,22 @@ from grebe.links.base import BoatStatus, Observation, Order
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A survey file keeps where the boat was told something; between, estimates are drawn this often,
-# and across a longer gap the boat was not watched [s].
+# A survey file has the boat's state at each command. Estimates in between are interpolated at this
+# period; across a longer gap the boat was not observed [s].
 PERIOD_S = 0.1
 LONGEST_GAP_S = 3.0
-# A reading belongs to where the boat is for so long [s].
+# A reading applies to the boat's place for this long [s].
 READING_S = 1.5
 OVER = "the recording ends here"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """What was recorded: `seconds` (n,) since its first estimate, rising; `states` (n, 6) in the
-    frame of the survey that is played to; `readings`, each with its second, in their order.
+    """A recorded track and its readings.
 
-    Raises `LinkError` where there is nothing to play, or time runs back.
+    `seconds` (n,) count from the first estimate and increase. `states` (n, 6) are in the frame of
+    the survey for which it is replayed. `readings` each have their time [s], in order. Raises
+    `LinkError` if there is nothing to replay, or time does not increase.
     """
 
     name: str
@@ -51,9 +52,10 @@ class Recording:
 
 
 def drawn_between(recording: Recording) -> Recording:
-    """Return a recording with an estimate at least every `PERIOD_S`: between two estimates place
-    and heading are the cubics that have their values and their rates, and velocities straight
-    lines. Gaps of more than `LONGEST_GAP_S` stay gaps.
+    """Return a recording interpolated to an estimate at least every `PERIOD_S`.
+
+    Between two estimates, place and heading are the cubics with the same values and rates at both
+    ends, and velocities are linear. Gaps of more than `LONGEST_GAP_S` stay gaps.
     """
     seconds, states = recording.seconds, recording.states.copy()
     states[:, 2] = np.unwrap(states[:, 2])
@@ -79,17 +81,17 @@ def drawn_between(recording: Recording) -> Recording:
 
 
 def _rates(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Velocity north and east, and yaw rate (n, 3)."""
+    """Return the velocities north and east, and the yaw rates (n, 3) [m/s, m/s, rad/s]."""
     cos, sin = np.cos(states[:, 2]), np.sin(states[:, 2])
     surge, sway, turn = states[:, 3], states[:, 4], states[:, 5]
     return np.column_stack([cos * surge - sin * sway, sin * surge + cos * sway, turn])
 
 
 class ReplayLink:
-    """Hands out a recording's estimates in their order, `speed` times as fast as they were
-    recorded, by default as fast as they are asked for.
+    """Returns a recording's estimates in order, `speed` times as fast as they were recorded, by
+    default as fast as they are requested.
 
-    `clock` and `sleep` are those of the wall.
+    `clock` and `sleep` use wall-clock time.
     """
 
     def __init__(
@@ -112,7 +114,7 @@ class ReplayLink:
         self._closed = False
 
     def observe(self) -> Observation:
-        """Hand out the next estimate when its time has come; `LinkError` after the last one."""
+        """Return the next estimate when its time has come; `LinkError` after the last one."""
         if self._closed:
             raise LinkError("The replayed boat has been closed.")
         if self._next == len(self._recording.seconds):
@@ -128,15 +130,15 @@ class ReplayLink:
             return
         if math.isnan(self._began_s):
             self._began_s = self._clock() - time_s / self._speed
-        # In short pieces, so that a signal is heeded soon.
+        # Sleep in short pieces, so that a signal is handled soon.
         while (left_s := self._began_s + time_s / self._speed - self._clock()) > 0:
             self._sleep(min(left_s, 0.2))
 
     def command(self, order: Order) -> None:
-        """Go on as recorded: what is ordered here is in the mission's record alone."""
+        """Do nothing: the boat continues as recorded, and only the mission records the order."""
 
     def measure(self) -> Mapping[str, float]:
-        """Return the newest reading that was recorded by now; each is handed out once."""
+        """Return the newest reading recorded by now; each is returned once."""
         if self._next == 0:
             return {}
         now_s = float(self._recording.seconds[self._next - 1])
@@ -147,7 +149,7 @@ class ReplayLink:
         return self._recording.readings[newest][1]
 
     def status(self) -> BoatStatus:
-        """Ask for the mission's end where the recording's is."""
+        """Return a status that requests the end of the mission once the recording has ended."""
         over = self._next == len(self._recording.seconds)
         return BoatStatus(
             mode="replay",
@@ -157,8 +159,8 @@ class ReplayLink:
         )
 
     def stop(self) -> None:
-        """Go on as recorded; nobody is moved by a recording."""
+        """Do nothing: a recording moves no boat."""
 
     def close(self) -> None:
-        """Let go of the recording."""
+        """Close the link."""
         self._closed = True

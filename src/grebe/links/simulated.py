@@ -1,4 +1,4 @@
-"""The simulated boat behind the link."""
+"""The link to a simulated boat."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ OBSERVATION_PERIOD_S = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class EstimateErrors:
-    """How a boat's state estimates fall short: standard deviations of position [m], heading
-    [rad] and velocities [m/s, rad/s], the share of estimates that never arrive, by how much
-    the compass is off [rad], and how late they come [s]; `says_age` whether they tell that.
+    """The errors of a boat's state estimates: standard deviations of position [m], heading [rad]
+    and velocities [m/s, rad/s], the share of estimates that is lost, the bias of the compass [rad],
+    and the delay [s]. `says_age`: whether the estimates state their delay.
     """
 
     position_m: float = 0.0
@@ -45,7 +45,7 @@ class EstimateErrors:
 
     @property
     def scale(self) -> tuple[float, float, float, float, float, float]:
-        """Standard deviation of each element of the state."""
+        """The standard deviation of each element of the state."""
         place, turn, speed = self.position_m, self.heading_rad, self.velocity_mps
         return place, place, turn, speed, speed, speed
 
@@ -56,10 +56,10 @@ EXACT = EstimateErrors()
 class SimulatedLink:
     """Observes a plant every `OBSERVATION_PERIOD_S` and reads a sonde.
 
-    The link says and shows what `faults` make of the battery, the depth and the estimates.
-    Estimates have independent normal errors, and some are lost: the next one then comes a
-    period later, while the thrusts hold. Until it is told something the boat lies where it was
-    launched, at its mooring or ashore.
+    `faults` determine the battery, the depth and the blind times that the link reports. Estimates
+    have independent normal errors, and some are lost: the next one then comes a period later, while
+    the thrusts hold. Until its first order the boat stays where it was launched, at its mooring or
+    ashore.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class SimulatedLink:
         self._closed = False
 
     def observe(self) -> Observation:
-        """Advance the plant to its next estimate; the first one is the start itself."""
+        """Advance the plant to the next estimate; the first one is the start itself."""
         if self._closed:
             raise LinkError("The simulated boat has been closed.")
         if self._started:
@@ -96,7 +96,7 @@ class SimulatedLink:
         return Observation(time_s=self._plant.time_s, state=self._past[0], age_s=age_s)
 
     def _pass(self) -> None:
-        """Let a period pass: nothing moves a boat that has not set out."""
+        """Let a period pass; a boat that has not set out does not move."""
         if self._told:
             self._plant.advance(OBSERVATION_PERIOD_S)
         else:
@@ -107,7 +107,8 @@ class SimulatedLink:
         north, east, heading, surge, sway, yaw_rate = (self._plant.state + errors).tolist()
         bias = self._errors.heading_bias_rad
         if bias:
-            # Velocities over ground are known; which of them is surge, the compass says.
+            # The velocity over ground is known without the compass, which splits it into surge and
+            # sway.
             surge, sway = (
                 surge * math.cos(bias) + sway * math.sin(bias),
                 sway * math.cos(bias) - surge * math.sin(bias),
@@ -120,13 +121,13 @@ class SimulatedLink:
         self._plant.command(order.thrusts)
 
     def measure(self) -> Mapping[str, float]:
-        """Return what the sonde reads here and now."""
+        """Return what the sonde reads at the boat's present place."""
         north, east = self._plant.state[0], self._plant.state[1]
         reading, depth = self._sonde.read(north, east), self._faults.depth_at(north, east)
         return reading if depth is None else {**reading, "water_depth_m": depth}
 
     def status(self) -> BoatStatus:
-        """Return what a simulated boat can say: it is armed until it is closed."""
+        """Return the status; a simulated boat is armed until it is closed."""
         return BoatStatus(
             mode="simulated",
             armed=not self._closed,
@@ -135,7 +136,7 @@ class SimulatedLink:
         )
 
     def stop(self) -> None:
-        """Take all thrust away."""
+        """Remove all thrust."""
         self._plant.command((0.0, 0.0))
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
-"""Wires that carry bytes to and from boats and instruments: UDP, TCP, serial lines; their clock.
+"""Wires that carry bytes to and from boats and instruments, by UDP, TCP or serial line.
 
-An address is `udp:HOST:PORT` (listen there, answer whoever speaks), `udpout:HOST:PORT` (speak to
-that place), `tcp:HOST:PORT`, or `serial:DEVICE[:BAUD]`.
+An address is `udp:HOST:PORT` (listen there and answer the last sender), `udpout:HOST:PORT` (send to
+that address), `tcp:HOST:PORT`, or `serial:DEVICE[:BAUD]`.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ USUAL_BAUD, USUAL_FRAME = 57_600, "8N1"
 
 
 class Wire(Protocol):
-    """Bytes to and from a boat, and the clock by which they come.
+    """A connection to a boat that carries bytes, and has a clock.
 
-    `for_others` is the address by which another process can speak to the same boat while this
-    wire is held; empty where none can.
+    `for_others` is the address by which another process can reach the same boat while this wire is
+    open; empty if none can.
     """
 
     @property
@@ -35,20 +35,20 @@ class Wire(Protocol):
         ...
 
     def send(self, data: bytes) -> None:
-        """Send a message; one that cannot be sent is lost, as on the air."""
+        """Send a message; one that cannot be sent is lost, as over radio."""
         ...
 
     def receive(self, timeout_s: float) -> bytes:
-        """Return what came, waiting at most so long; nothing is an empty answer."""
+        """Return the received bytes, waiting at most `timeout_s`; empty if there are none."""
         ...
 
     def close(self) -> None:
-        """Let go of the line."""
+        """Close the connection."""
         ...
 
 
 class UdpWire:
-    """Datagrams: listens on a port and answers the last one who spoke, or speaks first."""
+    """Datagrams: listens on a port and answers the last sender, or speaks first to an address."""
 
     def __init__(self, host: str, port: int, *, speaks_first: bool = False) -> None:
         self._peer = (host, port) if speaks_first else None
@@ -66,7 +66,7 @@ class UdpWire:
 
     @property
     def for_others(self) -> str:
-        """See `Wire`: a datagram may come from anybody, to whoever spoke last."""
+        """See `Wire`: any process may send datagrams to the peer."""
         return "" if self._peer is None else f"udpout:{self._peer[0]}:{self._peer[1]}"
 
     def now_s(self) -> float:
@@ -74,7 +74,7 @@ class UdpWire:
         return time.monotonic()
 
     def send(self, data: bytes) -> None:
-        """See `Wire`; before anybody has spoken there is nobody to answer."""
+        """See `Wire`; before the first datagram has come there is no peer to answer."""
         if self._peer is None:
             return
         try:
@@ -101,7 +101,7 @@ class UdpWire:
 
 
 class TcpWire:
-    """A stream over TCP; it is not reopened when the other side closes it."""
+    """A TCP stream; it is not reopened when the other side closes it."""
 
     def __init__(self, host: str, port: int) -> None:
         try:
@@ -113,7 +113,7 @@ class TcpWire:
 
     @property
     def for_others(self) -> str:
-        """See `Wire`: a port may take one client alone."""
+        """See `Wire`: a port may accept only one client."""
         return ""
 
     def now_s(self) -> float:
@@ -130,7 +130,7 @@ class TcpWire:
             raise LinkError(f"The TCP line broke ({error}).") from error
 
     def receive(self, timeout_s: float) -> bytes:
-        """See `Wire`; `LinkError` when the other side has closed."""
+        """See `Wire`; `LinkError` if the other side has closed the stream."""
         ready, _, _ = select.select([self._socket], [], [], max(0.0, timeout_s))
         if not ready:
             return b""
@@ -150,7 +150,7 @@ class TcpWire:
 
 
 class SerialWire:
-    """A serial line, by pyserial; `frame` is bits, parity and stop bits, as in 8N1."""
+    """A serial line, using pyserial; `frame` is bits, parity and stop bits, as in 8N1."""
 
     def __init__(self, device: str, baud: int, frame: str = USUAL_FRAME) -> None:
         import serial
@@ -198,7 +198,7 @@ class SerialWire:
 
 
 def wire_at(address: str) -> Wire:
-    """Open the wire of an address; `LinkError` says what an address looks like."""
+    """Open the wire at an address; `LinkError` if it is not an address or cannot be opened."""
     kind, _, rest = address.partition(":")
     if kind == "serial" and rest:
         device, _, baud = rest.partition(":")

@@ -1,1 +1,1 @@
-"""The mission: one loop, its events, and who records them."""
+"""Missions: the loop that runs them, the events that it emits, and the recorders of these."""

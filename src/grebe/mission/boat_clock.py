@@ -1,4 +1,4 @@
-"""The boat's own clock: a mission steers by it, and must not go on by one that stands."""
+"""The boat's own clock, by which a mission steers: the mission must not continue if it stops."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from grebe.core.events import EndReason
 from grebe.links.base import Observation
 from grebe.mission.gate import OverError
 
-# So many estimates in a row of one time are no hiccup.
+# The clock has stopped after this many repeats of one time in a row.
 MOST_ALIKE = 20
-# A clock that goes back by less than this is rounded [s].
+# A step backwards by less than this is a rounding error [s].
 ROUNDING_S = 1e-6
-# A boat that has not once said where it is by then does not know it [s].
+# A boat that has given no usable estimate after this time does not know where it is [s].
 NEVER_SEEN_S = 60.0
 
 
 class BoatClock:
-    """Judges when estimates come."""
+    """Checks the times of the estimates."""
 
     def __init__(self) -> None:
         self._first_s: float | None = None
@@ -24,10 +24,10 @@ class BoatClock:
         self._alike = 0
 
     def see(self, observation: Observation, *, seen_before: bool) -> None:
-        """Take the time of an estimate, usable or not; `seen_before` says whether any was.
+        """Check the time of an estimate, usable or not; `seen_before` says whether any was usable.
 
-        `LinkError` where the clock stands still or runs back, for nothing that is planned would
-        ever be due; `OverError` for a boat that never says where it is.
+        Raises `LinkError` if the clock stands still or runs back, because nothing that is planned
+        would then ever be due, and `OverError` for a boat that never reports where it is.
         """
         now, last = observation.time_s, self._last_s
         if last is not None and now < last - ROUNDING_S:

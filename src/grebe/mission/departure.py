@@ -1,8 +1,8 @@
-"""From where a mission sets out: at the plan's start, or where a recorded one was cut off.
+"""Where a mission sets out: at the plan's start, or where a recorded mission was cut off.
 
-Times are those of the clock when a mission sets out, and from there on the link's own, so that no
-step of the clock disturbs them. Only here can a wrong clock be met: it is said, and the times
-of one file never run back.
+A mission reads the computer's clock once, when it sets out, and then uses the link's time, so that
+no step of the clock disturbs it. A wrong clock can therefore matter only here. It is reported, and
+the times in one file never run back.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from grebe.io.store.tables import TrackEnd
 from grebe.io.store.timestamps import parse_time
 from grebe.mission.spent import AT_HOME, NOTHING, Spent, spent_since_harbour
 
-# A mission that goes on begins this long after all that is recorded, at the earliest.
+# A resumed mission begins at least this long after everything that is recorded [s].
 AFTER_S = 0.1
-# A boat so near to where it is to set out lies there already, with its own heading [m].
+# A boat within this distance of its start is there already, and keeps its own heading [m].
 SAME_PLACE_M = 1.0
-# A clock that differs by more from what the file says may be wrong. A recorded mission may end
-# some hours ahead of the clock: simulated time passes as fast as it is computed.
+# A clock that is later than the end of the file's mission by more than `DOUBTFUL` may be wrong. The
+# mission may end up to `AHEAD` after the clock: simulated time passes as fast as it is computed.
 DOUBTFUL = timedelta(days=30)
 AHEAD = timedelta(days=1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Doubt:
-    """Something about a departure that the operator should know; `code` as in the log."""
+    """Something about a departure that the operator should know; `code` is the code in the log."""
 
     code: str
     message: str
@@ -44,11 +44,11 @@ class Doubt:
 class Departure:
     """What a mission needs to know before it begins.
 
-    `state` (6,) where the boat is expected, `reached` the number of targets reached before,
-    `started` the UTC time of its first estimate, `clears` whether a recorded mission is to be
-    forgotten; `quantities` those that the survey file declares; `doubts` what is to be said;
-    `sortie` which one sets out, of a plan in sorties; `spent` what the boat's battery had given
-    when it was last heard of.
+    `state` (6,) is where the boat is expected, and `reached` the number of targets reached before.
+    `started` is the UTC time of the first estimate. `clears` says whether to delete a recorded
+    mission. `quantities` are those that the survey file declares, and `doubts` the warnings for the
+    operator. `sortie` is the sortie that sets out, if the plan has sorties. `spent` is what the
+    boat had used of its battery when it was last heard of.
     """
 
     survey: Survey
@@ -72,21 +72,22 @@ def prepare(
     sortie: int | None = None,
     renews: bool | None = None,
 ) -> Departure:
-    """Return from where the mission of a survey file sets out; nothing is changed yet.
+    """Return where the mission of a survey file sets out; nothing is changed yet.
 
-    Of a plan in sorties it is one that sets out, by its number; without one that which was sailed
-    last, to `resume` it, or else the first that is not done. One that has not been begun, or after
-    which another was sailed, sets out from its harbour.
+    If the plan has sorties, one of them sets out: the one with the number `sortie`. Without a
+    number it is the sortie sailed last if `resume` is set and it is unfinished, and otherwise the
+    first unfinished one. A sortie that has not begun, or after which its boat sailed another,
+    starts at its harbour.
 
-    With `resume` it goes on where and when the recorded track ends, and what was reached stays
-    reached; with `force` it begins anew. `renews`: a boat that came home before its sortie was done
-    has another battery since (None: where it was a simulated one). Raises `PlanError` for a survey
-    without targets and `SurveyFileError` for one that has been run and is neither resumed nor
-    forced.
+    With `resume` the mission continues where and when the recorded track ends, and the targets
+    reached stay reached. With `force` it begins anew. `renews` says whether a boat that came home
+    before its sortie was done has a new battery (None: only a simulated boat has). Raises
+    `PlanError` for a survey without targets, and `SurveyFileError` for one that has been run and is
+    neither resumed nor forced.
     """
     survey = survey_file.survey
     if force:
-        # What a mission revised goes with that mission.
+        # The revisions of a mission are discarded with it.
         survey = survey_of(survey, as_planned(survey_file.revisions()))
     if survey.vessel is None or survey.start is None or not survey.targets:
         raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
@@ -133,8 +134,8 @@ def _holds_a_mission(survey_file: SurveyFile, reached: int, survey: Survey) -> S
 
 
 def _after_all(survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, TrackEnd]) -> datetime:
-    """The time from which a mission goes on: simulated time runs ahead of the clock, and the last
-    sample may be younger than the last row of its track.
+    """Return the time from which a mission continues. Simulated time may be ahead of the clock, and
+    the last sample may be later than the last row of the track.
     """
     over = survey_file.last_time() or ends[1].time
     return max(now, over + timedelta(seconds=AFTER_S))
@@ -143,8 +144,8 @@ def _after_all(survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, Tra
 def _spent_before(
     survey_file: SurveyFile, survey: Survey, sortie: Sortie | None, renews: bool | None
 ) -> Spent:
-    """What a boat has spent of the battery that it goes on with: of a real one nobody knows that it
-    was changed at the harbour, where what it had set out for is not done.
+    """Return what a boat has spent of the battery with which it continues. It is not known whether
+    a real boat whose part is unfinished got another battery at the harbour.
     """
     boat = 1 if sortie is None else sortie.boat
     if renews is None:
@@ -165,8 +166,8 @@ def _spent(survey_file: SurveyFile, survey: Survey, boat: int, *, came_home: boo
 
 
 def _spent_by(survey_file: SurveyFile, survey: Survey, boat: int) -> Spent:
-    """What a boat has spent that takes over another's part from where it lies, wherever that is:
-    since it was last at a harbour of its own, as planned. Nobody has changed its battery there.
+    """Return what a boat has spent when it takes over another boat's part from where it is. This
+    counts from its last time at one of its planned harbours: nobody changes its battery elsewhere.
     """
     planned = as_planned(survey_file.revisions()).sorties
     own = [one.start for one in planned if one.boat == boat]
@@ -177,14 +178,14 @@ def _spent_by(survey_file: SurveyFile, survey: Survey, boat: int) -> Spent:
 
 
 def _came_home(survey_file: SurveyFile, boat: int) -> bool:
-    """Whether the last mission of a boat ended as it should, where a battery may be changed."""
+    """Whether the last mission of a boat ended as it should, where its battery may be changed."""
     whose = "" if survey_file.survey.fleet is None else f"boat {boat}: "
     own = [event for event in survey_file.events() if event.message.startswith(whose)]
     return bool(own) and own[-1].code in {end.value for end in AT_HOME}
 
 
 def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:
-    """A sortie that has been begun is gone on with, and not sailed again."""
+    """Refuse to sail a sortie again that has begun: it can only be resumed."""
     if force:
         raise UsageError(
             "A sortie is not begun anew, for that would forget the others; plan the survey "
@@ -200,8 +201,8 @@ def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One sortie of a survey: its targets alone, how many of them are reached, and whether no other
-    of its boat was sailed since it was begun.
+    """One sortie of a survey: a survey of its targets alone, how many of them are reached, and
+    whether it is the sortie that its boat sailed last.
     """
 
     survey: Survey
@@ -211,8 +212,8 @@ class Part:
 
 
 def part_of(survey_file: SurveyFile, number: int | None, *, resume: bool = False) -> Part:
-    """Return a sortie of a survey file by its number; without one that which was sailed last, to
-    `resume` it, or else the first that is not done.
+    """Return a sortie of a survey file by its number. Without a number, return the sortie sailed
+    last if `resume` is set and it is unfinished, and otherwise the first unfinished one.
     """
     progress, revision = survey_file.progress(), survey_file.revision
     last = _sailed_last(survey_file)
@@ -232,7 +233,7 @@ def part_of(survey_file: SurveyFile, number: int | None, *, resume: bool = False
 
 
 def _sailed_last(survey_file: SurveyFile, boat: int | None = None) -> Sortie | None:
-    """The sortie with the target that was steered to last, by a boat or by any."""
+    """Return the sortie of the target that was steered to last, by one boat or by any."""
     seq, revision = survey_file.last_target(boat), survey_file.revision
     place = next((i for i, t in enumerate(revision.targets, 1) if t.seq == seq), 0)
     return next((one for one in revision.sorties if one.first <= place <= one.last), None)
@@ -241,14 +242,14 @@ def _sailed_last(survey_file: SurveyFile, boat: int | None = None) -> Sortie | N
 def _from_harbour(
     survey_file: SurveyFile, now: datetime, part: Part, ends: tuple[TrackEnd, TrackEnd] | None
 ) -> Departure:
-    """Set out from the harbour; times go on after all that is recorded."""
+    """Set out from the harbour; times continue after everything that is recorded."""
     survey = part.survey
     vessel, start = survey.vessel, survey.start
     if vessel is None or start is None:
         raise PlanError(f"{survey_file.path} has no targets to steer to; plan a survey first.")
     over, state = survey_file.last_time(), start.at_rest()
     spent = NOTHING
-    # Who takes over what another has left sets out from where it lies, with what it has left.
+    # A boat that takes over another's part sets out from where it is, with its battery as it is.
     if ends and math.dist(ends[1].state[:2], state[:2]) < SAME_PLACE_M:
         state = ends[1].state
         spent = _spent_by(survey_file, survey, part.sortie.boat)
@@ -269,7 +270,7 @@ def _from_harbour(
 def _doubts(
     survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, TrackEnd] | None
 ) -> tuple[Doubt, ...]:
-    """What does not fit: the clock to the file, or the file to its journal."""
+    """Return doubts about the computer's clock, and about the file's journal."""
     said = [_clock_doubt(now, survey_file.meta().get("created", ""), ends)]
     if ends and survey_file.journal_missing:
         said.append(
@@ -286,7 +287,7 @@ def _doubts(
 def _clock_doubt(
     now: datetime, created: str, ends: tuple[TrackEnd, TrackEnd] | None
 ) -> Doubt | None:
-    """Whether the clock can be right, by what the file holds."""
+    """Return a doubt if the clock disagrees with the times in the file."""
     clock = f"this computer's clock says {_said(now)}"
     if ends and (now < ends[0].time or ends[1].time - now > AHEAD):
         text = f"{clock}, before the recorded mission ended ({_said(ends[1].time)}); times go on "

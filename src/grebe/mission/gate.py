@@ -1,7 +1,7 @@
-"""The gate between a mission and its boat: whoever stops the mission shuts it at once.
+"""The gate between a mission and its boat: a stop of the mission shuts it at once.
 
-A stop may come from another thread while a step is solved or an estimate is waited for. It takes
-the thrust away then and there; what the mission decides afterwards no longer gets through.
+A stop may come from another thread while the mission solves a step or waits for an estimate. The
+gate then removes the thrust immediately and blocks every later command of the mission.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from grebe.links.base import BoatLink, Order
 
 
 class OverError(Exception):
-    """The mission is over in the middle of waiting for something; why, and in words."""
+    """The mission ended while it was waiting; carries the reason and a message."""
 
     def __init__(self, reason: EndReason, message: str) -> None:
         super().__init__(message)
@@ -21,7 +21,7 @@ class OverError(Exception):
 
 
 class Gate:
-    """Hands orders to a link until it is shut; `why` says who shut it, empty while it is open."""
+    """Passes orders to a link until it is shut; `why` says who shut it and is empty before."""
 
     def __init__(self, link: BoatLink) -> None:
         self._link = link
@@ -29,13 +29,13 @@ class Gate:
         self.why = ""
 
     def command(self, order: Order) -> None:
-        """Give the boat an order, unless the gate is shut."""
+        """Pass an order to the boat, unless the gate is shut."""
         with self._lock:
             if not self.why:
                 self._link.command(order)
 
     def shut(self, why: str) -> None:
-        """Take all thrust away, for good. Safe from any thread."""
+        """Remove all thrust, for good. Thread-safe."""
         with self._lock:
             self.why = self.why or why or "stopped"
             self._link.stop()

@@ -1,4 +1,4 @@
-"""Unwrapped headings: a compass wraps, a controller must not."""
+"""Unwrapped headings: a compass wraps, but a controller needs a continuous heading."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from grebe.links.base import Observation
 def unwrapped(observation: Observation, before: Observation | None) -> Observation:
     """Return the observation with its heading within half a turn of the previous one.
 
-    One that is so already is left as it is, to the last digit.
+    A heading that is already within half a turn is returned unchanged, bit for bit.
     """
     if before is None:
         return observation

@@ -1,4 +1,4 @@
-"""Whoever steers: the port that a mission has for its controller."""
+"""The helm: the interface between a mission and the controller that steers the boat."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from grebe.core.vessel import Vessel
 
 
 class Helm(Protocol):
-    """Whoever steers: Grebe's `Controller`, or a peer.
+    """What steers the boat: Grebe's `Controller`, or a peer.
 
-    The mission sets `reached` (Definition 5) before it asks; `step` is asked every `step_s`.
+    The mission calls `step` every `step_s`, after it has set `reached` (Definition 5).
     """
 
     reached: int
 
     @property
     def vessel(self) -> Vessel:
-        """The boat as it is believed to be."""
+        """The boat that the helm plans for."""
         ...
 
     @property
@@ -34,16 +34,18 @@ class Helm(Protocol):
         ...
 
     def step(self, state: State, weather: Weather, elapsed_s: float | None) -> Command:
-        """Return what to do from `state` in `weather`, so long after the last step."""
+        """Return the command at `state` in `weather`, `elapsed_s` [s] after the last step; None
+        if there was none.
+        """
         ...
 
 
 @runtime_checkable
 class AdaptableHelm(Protocol):
-    """A helm that can switch to a corrected vessel under way."""
+    """A helm that can switch to a corrected vessel during the mission."""
 
     def take_for(self, vessel: Vessel) -> None:
-        """Plan for another boat from now on."""
+        """Plan for `vessel` from now on."""
         ...
 
 
@@ -52,21 +54,23 @@ class ForeseeingHelm(Protocol):
     """A helm that can allow for thrusters that lag."""
 
     def expect(self, thrusters: SlowThrusters | None) -> None:
-        """Plan the next step for these thrusters; None for such as answer at once."""
+        """Plan the next step for these thrusters; None for thrusters without lag."""
         ...
 
 
 @runtime_checkable
 class HeedingHelm(Protocol):
-    """A helm whose plans can keep apart from others."""
+    """A helm whose plans can keep a distance from other boats."""
 
     def heed(self, others: Sequence[Announced], apart_m: float) -> None:
-        """Plan the next step `apart_m` [m] from where these have announced to be."""
+        """Plan the next step at least `apart_m` [m] from the announced positions of the others."""
         ...
 
 
 def step_of(helm: Helm) -> float:
-    """The time between two steps of a helm [s]; `UsageError` where there would be none."""
+    """Return the time between two steps of a helm [s]; `UsageError` unless it is positive and
+    finite.
+    """
     step_s = float(helm.step_s)
     if not 0 < step_s < math.inf:
         raise UsageError(
@@ -76,7 +80,9 @@ def step_of(helm: Helm) -> float:
 
 
 def possible_thrusts(vessel: Vessel, thrusts: Sequence[float]) -> tuple[float, float]:
-    """Thrusts (F_1, F_2) [N] within the vessel's limits; `UsageError` for what are none."""
+    """Return the thrusts (F_1, F_2) [N] clipped to the vessel's limits; `UsageError` unless they
+    are two finite numbers.
+    """
     try:
         port, starboard = map(float, thrusts)
     except (TypeError, ValueError):

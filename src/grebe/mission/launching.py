@@ -1,4 +1,4 @@
-"""How a mission begins: on the water, or ashore until the boat's place there is clear of others."""
+"""The start of a mission: on the water, or ashore until other boats have left the harbour."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def launched(
 ) -> Observation:
     """Return the first estimate on the water; `asked_to_stop` says who wants the mission to end.
 
-    Raises `OverError` for a boat that is stopped or called home while it is ashore, and for one
-    that cannot set out any more.
+    Raises `OverError` if the boat is stopped or called home while it is ashore, or if it can no
+    longer set out.
     """
     observation, said = sight.next(), False
     while lookout and not lookout.launches((observation.state[0], observation.state[1])):

@@ -1,10 +1,10 @@
-"""The mission: observe, decide, command, measure, say what happened - until every set is reached.
+"""The mission loop: observe, decide, command, measure and report, until every set is reached.
 
-One loop joins whoever steers, a boat and a recorder; Grebe's controller, the peers it is
-compared with and every front end go through it. Every state estimate is tested for entry
-(Definition 5) and for a sample; every control step asks for thrusts. What is measured is kept
-by the recorder before the loop goes on, so a mission can be cut off anywhere and resumed; it is
-kept once the boat has been told what to do, and a disk that is slow is not waited for.
+The loop connects a helm, a boat and a recorder. Grebe's controller, the peers it is compared with
+and every front end use it. The loop tests every state estimate for entry into the next set
+(Definition 5) and for a sample, and asks the helm for thrusts at every control step. The recorder
+stores everything as it is measured, so a mission can be cut off at any point and resumed. It does
+so after the boat has received its command and, unless the disk is slow, before the next estimate.
 """
 
 from __future__ import annotations
@@ -61,22 +61,22 @@ from grebe.mission.telling.announcer import Announcer
 from grebe.mission.telling.recorders import Listener, Recorder
 from grebe.mission.telling.statistics import MissionReport, Statistics
 
-# The state that is told of a mission that never received an estimate.
+# The state reported for a mission that never received an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-# A boat that goes on where it pays looks for another place once others have stood in its way so
-# long [s].
+# On an extension of its mission, a boat looks for another place after other boats have blocked it
+# for this long [s].
 ELSEWHERE_S = 30.0
-# Where a mission begins that is given no date: simulated time needs no calendar.
+# The start of a mission without a date: simulated time needs no calendar.
 SOME_DAY = datetime(2000, 1, 1, tzinfo=UTC)
 
 
 class Mission:
-    """Runs one survey with one boat; `run` returns when it is over, and says why.
+    """Runs one survey with one boat; `run` returns when the mission is over, and reports why.
 
-    `reached` targets count as reached before it begins; `started` is the UTC time of the link's
-    second zero; `stopwatch` times the steps [s]; `pilot` makes who steers a way home;
-    `instruments` are sondes apart from the boat, which the caller closes; `fleet` is what is to be
-    known of others, where the boat is not alone.
+    The first `reached` targets count as reached before the mission begins. `started` is the UTC
+    time of the link's second zero. `stopwatch` times the control steps [s]. `pilot` makes the helm
+    for a route home. `instruments` are sondes with their own connections; the caller closes them.
+    `fleet` holds what is known of the other boats, if there are any.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class Mission:
         )
         self._measuring = Measuring(self._sampler, self._guard, self._announcer)
         self._closings: deque[tuple[tuple[shapely.Polygon, ...], str]] = deque()
-        # Whether it is to be seen if the boat can sail straight on to its next target.
+        # Whether to check at the next estimate that the boat can sail straight to its next target.
         self._looks_on, self._waits_at = True, (0.0, 0.0)
         self._deadline_s = math.inf
         self._steering = Steering(
@@ -149,30 +149,30 @@ class Mission:
         )
 
     def stop(self, why: str) -> None:
-        """Take the boat's thrust away at once and end the mission. Safe from any thread."""
+        """Remove the boat's thrust at once and end the mission. Thread-safe."""
         self._gate.shut(why)
 
     def come_home(self, why: str) -> None:
-        """Ask for the way home; the mission ends there. Safe from any thread."""
+        """Request the return home, where the mission ends. Thread-safe."""
         self._guard.ask(Request.HOME, why)
 
     def hold_station(self, why: str) -> None:
-        """Ask the boat to hold the place where it is, until `go_on`. Safe from any thread."""
+        """Request that the boat hold its position until `go_on`. Thread-safe."""
         self._guard.ask(Request.HOLD, why)
 
     def go_on(self, why: str) -> None:
-        """Ask a boat that holds its place to go on with what it did. Safe from any thread."""
+        """Request that a boat holding its position resume what it did before. Thread-safe."""
         self._guard.ask(Request.GO_ON, why)
 
     def close(self, zones: Sequence[shapely.Polygon], why: str) -> None:
-        """Keep the boat out of local zones from the next estimate on. Safe from any thread."""
+        """Keep the boat out of `zones` (local frame) from the next estimate on. Thread-safe."""
         self._closings.append((tuple(zones), why))
 
     def run(self) -> MissionReport:
-        """Steer until every target is reached, or one cannot be, or somebody stops it; the boat
-        is left without thrust.
+        """Steer until every target is reached, a target cannot be reached, or somebody stops the
+        mission; then leave the boat without thrust.
 
-        An error that is nobody's decision is told to the recorder and raised again.
+        An unexpected error is reported to the recorder and raised again.
         """
         try:
             if not self._done or self._settings.safety.comes_home:
@@ -221,7 +221,7 @@ class Mission:
             self._learn(observation)
 
     def _close_areas(self, observation: Observation) -> None:
-        """Keep out of what has been closed since the last estimate."""
+        """Keep out of the areas that have been closed since the last estimate."""
         while self._closings:
             zones, why = self._closings.popleft()
             self._announcer.tell(Warned, observation.time_s, code="area_closed", message=why)
@@ -231,7 +231,7 @@ class Mission:
                 self._replanner.close(zones, self._reached, place, self._weather)
 
     def _watch(self, observation: Observation) -> None:
-        """Let the guard judge the estimate; what goes on after a change begins with a new step."""
+        """Let the guard judge the estimate; after a change of its state, begin with a new step."""
         before = self._guard.state
         status, ahead = self._link.status(), self._steering.ahead(observation)
         given = self._tracker.given(observation.time_s, self._steering.told)
@@ -242,7 +242,7 @@ class Mission:
             self._give_patience(observation)
 
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
-        """Why the mission ends at this estimate; None where it goes on."""
+        """Return why the mission ends at this estimate, or None if it continues."""
         surveys = self._guard.state is SafetyState.SURVEYING
         if self._done and not self._extends(observation) and not self._waits_for_others():
             why = "" if self._replanner is None else self._replanner.over
@@ -263,7 +263,7 @@ class Mission:
         return None
 
     def _waits_for_others(self) -> bool:
-        """Whether the boat is not free to end: it is sent home, or makes room for others."""
+        """Whether the boat may not end yet, because it is sent home or makes room for others."""
         if self._fleet is None:
             return self._guard.state is not SafetyState.SURVEYING
         if not self._fleet.stands_by():
@@ -274,14 +274,14 @@ class Mission:
         return True
 
     def _extends(self, observation: Observation) -> bool:
-        """Whether the mission goes on after its last target; the boat waits for where."""
+        """Whether the mission continues after its last target; the boat waits for the next one."""
         plans, place = self._replanner, observation.state[:2]
         if plans is None or self._guard.state is not SafetyState.SURVEYING:
             return plans is not None and plans.may_go_on
         return plans.goes_on(observation.time_s, self._reached, place)
 
     def _gives_up(self, observation: Observation) -> bool:
-        """Whether the mission goes on without the target that it does not reach."""
+        """Whether the mission continues without the target that it fails to reach."""
         if self._replanner is None or self._done:
             return False
         seq, place = self._targets[self._reached].seq, observation.state[:2]
@@ -291,7 +291,7 @@ class Mission:
         return self._replanner.is_busy
 
     def _replan(self, observation: Observation) -> None:
-        """Take a new order of what is left where there is one, or ask for one."""
+        """Take a new order of the remaining targets if one is ready, or request one."""
         plans, place = self._replanner, observation.state[:2]
         if plans is None or not self._asks_for_order(plans, observation):
             return
@@ -320,16 +320,17 @@ class Mission:
         self._give_patience(observation)
 
     def _asks_for_order(self, plans: Replanner, observation: Observation) -> bool:
-        """Ask for a new order where there is cause; whether one would be sailed: not on the way
-        home.
+        """Request a new order if there is cause. Return whether the boat would sail one, which it
+        does not on its route home.
         """
         time_s, place = observation.time_s, observation.state[:2]
         if self._guard.state is not SafetyState.SURVEYING:
             crowded = self._guard.crowded_s(time_s) > ELSEWHERE_S
             return crowded and plans.goes_elsewhere(time_s, self._reached, place)
         if self._done:
-            # Asked for and taken at one estimate where the loop waits: of a fleet in simulation no
-            # other boat acts between, and each plans with what those before it have announced.
+            # If the loop waits for new orders, this one is requested and taken at the same
+            # estimate. In a simulated fleet no other boat then acts in between, and each boat plans
+            # with what the boats before it have announced.
             plans.goes_on(time_s, self._reached, place)
             return True
         if self._looks_on:
@@ -339,12 +340,12 @@ class Mission:
         return True
 
     def _requested_stop(self) -> str:
-        """Who wants the mission to end, and why; empty where nobody does."""
+        """Who wants the mission to end, and why; empty if nobody does."""
         return self._gate.why or self._link.status().stop_request
 
     @property
     def _waits_for_way(self) -> bool:
-        """Whether the boat waits for a way to its next target."""
+        """Whether the boat waits for a route to its next target."""
         return self._replanner is not None and self._replanner.leads
 
     @property
@@ -352,20 +353,20 @@ class Mission:
         return self._tracker.weather
 
     def _learn(self, observation: Observation) -> None:
-        """Learn from an estimate what the weather and the boat are like."""
+        """Update the estimates of the weather and of the boat's parameters from an observation."""
         assert self._sight.raw is not None
         then_s = observation.time_s - observation.age_s
         if self._tracker.see(then_s, self._sight.raw.state):
             self._take_for_another_boat(observation)
 
     def _take_for_another_boat(self, observation: Observation) -> None:
-        """Plan for the boat that it has turned out to be."""
+        """Plan with the boat's estimated parameters from now on."""
         self._steering.take_for_another_boat()
         message = self._tracker.finding
         self._announcer.tell(Warned, observation.time_s, code="model_corrected", message=message)
 
     def _visit(self, observation: Observation) -> None:
-        """Count what this estimate reaches, and measure where a sample is due."""
+        """Count the targets that this estimate reaches, and measure if a sample is due."""
         before = self._reached
         ahead = self._sets[min(before, len(self._sets) - 1)]
         self._reached = reached_count(self._sets, before, observation.state)
@@ -384,10 +385,10 @@ class Mission:
         self._deadline_s = observation.time_s + longest
 
     def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
-        """Say that the mission is over; `quietly` where the recorder itself may be what failed.
+        """Report the end of the mission; `quietly` if the recorder itself may have failed.
 
-        The boat is given back first: a disk that is full or slow must not keep it going. That is
-        the link's `close` and not its `stop`, for a pilot who took over has the boat already.
+        The link is closed first: a full or slow disk must not keep the boat going. `close` is
+        called and not `stop`, because a pilot who took over already controls the boat.
         """
         last = self._sight.last or Observation(time_s=0.0, state=NOWHERE)
         if self._lookout is not None:

@@ -1,4 +1,4 @@
-"""A manoeuvre flown through the one loop: who steers is a programme, and no target is ever met."""
+"""A manoeuvre, run through the mission loop: the helm is a programme, and no target is reached."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from grebe.mission.measuring.sampling import InSets
 from grebe.mission.telling.recorders import Listener, MemoryRecorder
 
 STEP_S = 0.1
-# The loop ends when a target is reached or given up: this one is out of reach of both.
+# The loop ends when a target is reached or given up. This target is too far away for either.
 NOWHERE_NEAR_M = 1e5
-# The way to the circle and the manoeuvre together take less.
+# The passage to the circle and the manoeuvre together take less time than this [s].
 LONGEST_S = 3600.0
 OVER = "the manoeuvre is complete"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ManoeuvreEnd:
-    """How a manoeuvre ended: `complete`, or else the loop's words."""
+    """How a manoeuvre ended: whether it is `complete`, and the loop's `message`."""
 
     complete: bool
     message: str
@@ -61,8 +61,8 @@ class ManoeuvreHelm:
 def fly_manoeuvre(
     survey: Survey, manoeuvre: Manoeuvre, link: BoatLink, listeners: Sequence[Listener] = ()
 ) -> ManoeuvreEnd:
-    """Drive a manoeuvre in a survey's water; the boat is left without thrust. `listeners` hear its
-    events.
+    """Drive a manoeuvre in a survey's water, and leave the boat without thrust. `listeners` receive
+    the mission's events.
     """
     north, east = manoeuvre.circle.north_m + NOWHERE_NEAR_M, manoeuvre.circle.east_m
     away = rectangle((north, north + 1.0), (east, east + 1.0), (0.0, 1.0))

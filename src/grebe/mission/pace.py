@@ -1,4 +1,4 @@
-"""How much slower a sortie goes than it was predicted, and whether it still has the time."""
+"""How much slower a sortie is than predicted, and whether enough time is left for the rest."""
 
 from __future__ import annotations
 
@@ -14,16 +14,19 @@ from grebe.planning.revisions.put_off import Late
 from grebe.planning.revisions.revise import remaining_s
 from grebe.planning.trips.endurance import MARGIN
 
-# A pace is judged once so much was flown, and again so often [s]; less than the share is chance.
+# The pace is judged first after `LEAST_S`, then every `EVERY_S` [s]; a ratio of flown to expected
+# time below `SLOW` is chance.
 LEAST_S, EVERY_S = 180.0, 60.0
 SLOW = 1.05
 
 
 @dataclass(kw_only=True)
 class Pace:
-    """Compares one mission with what was predicted of it, from the first estimate on; `spent_s` is
-    what its boat had been under way before, since its harbour. A battery lasts as long as it does
-    at the power that was drawn so far: a boat that is slow to save it has not used it up.
+    """Compares one mission with its prediction, from the first estimate on.
+
+    `spent_s` is the time [s] for which the boat had been under way since its harbour, before this
+    mission. The battery is assumed to last as long as it does at the power drawn so far: a boat
+    that is slow in order to save its battery has not used it up.
     """
 
     vessel: Vessel
@@ -35,9 +38,10 @@ class Pace:
     def late(
         self, time_s: float, reached: int, place: Place, part: Survey, used_wh: float
     ) -> Late | None:
-        """Return by how much a sortie is late where its rest does not fit; None where it does.
+        """Return how late the sortie is if its rest no longer fits; None if it fits or is not
+        judged now.
 
-        `part` is the sortie's own survey, `used_wh` what the battery has given since the harbour.
+        `part` is the sortie's own survey; `used_wh` is the energy used since the harbour [Wh].
         """
         if self._began is None:
             self._began = (time_s, place, reached, used_wh)
@@ -56,7 +60,9 @@ class Pace:
         return Late(pace=pace, flown_s=flown_s, left_s=left_s)
 
     def _left_s(self, flown_s: float, used_wh: float, wh_per_s: float) -> float:
-        """How long the boat may still be out: by the minutes, and by the battery at this power."""
+        """Return how long the boat may still be out [s], by its minutes and by its battery at this
+        power.
+        """
         bounds, most = self.bounds, 1 - self.bounds.reserve
         left_s = [math.inf]
         if bounds.minutes is not None:

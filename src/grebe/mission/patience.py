@@ -1,4 +1,4 @@
-"""How long a boat is given to reach a target."""
+"""The time that a boat is allowed to reach a target."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from grebe.core.sets import TargetSet
 
-# A target that is not reached within this time, or ten times the straight way at the lowest
-# speed of its window, ends the mission as incomplete.
+# The time limit for a target: the longer of this time [s] and ten times the straight passage at
+# the lowest speed of the target's window. A target that is not reached in time is given up.
 SHORTEST_PATIENCE_S = 180.0
 PATIENCE_FACTOR = 10.0
 SLOWEST_MPS = 0.2

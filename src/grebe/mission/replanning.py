@@ -1,8 +1,8 @@
-"""Plan the rest anew while the boat sails: when, beside the loop, and what comes of it.
+"""Replan the remaining targets in the background while the boat sails.
 
-The work is done in a thread of its own, and the boat goes on with its old order meanwhile; what it
-reaches in that time makes the new order stale, and it is asked for again from there. A simulated
-boat waits for its new order, for its time is not the clock's.
+Planning runs in its own thread, and the boat continues with its old order meanwhile. If it reaches
+a target in that time, the new order is stale, and another is requested from there. A simulated boat
+waits for its new order, because its time is not the clock's.
 """
 
 from __future__ import annotations
@@ -31,16 +31,17 @@ from grebe.planning.revisions.lead_on import ASTRAY_M, is_led, led_on
 from grebe.planning.revisions.put_off import Late, put_off
 from grebe.planning.revisions.revise import Halfway, OpenWater, open_water, replanned
 
-# A current that differs by so much from the one that was planned with, for so long, is another.
+# A new order is needed once the current differs from the planned one by this much [m/s] for this
+# long [s].
 OTHER_WEATHER_MPS, FOR_S = 0.15, 60.0
-# A boat that cannot come to where it would pay looks for another place so often [s].
+# How often a boat that cannot get to its next place of an extension looks for another [s].
 AGAIN_S = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class NewOrder:
-    """A revision, what of it the mission has to do, who steers it, and what it was made from: so
-    many targets reached, and the `note` that it was asked for with.
+    """A revision, the mission's part of it as a survey, and the helm that steers it; also the
+    number of targets `reached` from which it was made, and the `note` of its request.
     """
 
     revision: PlanRevision
@@ -50,16 +51,17 @@ class NewOrder:
     note: str
 
 
-# Where a mission goes on that has sailed its order, by the revision that it sails, how far it has
-# come and its time [s]; `PlanError` says why it does not.
+# Returns how a mission continues after its last target, given its current revision, its progress
+# and its time [s]. Raises `PlanError`, with the reason, if it does not.
 Extension = Callable[[PlanRevision, Halfway, float], PlanRevision]
 
 
 @dataclass(kw_only=True)
 class KeptPlan:
-    """The plan of a survey, which the boats of a fleet share: each puts its own part in another
-    order. `closed` are the areas that have been closed to all. `keep` writes down a revision that
-    is taken, where the mission's recorder alone would not keep them in their order.
+    """The plan of a survey, which the boats of a fleet share; each boat reorders its own part.
+
+    `closed` are the areas that have been closed to all boats. `keep` stores a revision that is
+    taken, if the mission's recorder alone would not keep revisions in their order.
     """
 
     revision: PlanRevision
@@ -68,13 +70,13 @@ class KeptPlan:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def close(self, zones: Sequence[shapely.Polygon]) -> None:
-        """Keep in mind what is closed; of a fleet each boat hears of the same areas."""
+        """Remember closed areas, each once: every boat of a fleet receives the same ones."""
         with self._lock:
             new = [zone for zone in zones if not any(zone.equals(one) for one in self.closed)]
             self.closed = (*self.closed, *new)
 
     def take(self, new: PlanRevision) -> bool:
-        """Take a revision for the plan; False where another boat's has come in between."""
+        """Make a revision the plan; return False if another boat's revision has come first."""
         with self._lock:
             if new.number != self.revision.number + 1:
                 return False
@@ -86,12 +88,14 @@ class KeptPlan:
 
 @dataclass(kw_only=True)
 class Replanner:
-    """Makes revisions of a mission's plan; `survey` is the whole of it, `sortie` the number of the
-    part that is sailed, `helm_of` makes who steers a part. `waits` where the loop waits for a new
-    order. `heeds`: targets out of reach and another weather are causes of a new order; `extends`
-    says where the mission goes on once its order is sailed, and `over` why it does not. `asked`:
-    what an order was last asked for; `kept`: why the old one stays that was to be replaced.
-    `spent_s`: time that the boat had been under way since its harbour, before this mission [s].
+    """Makes revisions of a mission's plan.
+
+    `survey` is the complete survey, `sortie` the number of the part that is sailed, and `helm_of`
+    makes the helm for a part. `waits` says whether the loop waits for a new order. `heeds` says
+    whether unreachable targets and changed weather cause a new order. `extends` returns how the
+    mission continues after its last target; `over` says why it does not. `asked` is the reason of
+    the last request, and `kept` says why the old order could not be replaced. `spent_s` is the time
+    for which the boat had been under way since its harbour, before this mission [s].
     """
 
     survey: Survey
@@ -121,11 +125,11 @@ class Replanner:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a new order has been asked for and is not taken yet."""
+        """Whether a new order has been requested and not yet taken."""
         return self._thread is not None or self._new is not None
 
     def give_up(self, seq: int, reached: int, place: Place, weather: Weather) -> None:
-        """Ask for an order without a target that is not reached in time."""
+        """Request an order without the target `seq`, which is not reached in time."""
         if self.is_busy or not self.heeds:
             return
         self._left_out.add(seq)
@@ -135,9 +139,10 @@ class Replanner:
     def watch(
         self, time_s: float, reached: int, place: Place, weather: Weather, used_wh: float
     ) -> None:
-        """Ask for an order for the weather where it has long been another than was planned with,
-        and for a shorter sortie where it takes too long, or too much of the battery: `used_wh`
-        since the harbour.
+        """Request an order for the present weather if that has long differed from the planned one,
+        and a shorter sortie if the present one takes too long or too much of the battery.
+
+        `used_wh` is the energy used since the harbour [Wh].
         """
         if not self.heeds:
             return
@@ -162,19 +167,19 @@ class Replanner:
         self._ask("weather", note, reached, place, weather)
 
     def lead_on(self, reached: int, place: Place, weather: Weather) -> None:
-        """Ask for a way to the next target where the boat cannot sail straight on to it."""
+        """Request a route to the next target if the boat cannot sail straight to it."""
         if not self.is_busy and not is_led(self._part, self._sailable, reached, place):
             self._ask("resumed", "", reached, place, weather)
 
     @property
     def leads(self) -> bool:
-        """Whether the boat has to wait for a way to its next target."""
+        """Whether the boat has to wait for a route to its next target."""
         return self.is_busy and self.asked == "resumed"
 
     def _watch_pace(
         self, time_s: float, reached: int, place: Place, weather: Weather, used_wh: float
     ) -> None:
-        """Ask for a shorter sortie where it goes too slowly to be back in time."""
+        """Request a shorter sortie if the present one is too slow to be back in time."""
         settings, sortie = self.survey.settings, self._sortie_in(self.plan.revision)
         if self.is_busy or settings is None or settings.sorties is None or sortie is None:
             return
@@ -190,15 +195,17 @@ class Replanner:
     def close(
         self, zones: Sequence[shapely.Polygon], reached: int, place: Place, weather: Weather
     ) -> None:
-        """Ask for an order that keeps out of zones, where what is ahead of the boat does not; one
-        that is being made meanwhile is not taken.
+        """Request an order that keeps out of `zones`, if the boat or its remaining route is in
+        them. An order that is being made meanwhile is not taken.
         """
         self.plan.close(zones)
         if not self.is_busy:
             self._heed_closed(reached, place, weather)
 
     def _heed_closed(self, reached: int, place: Place, weather: Weather) -> bool:
-        """Ask for an order that keeps out of what is closed, if the one that is sailed does not."""
+        """Request an order that keeps out of the closed areas, if the present one does not; return
+        whether one was requested.
+        """
         closed = self.plan.closed
         self._heeded = len(closed)
         if not _goes_through(closed, self._part, reached, place):
@@ -208,8 +215,8 @@ class Replanner:
         return True
 
     def goes_elsewhere(self, time_s: float, reached: int, place: Place) -> bool:
-        """Whether the mission, which goes on where it pays, has asked for another place than its
-        next, to which it does not come.
+        """Whether an extended mission, which cannot get to its next place, has requested another.
+        Requests one if it is due.
         """
         if not (self._went_on and self.may_go_on):
             return False
@@ -220,11 +227,11 @@ class Replanner:
 
     @property
     def may_go_on(self) -> bool:
-        """Whether the mission may go on after its last target, as far as is known."""
+        """Whether the mission may continue after its last target, as far as is known."""
         return self.extends is not None and not self.over
 
     def goes_on(self, time_s: float, reached: int, place: Place) -> bool:
-        """Whether the mission goes on after its last target; where it does is asked for, once."""
+        """Whether the mission continues after its last target; if so, request where, once."""
         if not self.may_go_on:
             return False
         if not self.is_busy:
@@ -233,10 +240,10 @@ class Replanner:
         return True
 
     def ready(self, reached: int, place: Place, weather: Weather) -> NewOrder | None:
-        """Return the new order once it is there; one that has become stale is asked for anew.
+        """Return the new order once it is ready; request another if it has become stale.
 
-        Where what is closed, or a target out of reach, leaves no order, `PlanError` says why, once;
-        of other causes the order stays as it is, and `kept` says why.
+        Raises `PlanError`, once, if closed areas or an unreachable target leave no order. If
+        planning fails after any other cause, the order stays as it is, and `kept` says why.
         """
         if self._thread is not None and (self.waits or not self._thread.is_alive()):
             self._thread.join()
@@ -251,7 +258,7 @@ class Replanner:
             self._failed(new)
             return None
         if new is not None and (reached != new.reached or not self.plan.take(new.revision)):
-            # Where the mission goes on is asked for again by the loop, as it was before.
+            # The loop itself repeats its request for an extension.
             if new.revision.reason == "adaptive":
                 return None
             self._ask(new.revision.reason, new.note, reached, place, weather)
@@ -265,7 +272,8 @@ class Replanner:
         why = str(error) if named else f"{type(error).__name__}: {error}"
         if self.asked in ("closed", "unreachable"):
             raise PlanError(why if named else f"Planning anew failed ({why}).") from error
-        # A sortie that fits after all, or cannot be shortened, is no news: the guard calls it home.
+        # A sortie that fits after all, or cannot be shortened, needs no message: the guard calls
+        # the boat home in time.
         if self.asked != "progress" or not named:
             self.kept = f"the order stays as it is, for no other was found ({why})"
 
@@ -280,7 +288,7 @@ class Replanner:
 
     @property
     def _part(self) -> Survey:
-        """What of the plan the mission sails, as it is now."""
+        """The mission's part of the present plan."""
         plan = self.plan.revision
         return survey_of(self.survey, plan, self._sortie_in(plan))
 
@@ -288,7 +296,7 @@ class Replanner:
         def watched() -> None:
             try:
                 self._new = work(*told)
-            # The loop hears of whatever goes wrong: after a thread's silent death it would wait.
+            # Every error is passed to the loop, which would wait for ever if the thread just died.
             except Exception as error:
                 self._new = error
 
@@ -301,11 +309,11 @@ class Replanner:
         halfway = Halfway(reached=reached, place=place, sortie=self._sortie_in(old))
         try:
             new = self.extends(old, halfway, time_s)
-        # What was to be surveyed is: no more is an end like any other.
+        # The survey itself is complete, so an extension that cannot be planned is a normal end.
         except GrebeError as error:
             self.over = str(error)
             return None
-        # Asked again it would fail again, and the boat would wait.
+        # A second request would fail too, and the boat would wait.
         except Exception as error:
             self.over = f"where it goes on could not be planned ({type(error).__name__}: {error})"
             return None
@@ -322,7 +330,7 @@ class Replanner:
         if reason == "resumed":
             return self._ordered(led_on(old, self.survey, water, halfway), halfway, note)
         if reason == "progress" and self._late is not None:
-            # The pace is one over what was planned, in the weather that was planned for.
+            # The pace is relative to the prediction for the planned weather.
             planned = self.survey.settings.weather if self.survey.settings else weather
             new = put_off(
                 old, self.survey, water, halfway, self._late, vessel=self.vessel, weather=planned
@@ -350,7 +358,7 @@ class Replanner:
         return NewOrder(revision=new, survey=survey, helm=helm, reached=halfway.reached, note=note)
 
     def _water(self, place: Place) -> OpenWater:
-        """The cells and the ways between them, measured when they are first needed."""
+        """The cells and the routes between them, computed when they are first needed."""
         if self._open is None:
             self._open = open_water(self.survey, water_of(self.survey))
         if not self.plan.closed:
@@ -360,7 +368,7 @@ class Replanner:
         return self._open.closing(zones, place)
 
     def _sailable(self) -> BaseGeometry:
-        """The water in which the boat may be, without the margin that the plan keeps."""
+        """The water in which the boat may be; unlike the plan, it has no shore margin."""
         taken = (*self.survey.no_go, *self.plan.closed)
         if self._free is None or self._free[0] != len(taken):
             left = shapely.difference(self.survey.water, shapely.union_all(list(taken)))
@@ -372,7 +380,7 @@ class Replanner:
 def _goes_through(
     zones: Sequence[shapely.Polygon], part: Survey, reached: int, place: Place | None
 ) -> bool:
-    """Whether what is ahead of a boat, or its place, lies in zones."""
+    """Whether the remaining targets and corridors of a boat, or its place, touch any zone."""
     if not zones:
         return False
     closed = shapely.union_all(list(zones))

@@ -1,7 +1,7 @@
-"""Boats that share one simulated time: each acts in its turn, so that every run is the same.
+"""Boats that share one simulated clock act in turn, so that every run is the same.
 
-Each mission runs in a thread of its own, and only the one whose turn it is goes on: from one
-estimate to the next, then the next boat. A boat that is over leaves the rota.
+Each mission runs in its own thread, and only the boat whose turn it is proceeds, from one estimate
+to the next. A boat leaves the rota when its mission is over.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from grebe.links.passing import PassingLink
 
 
 class Rota:
-    """Whose turn it is, among the numbers of some boats."""
+    """Keeps track of whose turn it is; boats are identified by their numbers."""
 
     def __init__(self, boats: list[int]) -> None:
         self._boats = list(boats)
@@ -26,14 +26,14 @@ class Rota:
             self._changed.wait_for(lambda: boat not in self._boats or self._has_turn(boat))
 
     def end(self, boat: int) -> None:
-        """The boat has acted: it is the next one's turn."""
+        """End the boat's turn and begin the next boat's."""
         with self._changed:
             if boat in self._boats and self._has_turn(boat):
                 self._turn = (self._turn + 1) % len(self._boats)
                 self._changed.notify_all()
 
     def leave(self, boat: int) -> None:
-        """The boat is over."""
+        """Remove a boat whose mission is over."""
         with self._changed:
             if boat in self._boats:
                 place = self._boats.index(boat)
@@ -49,19 +49,19 @@ class Rota:
 
 
 class InTurn(PassingLink):
-    """A boat's link that advances in the boat's turn."""
+    """A boat's link that advances only in the boat's turn."""
 
     def __init__(self, link: BoatLink, rota: Rota, boat: int) -> None:
         super().__init__(link)
         self._rota, self._boat = rota, boat
 
     def observe(self) -> Observation:
-        """Let the others act, and return the next estimate when it is this boat's turn again."""
+        """Let the other boats act, and return the next estimate when it is this boat's turn."""
         self._rota.end(self._boat)
         self._rota.wait(self._boat)
         return self._link.observe()
 
     def close(self) -> None:
-        """See `BoatLink`; the boat leaves the rota."""
+        """See `BoatLink`; also removes the boat from the rota."""
         self._link.close()
         self._rota.leave(self._boat)

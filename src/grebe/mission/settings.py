@@ -1,4 +1,4 @@
-"""What a mission is run with."""
+"""The settings of a mission."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from grebe.mission.safety.settings import CAREFUL, SafetySettings
 
 @dataclass(frozen=True, kw_only=True)
 class MissionSettings:
-    """`sampling`: which readings are kept. `limit_s`: the boat's time after which the mission
-    ends whatever is left. `observes`: whether current and wind are estimated on the way.
-    `safety`: what the boat's safety is judged by.
+    """The settings of a mission.
+
+    `sampling` selects the readings that are kept. `limit_s` is the boat's time [s] after which the
+    mission ends, whatever is left. `observes` says whether current and wind are estimated during
+    the mission. `safety` holds the settings by which the boat's safety is judged.
     """
 
     sampling: Sampling = EVERY_SECOND

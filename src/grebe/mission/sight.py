@@ -1,4 +1,6 @@
-"""What the boat's estimates are worth: passed over, righted, or missing for too long."""
+"""The boat's state estimates: skip unusable ones, correct headings, and stop a boat that is blind
+for too long.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +19,16 @@ from grebe.mission.safety.guard import Guard
 from grebe.mission.steering import Steering
 from grebe.mission.telling.announcer import Announcer
 
-# Time without a usable estimate after which the thrusters are stopped.
+# Time without a usable estimate after which the boat is braked and the thrusters stop [s].
 BLIND_S = 1.5
 
 
 class Sight:
-    """Sees through one link; `asked_to_stop` says who wants the mission to end, if anybody does.
+    """Reads the estimates of one link; `asked_to_stop` says who wants the mission to end, if
+    anybody does.
 
-    `last` is the last estimate that could be used, and `raw` the same as the link had it, but for
-    its heading, which is unwrapped.
+    `last` is the last usable estimate, with the compass error corrected. `raw` is the same estimate
+    as the link gave it, except that its heading is unwrapped.
     """
 
     def __init__(
@@ -45,11 +48,11 @@ class Sight:
         self.last: Observation | None = None
 
     def next(self) -> Observation:
-        """The next estimate that can be used.
+        """Return the next usable estimate.
 
-        What is not a number is reported and passed over; a boat that is blind for longer than
-        `BLIND_S` is braked, as far as that can be reckoned, and left without thrust until it sees
-        again.
+        Estimates that are not finite are reported and skipped. A boat that is blind for longer than
+        `BLIND_S` is braked as far as dead reckoning allows, and then has no thrust until a usable
+        estimate arrives.
         """
         while True:
             observation = self._link.observe()
@@ -69,8 +72,8 @@ class Sight:
             self._announcer.release()
 
     def _check_clock(self, observation: Observation) -> None:
-        """End a mission whose boat's clock is none; an autopilot that has started afresh, and whose
-        clock therefore begins anew, says so itself.
+        """Raise `LinkError` if the boat's clock is unusable. An autopilot that has restarted, and
+        whose clock therefore begins anew, reports that itself, as a request to stop.
         """
         try:
             self._clock.see(observation, seen_before=self.last is not None)
@@ -80,7 +83,7 @@ class Sight:
             raise
 
     def _grope(self, seen: Observation, now: Observation) -> None:
-        """Brake a boat that has not been seen since `seen`; ends the mission that stays blind."""
+        """Brake a boat without a usable estimate since `seen`; end a mission that stays blind."""
         given, weather = self._steering.thrusts, self._tracker.weather
         thrusts = self._guard.blind(seen, now, given, weather)
         if self._guard.end is not None:

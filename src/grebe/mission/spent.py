@@ -1,4 +1,4 @@
-"""What a boat has taken from its battery since it left its harbour, by its recorded track."""
+"""The energy that a boat has used since it left its harbour, computed from its recorded track."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from grebe.core.vessel import Vessel
 from grebe.io.store.tables import TrackTable
 from grebe.mission.safety.states import Place
 
-# Ends of missions whose boats are where they should be.
+# The mission ends after which a boat is where it should be.
 AT_HOME = (EndReason.COMPLETE, EndReason.CAME_HOME)
-# A boat so near to its harbour has come home, where a battery is changed [m].
+# A boat within this distance of its harbour is home, where its battery is changed [m].
 AT_HARBOUR_M = 15.0
-# A recorded thrust is followed by another, or by nothing once a mission is over [s].
+# A longer gap between two rows of a track separates two missions [s].
 LONGEST_ROW_S = 5.0
 
 
@@ -35,10 +35,10 @@ NOTHING = Spent()
 def spent_since_harbour(
     track: TrackTable, vessel: Vessel, harbour: Place, *, came_home: bool
 ) -> Spent:
-    """Return what a boat's track shows; nothing where it has come home and lies at the harbour, and
-    not only happens to be near it.
+    """Return what a boat has spent, from its track; nothing if it came home and is at its harbour,
+    but not if it only happens to be near it.
 
-    Where a mission began at the harbour, it began with a battery of which nothing had been taken.
+    A mission that began at the harbour began with a full battery.
     """
     away = np.hypot(*(track.states[:, :2] - np.array(harbour)).T)
     if not len(track) or (came_home and away[-1] < AT_HARBOUR_M):

@@ -1,7 +1,7 @@
-"""From an estimate to thrusts: a new step's, those of the last plan, or the guard's own.
+"""From an estimate to thrusts: those of a new step, of the last plan, or of the guard.
 
-Whoever steers - the survey's helm, or that of the way home - is asked at each control step, and its
-plan is followed between two of them; nothing reaches the boat that the guard does not permit.
+The helm of the survey, or that of the route home, plans at each control step, and the boat follows
+the plan between two steps. The boat receives only thrusts that the guard permits.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ Thrusts = tuple[float, float]
 
 
 class Steering:
-    """Steers one boat by `controller` through `targets`; `stopwatch` times the steps [s];
-    `lookout` of a fleet.
+    """Steers one boat with `controller` through `targets`; `stopwatch` times the steps [s];
+    `lookout` is needed in a fleet only.
 
-    `thrusts` is what the boat was given last, and `told` what it was told so that it has it.
+    `thrusts` are the thrusts last intended for the boat, and `told` are those commanded to obtain
+    them [N]. They differ if the thrusters are weak or lag.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class Steering:
         self.told: Thrusts = (0.0, 0.0)
 
     def take_order(self, controller: Helm, targets: Sequence[Target], time_s: float) -> None:
-        """Steer through other targets from now on, for the boat as it is known to be."""
+        """Steer through other targets from now on, with the boat's estimated parameters."""
         self.controller, self._targets = controller, targets
         if isinstance(controller, AdaptableHelm) and controller.vessel != self._tracker.vessel:
             controller.take_for(self._tracker.vessel)
@@ -72,11 +73,11 @@ class Steering:
         self.begin_anew(time_s)
 
     def begin_anew(self, time_s: float) -> None:
-        """Begin with a new step at the next estimate."""
+        """Make a new control step at the next estimate."""
         self._next_step_s = time_s
 
     def take_for_another_boat(self) -> None:
-        """Plan for the boat that it has turned out to be."""
+        """Plan with the boat's estimated parameters from now on."""
         for one in (self.controller, self._guard.helm, self._guard):
             if isinstance(one, AdaptableHelm):
                 one.take_for(self._tracker.vessel)
@@ -84,9 +85,10 @@ class Steering:
     def act(
         self, observation: Observation, reached: int, *, idle: bool, waits_at: Place | None = None
     ) -> None:
-        """Give the boat its thrusts: the guard's own, a new step's, or those of the last plan;
-        where the survey's helm steers and the boat is `idle`, none, or what keeps it where it
-        `waits_at`.
+        """Give the boat its thrusts: those of the guard, of a new step, or of the last plan.
+
+        If the survey's helm steers, an `idle` boat gets none, and a boat with a place `waits_at`
+        gets the thrusts that keep it there.
         """
         own = self._guard.own_thrusts(observation, self._weather)
         if own is not None:
@@ -106,7 +108,7 @@ class Steering:
             self._lookout.announce(self._announced(observation, waits=idle or waits_at is not None))
 
     def _announced(self, observation: Observation, *, waits: bool) -> Announced:
-        """Where the boat is going to be, for others to plan with."""
+        """Return where the boat is going to be, for the plans of other boats."""
         helm, command = self._guard.helm or (None if waits else self.controller), self._command
         keeps = self._guard.own_thrusts(observation, self._weather) is not None
         if keeps or helm is None or command is None or command[1].plan is None:
@@ -114,14 +116,14 @@ class Steering:
         return Announced.of_plan(command[1].plan, observation.time_s - command[0])
 
     def ahead(self, observation: Observation) -> Schedule | None:
-        """The thrusts that the boat is going to have, as far as they are planned."""
+        """Return the planned thrusts over time; None without a plan."""
         if self._command is None:
             return None
         since, command = self._command
         return lambda seconds: command.thrusts_at(observation.time_s - since + seconds)
 
     def send(self, observation: Observation, thrusts: Thrusts) -> None:
-        """Give the boat thrusts, in whichever way it is driven."""
+        """Command thrusts, and the motion to which they lead for a boat driven by its motion."""
         vessel = self.controller.vessel
         surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
         told = self._tracker.told(observation.time_s, thrusts)
@@ -131,7 +133,7 @@ class Steering:
 
     @property
     def _helm(self) -> Helm:
-        """Who steers now: the survey's helm, or the one of the way home."""
+        """The helm that steers now: the survey's, or that of the route home."""
         return self._guard.helm or self.controller
 
     @property
@@ -164,7 +166,7 @@ class Steering:
         self._next_step_s = observation.time_s + step_of(helm)
 
     def _follow_plan(self, observation: Observation, reached: int) -> None:
-        """Between two control steps: change the thrusts where the plan does."""
+        """Between two control steps, change the thrusts when the plan does."""
         if self._command is None:
             return
         since, command = self._command
@@ -178,7 +180,7 @@ class Steering:
     def _apply(
         self, observation: Observation, reached: int, thrusts: Thrusts, solve_ms: float | None
     ) -> None:
-        """Send thrusts that the boat may have, and say from which state they are sent."""
+        """Send the thrusts, or the guard's if it does not permit them, and report the step."""
         ahead = self.ahead(observation) or (lambda _: thrusts)
         if not self._guard.permitted(observation, ahead, self._weather, reached):
             self.begin_anew(observation.time_s)
@@ -187,7 +189,7 @@ class Steering:
         self._tell_step(observation, solve_ms)
 
     def _tell_step(self, observation: Observation, solve_ms: float | None) -> None:
-        """Say what the boat has been told: by a helm's command, or by the guard."""
+        """Report the thrusts sent to the boat, by a helm's command or by the guard."""
         surveys = self._guard.state is SafetyState.SURVEYING
         command = None if self._command is None else self._command[1]
         steered = command is not None and (surveys or self._guard.helm is not None)

@@ -1,4 +1,4 @@
-"""A boat's link whose failures are all `LinkError`, whatever fails below it."""
+"""A boat link that reports every failure as a `LinkError`, whatever fails below it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _T = TypeVar("_T")
 
 
 class SturdyLink(PassingLink):
-    """A link of which an `OSError` becomes a `LinkError`, but where it is closed: what is broken
-    already cannot be left in better order.
+    """A link that turns an `OSError` into a `LinkError`. `close` suppresses it instead, for a link
+    that is already broken cannot be left in better order.
     """
 
     def observe(self) -> Observation:

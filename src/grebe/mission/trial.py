@@ -1,7 +1,7 @@
-"""A mission in simulation without a file: for experiments, figures and benchmarks.
+"""Simulated missions without a file, for experiments, figures and benchmarks.
 
-The loop is `grebe.mission.loop.Mission` and no other; what is put together here is the simulated
-boat, a recorder in memory, and a witness of where the boat truly was.
+A trial uses the same loop, `grebe.mission.loop.Mission`. It adds a simulated boat, a recorder in
+memory, and a record of the boat's true states.
 """
 
 from __future__ import annotations
@@ -43,11 +43,13 @@ SOMEWHERE = LocalFrame(origin_lon_deg=0.0, origin_lat_deg=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """The world of a trial: the weather, which the helm is not told, how far estimates are off,
-    the sonde, the seed of all that is random, when to give up, whether the weather is
-    estimated on the way, and the settings of safety: by default no fence, for there is no shore.
-    `boat` is the true boat where the helm is mistaken in it, with thrusters that give a share of
-    what they are told.
+    """The world of a trial.
+
+    `weather` is not known to the helm. `errors` are the errors of the estimates, `seed` is the seed
+    of everything random, and the mission gives up after `limit_s`. `observes` says whether the
+    weather is estimated during the trial. `safety` has no fence by default, because there is no
+    shore. `boat` is the true boat if it differs from the helm's vessel; `effectiveness` is the
+    share of the commanded thrust that each thruster gives.
     """
 
     weather: Weather | WeatherAt = CALM
@@ -69,7 +71,7 @@ class Conditions:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What came of a mission: its report, its events, and the truth.
+    """The outcome of a trial: its report, its events, and the true track.
 
     `track` (n, 7): time [s] and the true state at each estimate.
     """
@@ -90,12 +92,12 @@ class Trial:
 
     @property
     def duration_s(self) -> float:
-        """The boat's time from the first estimate to the last [s]."""
+        """The time from the first estimate to the last, by the boat's clock [s]."""
         return float(self.track[-1, 0] - self.track[0, 0])
 
     @cached_property
     def steps(self) -> list[Step]:
-        """The control steps, without what changed within a plan."""
+        """The control steps, without the changes of thrust between two of them."""
         return [step for step in self.recorder.of(Step) if step.solve_ms is not None]
 
     @property
@@ -105,7 +107,7 @@ class Trial:
 
     @property
     def thrusts(self) -> NDArray[np.float64]:
-        """What was commanded at each row of the track, (n, 2) [N]."""
+        """The commanded thrusts at each row of the track, (n, 2) [N]."""
         steps = self.recorder.of(Step)
         when = np.array([step.elapsed_s for step in steps])
         told = np.array([(0.0, 0.0), *(step.thrusts for step in steps)])
@@ -113,7 +115,7 @@ class Trial:
 
     @property
     def sampled(self) -> NDArray[np.float64]:
-        """Where samples were taken, (m, 2) [m]."""
+        """The positions of the samples, (m, 2) [m]."""
         taken = [event.sample for event in self.recorder.of(SampleTaken)]
         return np.array([(one.north_m, one.east_m) for one in taken]).reshape(-1, 2)
 
@@ -132,9 +134,9 @@ def fly(
     *,
     stopwatch: Callable[[], float] = time.process_time,
 ) -> Trial:
-    """Sail from `start` (6,) until every set is reached or the time is up.
+    """Run a trial from the state `start` (6,) until every set is reached or the time is up.
 
-    Raises `UsageError` where there is no target set, or the start is no state.
+    Raises `UsageError` if there is no target set, or `start` is not six finite numbers.
     """
     world = conditions or Conditions()
     if not targets:
@@ -163,7 +165,7 @@ def fly(
 
 
 class _Witness(SimulatedLink):
-    """The simulated boat, with a note of where it truly was at each estimate."""
+    """The simulated boat, which also records its true state at each estimate."""
 
     def __init__(self, plant: Plant, world: Conditions) -> None:
         super().__init__(plant, world.sonde, world.errors, world.seed)
@@ -175,7 +177,9 @@ class _Witness(SimulatedLink):
 
 
 def bare_survey(targets: Sequence[TargetSet], vessel: Vessel) -> Survey:
-    """Return a survey of bare target sets: water all around, no corridors, nowhere on earth."""
+    """Return a survey of bare target sets: their hull is the water, there are no corridors, and the
+    place on earth is arbitrary.
+    """
     hull = hull_of([vertex for one in targets for vertex in one.vertices])
     return Survey(
         name="trial",
@@ -195,7 +199,7 @@ def meander(
     side: float = 5.0,
     speed: tuple[float, float] = (1.0, 2.0),
 ) -> list[TargetSet]:
-    """Return square cells there and back: by default the 100 sets that benchmarks sail."""
+    """Return square cells in boustrophedon order: by default the 100 sets of the benchmarks."""
     return [
         rectangle((side * c, side * (c + 1)), (side * r, side * (r + 1)), speed)
         for r in range(rows)

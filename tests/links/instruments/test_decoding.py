@@ -1,4 +1,4 @@
-"""Formats as their makers print them, and what damaged lines become."""
+"""Formats as their makers print them, and the handling of damaged lines."""
 
 import math
 import struct
@@ -63,7 +63,7 @@ def test_the_fields_of_an_exo_are_those_that_it_listed():
         }
     )
     assert list(exo.counts.unused) == ["code 999"]
-    # Another sensor was plugged in: the fields are not those that were listed.
+    # Another sensor was plugged in, so the fields are no longer those that were listed.
     assert exo.take(b"20.247 108.64 7.347") is None
 
 
@@ -124,7 +124,7 @@ def test_registers_are_read_back_as_they_were_measured(name):
 
 
 def test_the_sum_of_modbus_is_that_of_its_specification():
-    """The request 01 03 00 00 00 02, whose sum is C4 0B."""
+    """The sum of the request 01 03 00 00 00 02 is C4 0B."""
     assert crc16(bytes.fromhex("010300000002")) == bytes.fromhex("C40B")
 
 

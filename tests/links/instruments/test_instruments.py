@@ -158,7 +158,7 @@ def test_a_bad_line_costs_readings_and_never_lets_a_wrong_one_through(name):
         if name == "ysi-6-series":
             readings = heard(instrument, 5)
         else:
-            # Every other answer is cut: not one whole set of registers comes through.
+            # Every other answer is cut short, so no complete set of registers comes through.
             assert not wait_for(instrument.readings, 2.0)
             readings = []
     finally:
@@ -171,7 +171,7 @@ def test_a_bad_line_costs_readings_and_never_lets_a_wrong_one_through(name):
 
 
 class FallingMute:
-    """A voice that says nothing any more after some answers."""
+    """A voice that falls silent after some answers."""
 
     def __init__(self, voice, answers):
         self.voice, self.left = voice, answers
@@ -206,11 +206,11 @@ def test_a_sonde_that_falls_mute_is_told_and_asked_again(monkeypatch):
 
 def test_an_instrument_s_own_clock_is_followed_and_a_jump_of_it_heeded():
     clock = OwnClock()
-    # Stamps 100 s behind ours; the way takes 0.1 s, and now and then 0.5 s.
+    # Stamps are 100 s behind ours; the transfer takes 0.1 s, and now and then 0.5 s.
     ages = [clock.age_s(float(i), i + 100.0 + (0.5 if i % 5 == 3 else 0.1)) for i in range(20)]
     assert max(ages) == pytest.approx(0.4)
     assert ages[-1] == pytest.approx(0.0)
-    # Somebody sets it by an hour.
+    # The clock is set by an hour.
     assert clock.age_s(3_620.0, 120.1) == 0.0
     assert clock.age_s(3_621.0, 121.3) == pytest.approx(0.2)
 
@@ -226,7 +226,7 @@ class Sondes:
 
     def readings(self):
         self.calls += 1
-        # Newest last; one that is older than what is remembered of the way.
+        # The newest is last; one is older than the remembered track.
         ages = (1000.0, 0.25, 0.0) if self.calls > 3 else ()
         return [Reading(age_s=age, values={"temperature_degc": 20.0 + age}) for age in ages]
 
@@ -263,7 +263,7 @@ def test_readings_are_placed_where_the_boat_was_and_kept_out_of_the_sets_too():
         moved = ((after.north_m - before.north_m) ** 2 + (after.east_m - before.east_m) ** 2) ** 0.5
         assert moved <= 0.25 * max(2.0, survey.vessel.speed_max_mps) + 1e-6
     assert [event.code for event in recorder.of(Warned)] == ["instrument_silent"]
-    # The boat's own sonde is not asked for what an instrument measures.
+    # The boat's own sonde gives nothing that an instrument measures.
     own = [one for one in samples if "ph" in one.values]
     assert own
     assert all("temperature_degc" not in one.values for one in own)
@@ -296,7 +296,7 @@ def test_a_line_that_is_not_there_is_said():
 
 
 def test_a_boat_does_not_set_out_with_a_sonde_that_is_not_there():
-    """It had set out, and held its place for ever."""
+    """It once set out, and held its position for ever."""
     with (
         instruments_at(["serial:/dev/nothing-of-that-name@ysi-exo"]) as benches,
         pytest.raises(LinkError, match="is not there"),

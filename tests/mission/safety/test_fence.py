@@ -1,4 +1,4 @@
-"""The fence: what is foreseen is what happens, and the boat stays inside."""
+"""The fence: its predictions come true, and the boat stays inside."""
 
 import math
 
@@ -33,12 +33,12 @@ BOATS = pytest.mark.parametrize("boat", PRESETS.values(), ids=lambda boat: boat.
 
 
 def test_without_drag_the_braking_distance_is_that_of_the_textbook():
-    """u^2 / 2 a for a hull with next to no drag, and u t for the reaction."""
+    """It is u^2 / 2 a for a hull with hardly any drag, and u t for the reaction."""
     boat = vessel_named("tianjin")
     free = type(boat)(**{**vars_of(boat), "x_u": -1e-6, "x_uu": 0.0, "thruster_lag_s": 0.0})
     found = braking_distance_m(free, 1.0, CALM, reaction_s=0.5, weaker_share=0.4)
     slowing = 2 * 0.4 * 100.0 / free.m11_kg
-    # The last centimetres per second are taken off softly.
+    # The last centimetres per second are braked softly.
     assert found == pytest.approx(0.5 + 1 / (2 * slowing), abs=0.25)
     assert found > 0.5 + 1 / (2 * slowing)
 
@@ -92,7 +92,7 @@ def test_whoever_steers_at_full_speed_at_the_shore_is_kept_in(boat, weather):
             plant.advance(0.1)
             assert POND.holds(tuple(plant.state[:2]))
         refused += refuge is not None
-    # In the current some hulls turn round and round at full thrust, and come to no shore.
+    # In the current some hulls only circle at full thrust, and never reach a shore.
     assert refused == 6 or weather is not CALM
 
 
@@ -154,8 +154,8 @@ HULLS = pytest.mark.parametrize("name", ["spyboat", "blueboat", "heron", "otter"
 def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_doubt(
     name, speed_mps, seed
 ):
-    """Hulls unlike their model by a fifth: the stand-in ramps its speed, turns first, and brakes
-    with what is left, of which Clearpath's Heron has hardly any astern.
+    """Hulls differ from their model by a fifth. The stand-in ramps its speed, turns first, and
+    brakes with the remaining thrust; Clearpath's Heron has hardly any astern.
     """
     hull = vessel_named(name)
     model = under_speed_control(hull)

@@ -1,4 +1,4 @@
-"""What is judged without a boat: reserves, thrust without motion, dead thrusters, settings."""
+"""Judgements without a boat: reserves, thrust without motion, dead thrusters, settings."""
 
 import math
 from dataclasses import replace
@@ -73,7 +73,7 @@ def test_a_battery_s_consumption_is_measured():
         share = 0.9 - 0.002 * second
         battery = watched_battery(battery, facts(float(second), battery_share=share))
     assert battery.share_per_s == pytest.approx(0.002)
-    # 0.7 is left, 0.2 must stay: 250 s of it.
+    # 0.7 is left and 0.2 must stay, which is enough for 250 s.
     assert must_go_home(battery, facts(100.0, home_s=249.0), EASY) is None
     assert must_go_home(battery, facts(100.0, home_s=251.0), EASY).cause is Cause.BATTERY
 
@@ -103,7 +103,7 @@ def test_a_way_against_the_current_takes_longer_and_one_that_is_impossible_for_e
 
 
 def weaving(share_port=1.0, share_starboard=1.0):
-    """What is told, and a plant that does a share of it."""
+    """Return the class of a plant whose thrusters give a share of the commanded thrusts."""
 
     class Weak(Plant):
         def command(self, thrusts):
@@ -124,7 +124,7 @@ def test_a_dead_thruster_is_told_from_a_weak_and_a_whole_one(boat, shares, dead)
         seen = facts(0.1 * k, state=tuple(plant.state), thrusts=thrusts)
         turning = watched_turning(turning, seen, boat)
         found = found or dead_thruster(turning)
-        # Ahead, weaving to either side in turn as a helm does.
+        # Go ahead, weaving to both sides in turn as a helm does.
         side = 0.25 * math.sin(0.8 * k / 10)
         thrusts = ((0.3 + side) * boat.thrust_max_n, (0.3 - side) * boat.thrust_max_n)
         plant.command(thrusts)
@@ -149,7 +149,7 @@ def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
     without = at(60.0, waiting, mute_s=50.0, asked=(told,))
     assert without.state is SafetyState.SURVEYING
     assert at(90.0, without, mute_s=80.0).state is SafetyState.SURVEYING
-    # Once it has spoken its next silence counts again.
+    # After a reading its next silence counts again.
     spoken = at(100.0, without)
     assert at(130.0, spoken, mute_s=21.0).state is SafetyState.HOLDING
 
@@ -216,7 +216,7 @@ def test_a_limit_that_is_none_sends_nobody_home():
 
 
 def test_what_is_asked_while_the_boat_must_be_freed_is_answered_after():
-    """Called home at the very estimate at which weeds are found, it goes home once it is free."""
+    """A boat called home at the estimate at which weeds are found goes home once it is free."""
     settings = SafetySettings()
     held = Motion(behind_m=99.0, since_s=0.0, time_s=60.0)
     asked = (Asked(request=Request.HOME, why="rain"),)

@@ -1,1 +1,1 @@
-"""Sondes apart from the boat: read by a profile, at their own rate, in threads of their own."""
+"""Sondes with their own connections, each read by a profile, at its own rate, in its own thread."""

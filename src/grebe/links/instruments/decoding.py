@@ -1,4 +1,4 @@
-"""From lines and registers to readings: pure, so that every format is tested without a line."""
+"""Decodes lines and registers into readings. Without I/O, so that every format is easy to test."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from grebe.links.instruments.profile import Measured, Profile, Text
 
 @dataclass(frozen=True, kw_only=True)
 class Said:
-    """One reading: values by quantity, in the registry's units; `stamp` by the instrument's own
-    clock [unix s], None where it tells no time.
+    """One reading: values by quantity, in the registry's units, and the `stamp` of the instrument's
+    own clock [unix s], None if it gives no time.
     """
 
     values: Mapping[str, float]
@@ -25,8 +25,8 @@ class Said:
 
 @dataclass(kw_only=True)
 class Counts:
-    """What came: readings, lines that were damaged, and lines that are none of a reading's;
-    `unused` names what is sent and not kept.
+    """Counts of readings, of damaged lines, and of other lines that are not readings; `unused`
+    names the values that are sent but not kept.
     """
 
     readings: int = 0
@@ -36,24 +36,26 @@ class Counts:
 
 
 class Meanings:
-    """What codes, columns and registers mean: a quantity, and how its value becomes ours."""
+    """The meaning of codes, columns and registers: a quantity, and its conversion to our unit."""
 
     def __init__(self, profile: Profile, quantities: Quantities) -> None:
         self._profile, self._quantities = profile, quantities
 
     def value(self, what: Measured, raw: float, unit: str = "") -> tuple[str, float] | None:
-        """The quantity and its value; None for a unit that nothing turns into ours."""
+        """Return the quantity and its value in our unit; None if there is no conversion, or `raw`
+        is not finite.
+        """
         turns = self._conversion(what.quantity, unit or what.unit)
         if turns is None or not math.isfinite(raw):
             return None
         return what.quantity, float(turns.factor * raw + turns.offset)
 
     def of_code(self, code: str) -> Measured | None:
-        """What a code stands for; None where it is not kept."""
+        """Return the meaning of a code; None if it is not kept."""
         return self._profile.codes.get(code.lstrip("0") or "0")
 
     def unit(self, name: str) -> str:
-        """What a unit's number or name in this instrument's words stands for."""
+        """Return the unit for an instrument's own number or name of it."""
         return self._profile.units.get(name, name)
 
     def _conversion(self, key: str, unit: str) -> Conversion | None:
@@ -62,8 +64,8 @@ class Meanings:
 
 
 class TextDecoder:
-    """Reads lines by a profile; `counts` what came. `listed` are the codes of the fields, where
-    the instrument was asked for them.
+    """Reads lines by a profile. `counts` are those of the lines so far, and `listed` are the codes
+    of the fields if the instrument has listed them.
     """
 
     def __init__(self, profile: Profile, quantities: Quantities) -> None:
@@ -74,7 +76,7 @@ class TextDecoder:
         self.counts = Counts()
 
     def take(self, raw: bytes) -> Said | None:
-        """Return what a line says; None where it is damaged, or no reading."""
+        """Return the reading of a line; None if it is damaged, or not a reading."""
         fields = self._fields(raw)
         if fields is None:
             return None
@@ -86,7 +88,7 @@ class TextDecoder:
         return Said(values=found, stamp=self._stamp(fields))
 
     def list_codes(self, raw: bytes) -> bool:
-        """Learn the fields' codes from the answer to the question for them; whether it is one."""
+        """Learn the fields' codes from an answer to `list_codes`; return whether this is one."""
         words = raw.decode("ascii", "replace").replace("#", " ").split()
         if not words or not all(word.isdigit() for word in words):
             return False
@@ -94,7 +96,7 @@ class TextDecoder:
         return True
 
     def _fields(self, raw: bytes) -> list[str] | None:
-        """The fields of a whole line that is meant for us."""
+        """Return the fields of a line; None if it is damaged, or not a reading."""
         text = self._text
         try:
             line = raw.decode("ascii").strip().lstrip("#>").strip()
@@ -168,7 +170,7 @@ class RegisterDecoder:
         read: Callable[[int, int], Sequence[int]],
         as_float: Callable[[Sequence[int]], float],
     ) -> Said | None:
-        """Return what the registers say; `as_float` turns two of them into a number."""
+        """Return the reading of the registers; `as_float` converts two of them to a number."""
         found = dict(filter(None, [*self._fixed(read, as_float), *self._listed(read, as_float),
                                    *self._blocks(read, as_float)]))  # fmt: skip
         if not found:
@@ -230,7 +232,7 @@ class RegisterDecoder:
 
 
 def xor_sum(body: str) -> int:
-    """The exclusive or of all characters behind a $."""
+    """Return the exclusive or of all characters after a leading $."""
     return reduce(lambda a, b: a ^ b, body.removeprefix("$").encode(), 0)
 
 
@@ -250,7 +252,7 @@ def _number(text: str) -> float | None:
         number = float(text)
     except ValueError:
         return None
-    # Python reads 1_2 as 12.
+    # Python accepts 1_2 as 12.
     return number if "_" not in text and math.isfinite(number) else None
 
 

@@ -1,7 +1,7 @@
-"""An instrument in a thread of its own: it never holds up the mission, whatever becomes of it.
+"""An instrument in its own thread, so that it never delays the mission, whatever its faults.
 
-Readings wait in a queue of bounded length until the mission takes them. A line that breaks, or an
-instrument that falls silent, is opened again, at longer and longer intervals; both are said once.
+Readings wait in a bounded queue until the mission takes them. If a line breaks or an instrument
+falls silent, it is opened again at increasing intervals; each of these faults is reported once.
 """
 
 from __future__ import annotations
@@ -18,27 +18,28 @@ from grebe.links.instruments.decoding import Said
 from grebe.links.instruments.profile import Profile
 from grebe.links.instruments.speakers import Speaker, speaker_at
 
-# Readings that wait at most: some minutes of the fastest instrument.
+# The most readings that can wait: some minutes of the fastest instrument.
 MOST_WAITING = 20_000
-# Without a reading for this long, or so many of its periods, an instrument is silent [s].
+# An instrument is silent after the longer of this time [s] and this many of its periods without a
+# reading.
 SILENT_S, SILENT_PERIODS = 10.0, 5.0
-# Between two attempts to open a line: the first, and the longest [s].
+# The first and the longest interval between two attempts to open a line [s].
 RETRY_S, LONGEST_RETRY_S = 1.0, 15.0
-# An instrument's clock against ours: over how many readings the fastest way is looked for, and a
-# change that is a clock set anew [s].
+# For an instrument's clock: the number of readings of which the fastest counts, and the least
+# change that means that the clock was set [s].
 CLOCK_READINGS, CLOCK_JUMP_S = 100, 5.0
 
 
 class OwnClock:
-    """An instrument's clock by ours: the reading that came soonest after its own time stamp came
-    without delay; the others waited somewhere.
+    """Converts an instrument's clock to ours: the reading that came soonest after its time stamp is
+    taken to have had no delay, and the others have waited somewhere.
     """
 
     def __init__(self) -> None:
         self._offsets: deque[float] = deque(maxlen=CLOCK_READINGS)
 
     def age_s(self, stamp: float, arrived: float) -> float:
-        """Return how old [s] a reading was when it arrived, at a time on our clock [s]."""
+        """Return the age [s] of a reading with a time `stamp` that `arrived` at our time [s]."""
         offset = arrived - stamp
         if self._offsets and abs(offset - min(self._offsets)) > CLOCK_JUMP_S:
             self._offsets.clear()
@@ -53,8 +54,8 @@ class _Waiting:
 
 
 class Instrument:
-    """One instrument at an address; `name` in messages. Its thread starts at once and ends with
-    `close`. `counts` tell what came since the line was opened.
+    """One instrument at an address, called `name` in messages. Its thread starts at once and ends
+    with `close`.
     """
 
     def __init__(self, address: str, name: str, profile: Profile, quantities: Quantities) -> None:
@@ -78,7 +79,7 @@ class Instrument:
 
     @property
     def state(self) -> str:
-        """What there is to say of it, in words."""
+        """The state of the instrument, in words."""
         speaker = self._speaker
         if self._broken:
             return self._broken
@@ -90,7 +91,7 @@ class Instrument:
 
     @property
     def is_broken(self) -> bool:
-        """Whether its line could not be opened, or broke, or fell silent."""
+        """Whether its line could not be opened, or broke, or the instrument fell silent."""
         return bool(self._broken)
 
     @property
@@ -104,7 +105,7 @@ class Instrument:
         return self._speaks
 
     def readings(self) -> list[Reading]:
-        """Hand out what has come since the last call, in its order."""
+        """Return the readings since the last call, in order."""
         now_s = time.monotonic()
         taken: list[Reading] = []
         while self._waiting:
@@ -113,11 +114,11 @@ class Instrument:
         return taken
 
     def notes(self) -> list[tuple[str, str]]:
-        """Hand out what an operator should know: a code and a sentence each."""
+        """Return notes for the operator, a code and a sentence each."""
         return [self._notes.popleft() for _ in range(len(self._notes))]
 
     def close(self) -> None:
-        """End the thread and let go of the line."""
+        """End the thread and close the line."""
         self._stopping.set()
         self._thread.join(5.0)
 
@@ -128,7 +129,7 @@ class Instrument:
             try:
                 self._listen()
                 broke = f"no reading for {self._silence_s:.0f} s"
-            # Whatever it is, the thread goes on: nobody else would read the instrument again.
+            # The thread survives every error: nothing else would read the instrument again.
             except Exception as error:
                 broke = str(error).rstrip(".") or type(error).__name__
             if self._stopping.is_set():
@@ -138,7 +139,7 @@ class Instrument:
             self._stopping.wait(retry_s)
 
     def _listen(self) -> None:
-        """Read until the instrument is silent, the line breaks, or the thread is to end."""
+        """Read until the instrument falls silent, the line breaks, or the thread has to end."""
         speaker = self._speaker = speaker_at(self.address, self.profile, self._quantities)
         try:
             self._heard_s = time.monotonic()

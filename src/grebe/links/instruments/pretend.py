@@ -1,7 +1,7 @@
-"""Pretend instruments behind the same pages: what a profile describes, spoken by us.
+"""Pretend instruments for tests and rehearsals, which speak as a profile describes.
 
-For tests and rehearsals. A pretend instrument answers on a pseudo-terminal, which a serial line can
-be opened on, or sends its lines by UDP. What it "measures" comes from a function of time.
+A pretend instrument answers on a pseudo-terminal, which can be opened as a serial line, or sends
+its lines by UDP. Its "measurements" come from a function of time.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ POLL_S = 0.02
 
 
 def ordinary_water(time_s: float) -> dict[str, float]:
-    """Plausible values of every quantity, a little different at every moment."""
+    """Return plausible values of every quantity, which vary a little with time."""
     wave = math.sin(time_s / 20.0)
     return {
         key: one.lake.mean + one.lake.sd * wave
@@ -40,19 +40,19 @@ def ordinary_water(time_s: float) -> dict[str, float]:
 
 
 class Voice(Protocol):
-    """What an instrument says: to what it is told, and of itself."""
+    """What an instrument sends, in answer and by itself."""
 
     def hear(self, data: bytes) -> bytes:
-        """Answer what came over the line; nothing is an empty answer."""
+        """Return the answer to what came over the line; empty if there is none."""
         ...
 
     def say(self) -> bytes:
-        """Return what is due to be said unasked."""
+        """Return what is due to be sent unrequested."""
         ...
 
 
 class TextVoice:
-    """An instrument that speaks in lines. `period_s` between lines that nobody asks for."""
+    """An instrument that sends lines; `period_s` is the time between unrequested lines."""
 
     def __init__(self, profile: Profile, truth: Truth, period_s: float = 1.0) -> None:
         assert profile.text is not None
@@ -74,7 +74,7 @@ class TextVoice:
         return self.line().encode() + b"\r\n"
 
     def line(self) -> str:
-        """A line of the newest values."""
+        """Return a line of the newest values."""
         text, codes = self._text, self._profile.codes
         values = self._truth(time.monotonic())
         if text.pairs_from:
@@ -106,7 +106,7 @@ class TextVoice:
 
 
 class ModbusVoice:
-    """An instrument with registers: function 3 reads them, 6 and 16 write them."""
+    """An instrument with registers: function 3 reads them, and 6 and 16 write them."""
 
     def __init__(self, profile: Profile, truth: Truth) -> None:
         assert profile.modbus is not None
@@ -128,7 +128,7 @@ class ModbusVoice:
         return body + crc16(body)
 
     def say(self) -> bytes:
-        """See `Voice`: an instrument with registers speaks when it is asked."""
+        """See `Voice`: an instrument with registers only answers."""
         return b""
 
     def _answer(self, asked: bytes) -> bytes:
@@ -140,7 +140,7 @@ class ModbusVoice:
         return struct.pack(f">BBB{count}H", device, function, 2 * count, *words)
 
     def registers(self) -> dict[int, int]:
-        """Words by the number that goes over the line."""
+        """Return the words by the register number that is sent over the line."""
         modbus, codes = self._modbus, self._profile.codes
         values, held = self._truth(time.monotonic()), dict[int, int]()
         for one in modbus.values:
@@ -172,21 +172,21 @@ def voice_of(profile: Profile, truth: Truth = ordinary_water, period_s: float = 
 
 
 class PretendSerial:
-    """A voice on a pseudo-terminal; `device` is what a serial line is opened on."""
+    """A voice on a pseudo-terminal; `device` can be opened as a serial line."""
 
     def __init__(self, voice: Voice) -> None:
         self._voice = voice
         self._ours, theirs = pty.openpty()
         tty.setraw(theirs)
         self.device = os.ttyname(theirs)
-        # Held open, so that a reader may come and go.
+        # Held open, so that readers can come and go.
         self._theirs = theirs
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Pull the cable."""
+        """Close the terminal, as if the cable were pulled."""
         if self._stopping.is_set():
             return
         self._stopping.set()
@@ -217,7 +217,7 @@ class PretendUdp:
         self._thread.start()
 
     def close(self) -> None:
-        """Fall silent."""
+        """Stop sending."""
         self._stopping.set()
         self._thread.join(2.0)
         self._socket.close()
@@ -230,7 +230,7 @@ class PretendUdp:
 
 
 def crc16(data: bytes) -> bytes:
-    """The sum of Modbus RTU: polynomial 0xA001 reflected, low byte first."""
+    """Return the CRC of Modbus RTU: polynomial 0xA001 reflected, low byte first."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte
@@ -240,7 +240,7 @@ def crc16(data: bytes) -> bytes:
 
 
 def _in(what: Measured, values: Mapping[str, float]) -> float:
-    """A quantity's value in the instrument's own unit."""
+    """Return a quantity's value in the instrument's own unit."""
     wanted = BUILTIN[what.quantity].unit
     turns = (
         conversion(unit_of(what.unit) or what.unit, wanted, what.quantity) if what.unit else None

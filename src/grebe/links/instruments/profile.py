@@ -1,8 +1,8 @@
-"""What an instrument speaks: a profile, read from TOML; docs/how-to/connect-a-sonde.md lists them.
+"""Profiles of instruments, read from TOML; docs/how-to/connect-a-sonde.md lists them.
 
-A profile says how to read lines of text (NMEA sentences among them) or Modbus registers, and which
-quantity each value is, in which unit. Several instruments send numbers for what they measure:
-`codes` says what those stand for.
+A profile says how to read lines of text (including NMEA sentences) or Modbus registers, and which
+quantity each value is, in which unit. Some instruments identify quantities by code numbers, and
+`codes` gives their meaning.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _FRAME = re.compile(r"[5-8][NEOMS][12]")
 
 
 class Measured(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A quantity by its key, and the unit in which the instrument gives it: ours, if empty."""
+    """A quantity by its key, and the unit in which the instrument gives it; empty for our own."""
 
     quantity: str
     unit: str = ""
 
 
 class Column(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A field of a line, counted from 1, and what it holds."""
+    """A field of a line, counted from 1, with its quantity and unit."""
 
     at: int
     quantity: str
@@ -37,7 +37,7 @@ class Column(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Coded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A field with a code, the field with its value, and the one with its unit, if there is one."""
+    """A field with a code, the field with its value, and the field with its unit, 0 for none."""
 
     code_at: int
     value_at: int
@@ -45,19 +45,20 @@ class Coded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Stamp(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The fields of an instrument's own clock, joined by a space, and how to read them."""
+    """The fields of an instrument's own time, joined by a space, and their format."""
 
     at: tuple[int, ...]
     format: str
 
 
 class Text(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Lines of text. `begins` with it, or the line is passed over; fields are split at
-    `delimiter`, white space if empty. `checksum` is the exclusive or between $ and *, as NMEA has
-    it. `width`: how many fields a line has, if that is always the same. Of the rest, `columns`,
-    `coded` and `pairs_from` (code, value, code, value and so on) say what is where.
-    `ask` is sent every `every_s` seconds for a line, `setup` once at first; the answer to
-    `list_codes` names the code of each field.
+    """The format of lines of text.
+
+    Lines that do not begin with `begins` are skipped. Fields are split at `delimiter`, or at white
+    space if it is empty. `checksum` is the exclusive or between $ and *, as in NMEA. `width` is the
+    number of fields of a line, 0 if that varies. `columns`, `coded` and `pairs_from` (code, value,
+    code, value and so on) say where the values are. `setup` is sent once at first, and `ask` every
+    `every_s` [s] to request a line. The answer to `list_codes` gives the code of each field.
     """
 
     begins: str = ""
@@ -75,7 +76,7 @@ class Text(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A value of two registers (a float) or one (an integer, times `scale`)."""
+    """A value in two registers (a float) or one (an integer), which is multiplied by `scale`."""
 
     register: int
     quantity: str
@@ -85,8 +86,8 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Registers that list the codes of what is measured, the state of each (0 is good), and its
-    value, a float each.
+    """The first registers of the lists of `count` codes, of their states (0 is good), and of their
+    values, which are floats.
     """
 
     codes: int
@@ -96,16 +97,18 @@ class Listed(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Write(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A register that is written before each reading, to have the instrument measure."""
+    """A register that is written before each reading, to start a measurement."""
 
     register: int
     value: int
 
 
 class Modbus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Registers over Modbus. `first` is the number that the manual gives to the first register, 0
-    or 1; `order` that of a float's bytes. `blocks` are registers where a float is followed by its
-    code, its unit's number and its quality (0 is good).
+    """Registers over Modbus.
+
+    `first` is the manual's number of the first register, 0 or 1, and `order` the order of a float's
+    bytes. `blocks` are registers at which a float is followed by its code, the number of its unit
+    and its quality (0 is good).
     """
 
     device: int = 1
@@ -120,15 +123,17 @@ class Modbus(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Serial(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The serial line, if it is one."""
+    """The settings of the serial line, if the instrument is on one."""
 
     baud: int = 9600
     frame: str = "8N1"
 
 
 class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One kind of instrument. `source` says where its format is described; `codes` what its codes
-    stand for, `units` what its numbers or names of units do; `late_s` by how much it is late.
+    """One kind of instrument.
+
+    `source` says where its format is described. `codes` gives the meaning of its codes, and `units`
+    that of its numbers or names of units. `late_s` is the delay of its readings.
     """
 
     title: str
@@ -143,7 +148,7 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def measured(self) -> tuple[Measured, ...]:
-        """All that it may measure."""
+        """Everything that the instrument may measure."""
         fixed = [
             *(self.text.columns if self.text else ()),
             *(self.modbus.values if self.modbus else ()),
@@ -155,19 +160,19 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys of the quantities that it may measure, each once."""
+        """The keys of the quantities that the instrument may measure, each once."""
         return tuple(dict.fromkeys(one.quantity for one in self.measured))
 
 
 def profile_names() -> list[str]:
-    """The names of the built-in profiles."""
+    """Return the names of the built-in profiles."""
     return sorted(path.stem for path in BUILT_IN.glob("*.toml"))
 
 
 def profile_named(name: str, quantities: Quantities = BUILTIN) -> Profile:
-    """Return the built-in profile of a name, or that of a file that ends in .toml.
+    """Return the built-in profile of a name, or the profile in a file whose name ends in .toml.
 
-    Raises `InputError` that says what is wrong with it.
+    Raises `InputError`, which says what is wrong with it.
     """
     path = Path(name) if name.endswith(".toml") else BUILT_IN / f"{name}.toml"
     if not path.is_file():
@@ -184,12 +189,12 @@ def profile_named(name: str, quantities: Quantities = BUILTIN) -> Profile:
 
 
 def is_frame(text: str) -> bool:
-    """Whether a text says bits, parity and stop bits, such as 8N1."""
+    """Whether a text gives bits, parity and stop bits, such as 8N1."""
     return _FRAME.fullmatch(text) is not None
 
 
 def _check(profile: Profile, quantities: Quantities) -> None:
-    """Refuse a profile that could not be followed; `InputError` says why."""
+    """Raise `InputError` for a profile that could not be used."""
     if (profile.text is None) == (profile.modbus is None):
         raise InputError("give a table [text] or a table [modbus], one of them.")
     if not is_frame(profile.serial.frame) or profile.serial.baud <= 0:

@@ -1,5 +1,5 @@
-"""How an instrument is asked: lines over a wire, or Modbus registers. One that falls silent is
-left and opened anew by whoever reads it; see `instrument`.
+"""Open lines to instruments: lines of text over a wire, or Modbus registers. If an instrument falls
+silent, its reader closes the line and opens it again; see `instrument`.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from grebe.links.instruments.decoding import Counts, RegisterDecoder, Said, Text
 from grebe.links.instruments.profile import Profile, is_frame
 from grebe.links.wires import SerialWire, Wire, wire_at
 
-# How long one look at the line waits, so that whoever wants to end is heard [s].
+# How long one read of the line waits; a request to end waits no longer than this [s].
 LOOK_S = 0.2
-# A line longer than this is noise: another rate of bits, or a binary protocol [bytes].
+# A line longer than this is noise, from a wrong baud rate or a binary protocol [bytes].
 LONGEST_LINE = 4096
-# How long an answer to a question before the readings is waited for [s].
+# How long to wait for an answer to a question before the readings [s].
 ANSWER_S = 1.0
 ADDRESSES = (
     "serial:DEVICE[:BAUD[:8N1]], udp:HOST:PORT (to listen), udpout:, tcp:HOST:PORT or file:PATH"
@@ -30,7 +30,7 @@ Stopped = Callable[[], bool]
 
 
 class Speaker(Protocol):
-    """An open line to an instrument; `counts` of what came over it."""
+    """An open line to an instrument; `counts` are those of what came over it."""
 
     @property
     def counts(self) -> Counts:
@@ -38,19 +38,19 @@ class Speaker(Protocol):
         ...
 
     def readings(self, stopped: Stopped) -> Generator[Said | None]:
-        """Yield readings as they come, and None where none came for a moment, until `stopped`.
+        """Yield readings as they come, and None after a short time without any, until `stopped`.
 
-        Raises `LinkError` or `OSError` where the line breaks.
+        Raises `LinkError` or `OSError` if the line breaks.
         """
         ...
 
     def close(self) -> None:
-        """Let go of the line."""
+        """Close the line."""
         ...
 
 
 def speaker_at(address: str, profile: Profile, quantities: Quantities) -> Speaker:
-    """Open the line to an instrument; `LinkError` says why that fails."""
+    """Open the line to an instrument; `LinkError` if that fails."""
     if profile.modbus is not None:
         return ModbusSpeaker(address, profile, quantities)
     return LineSpeaker(_wire(address, profile), profile, quantities)
@@ -68,7 +68,7 @@ def _wire(address: str, profile: Profile) -> Wire:
 
 
 class FileTail:
-    """What is appended to a file from now on, as a wire: a logger's own file."""
+    """A wire that reads what is appended to a file, such as a logger's own file, from now on."""
 
     for_others = ""
 
@@ -85,10 +85,10 @@ class FileTail:
         return time.monotonic()
 
     def send(self, data: bytes) -> None:
-        """A file is not asked anything."""
+        """Do nothing: a file takes no questions."""
 
     def receive(self, timeout_s: float) -> bytes:
-        """See `Wire`; a file that was begun anew is read from its beginning."""
+        """See `Wire`; a file that was truncated is read from its beginning."""
         data = self._file.read()
         if not data:
             if self._path.stat().st_size < self._file.tell():
@@ -102,7 +102,7 @@ class FileTail:
 
 
 class LineSpeaker:
-    """Lines of text, as they come or as they are asked for."""
+    """Reads lines of text, as they come or as they are requested."""
 
     def __init__(self, wire: Wire, profile: Profile, quantities: Quantities) -> None:
         assert profile.text is not None
@@ -139,7 +139,7 @@ class LineSpeaker:
         self._wire.close()
 
     def _answers(self, stopped: Stopped, heeded: Callable[[bytes], bool]) -> bool:
-        """Whether one of the lines of the next moment is the answer that is waited for."""
+        """Whether one of the lines within `ANSWER_S` is the expected answer."""
         until_s = self._wire.now_s() + ANSWER_S
         while self._wire.now_s() < until_s and not stopped():
             lines = self._lines()
@@ -148,7 +148,7 @@ class LineSpeaker:
         return False
 
     def _lines(self) -> list[bytes]:
-        """The lines that are whole by now; what never ends is dropped, and counted."""
+        """Return the lines that are complete by now; an endless line is dropped, and counted."""
         wait_s = min(LOOK_S, self._text.every_s) if self._text.ask else LOOK_S
         data = self._part + self._wire.receive(wait_s)
         *lines, self._part = data.replace(b"\r", b"\n").split(b"\n")
@@ -159,7 +159,7 @@ class LineSpeaker:
 
 
 class ModbusSpeaker:
-    """Registers over Modbus RTU on a serial line, or over TCP."""
+    """Reads registers over Modbus RTU on a serial line, or over TCP."""
 
     def __init__(self, address: str, profile: Profile, quantities: Quantities) -> None:
         assert profile.modbus is not None
@@ -207,7 +207,7 @@ class ModbusSpeaker:
         return answer.registers
 
     def _asked(self, question: Callable[..., Any], register: int, *given: int, **named: int) -> Any:
-        """The answer to a question about a register; `_NoAnswerError` where there is none."""
+        """Return the answer to a question about a register; `_NoAnswerError` if there is none."""
         from pymodbus.exceptions import ModbusException
 
         try:
@@ -226,11 +226,11 @@ class ModbusSpeaker:
 
 
 class _NoAnswerError(Exception):
-    """The instrument did not answer, or not in full, or with a sum that does not hold."""
+    """The instrument did not answer, or incompletely, or with a wrong sum."""
 
 
 def _serial(address: str, profile: Profile) -> tuple[str, int, str]:
-    """Device, baud and frame: of the address where it gives them, else the profile's."""
+    """Return device, baud and frame, from the address if given there, else from the profile."""
     device, _, rest = address.removeprefix("serial:").partition(":")
     baud, _, frame = rest.partition(":")
     if (baud and not baud.isdigit()) or (frame and not is_frame(frame)):
@@ -260,7 +260,7 @@ def _modbus_client(address: str, profile: Profile) -> Any:
         )
     host, _, port = rest.rpartition(":")
     if kind in ("tcp", "modbus-tcp") and port.isdigit():
-        # Behind a plain TCP port stands a serial line, and its frames.
+        # A plain TCP port leads to a serial line, and carries its frames.
         framer = FramerType.RTU if kind == "tcp" else FramerType.SOCKET
         return ModbusTcpClient(host, port=int(port), framer=framer, timeout=0.5, retries=0)
     raise LinkError(

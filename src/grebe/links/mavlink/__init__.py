@@ -1,1 +1,1 @@
-"""Boats whose autopilot speaks MAVLink: ArduPilot's and PX4's, and a stand-in for rehearsals."""
+"""Boats with a MAVLink autopilot, ArduPilot or PX4, and a stand-in autopilot for rehearsals."""

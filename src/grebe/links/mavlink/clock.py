@@ -1,9 +1,9 @@
-"""The boat's clock by ours: when a message that carries the boat's time was true.
+"""Converts the boat's time to ours: when a message with the boat's time was true.
 
-MAVLink's TIMESYNC asks the autopilot for its time; half of the way there and back lies between.
-The exchange with the shortest way of the last ones says most: what is longer has waited somewhere
-(the idea of NTP's clock filter, RFC 5905, sec. 10). Where nobody answers, the message that came
-with the least delay stands for a delay of none.
+MAVLink's TIMESYNC asks the autopilot for its time, and the answer is taken to be from halfway
+through the round trip. Of the last exchanges the one with the shortest round trip is the most
+accurate: longer ones have waited somewhere (the idea of NTP's clock filter, RFC 5905, sec. 10).
+Without answers, the message that came with the least delay is taken to have had none.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from __future__ import annotations
 import math
 from collections import deque
 
-# Exchanges that are remembered: at one a second, half a minute of two crystals' drift.
+# The number of exchanges remembered: at one a second, the drift of two crystals in half a minute.
 REMEMBERED = 30
-# The boat's time runs back by more than this only when the autopilot has started afresh [s].
+# The boat's time runs back by more than this only if the autopilot has restarted [s].
 REBOOT_S = 2.0
 
 
 class BoatClock:
-    """Times since the boat's start, on our clock [s]."""
+    """Converts times since the autopilot's start to our clock [s]."""
 
     def __init__(self) -> None:
         self._exchanges: deque[tuple[float, float]] = deque(maxlen=REMEMBERED)
@@ -27,17 +27,17 @@ class BoatClock:
 
     @property
     def delay_s(self) -> float:
-        """How long a message takes one way; not a number before any exchange."""
+        """The one-way delay of a message [s]; not a number before any exchange."""
         return min(self._exchanges)[0] / 2 if self._exchanges else math.nan
 
     def exchanged(self, sent_s: float, received_s: float, boot_s: float) -> None:
-        """Learn from a question that was sent and answered, with the boat's time in the answer."""
+        """Learn from an exchange: when it was sent and received, and the boat's time in between."""
         there_and_back = received_s - sent_s
         if there_and_back >= 0:
             self._exchanges.append((there_and_back, boot_s - (sent_s + received_s) / 2))
 
     def heard(self, boot_s: float, received_s: float) -> bool:
-        """Learn from any message with the boat's time; whether the autopilot has started afresh."""
+        """Learn from a message with the boat's time; return whether the autopilot has restarted."""
         afresh = boot_s < self._latest_boot_s - REBOOT_S
         if afresh:
             self._exchanges.clear()

@@ -1,8 +1,8 @@
-"""What differs between autopilots that speak MAVLink: their modes and what a survey asks of them.
+"""The differences between MAVLink autopilots: their modes, and what a survey requires of them.
 
 ArduPilot follows orders in GUIDED, and forgets them after three seconds. PX4 follows them in
 OFFBOARD, which it enters only while orders already come, and leaves when they stop for
-COM_OF_LOSS_T; its modes are two numbers in one.
+COM_OF_LOSS_T. Its modes are two numbers in one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ ARDUPILOTMEGA, PX4 = 3, 12
 
 @dataclass(frozen=True, kw_only=True)
 class Need:
-    """A parameter, whether its value serves a survey, and what to do where it does not."""
+    """A parameter, whether its value suits a survey, and what to do if it does not."""
 
     name: str
     holds: Callable[[float], bool]
@@ -28,9 +28,10 @@ class Need:
 class Dialect:
     """An autopilot's modes by their numbers, and its parameters.
 
-    `speed_limits` are the parameters to which orders are clamped: the first that is not zero.
-    `follows` the mode in which orders are followed, `holds` the one without thrust, `manual` that
-    of the sticks; `asks_orders_first` where the mode is entered only while orders come.
+    The first of the parameters `speed_limits` that is not zero is the speed to which orders are
+    clamped. `follows` is the mode in which orders are followed, `holds` the one without thrust, and
+    `manual` that of the sticks. `asks_orders_first`: the autopilot enters `follows` only while
+    orders come.
     """
 
     name: str
@@ -44,11 +45,11 @@ class Dialect:
     asks_orders_first: bool = False
 
     def mode_name(self, number: int) -> str:
-        """Return a mode's name, or its number where it has none here."""
+        """Return a mode's name, or its number if it has no name here."""
         return self.modes.get(number, f"mode {number}")
 
     def mode_command(self, number: int) -> tuple[float, float]:
-        """Parameters 2 and 3 of MAV_CMD_DO_SET_MODE for a mode."""
+        """Return parameters 2 and 3 of MAV_CMD_DO_SET_MODE for a mode."""
         if self.asks_orders_first:
             return float(number >> 16 & 0xFF), float(number >> 24 & 0xFF)
         return float(number), 0.0

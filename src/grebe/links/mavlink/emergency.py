@@ -1,8 +1,8 @@
-"""Stop a boat behind MAVLink without the mission that steered it.
+"""Stop a MAVLink boat without the mission that steered it.
 
-What is sent holds back nobody else: an order to stand still counts only while the boat follows
-orders, and sticks that are let go of are the pilot's again. An autopilot stops by itself too, three
-seconds after the last order; this is sooner, and for those that do not.
+The messages do not hinder a pilot: an order to stand still counts only while the boat follows
+orders, and released sticks are the pilot's again. An autopilot may also stop by itself, three
+seconds after the last order; this stop is sooner, and also works for autopilots that do not.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TIMES, BETWEEN_S = 10, 0.1
 
 
 def stop(address: str, system: float, component: float, drive: str) -> None:
-    """Tell the boat at an address to stand still, often enough that one is heard."""
+    """Order the boat at an address to stand still, several times in case messages are lost."""
     wire = wire_at(address)
     codec = mavlink.MAVLink(None, OUR_SYSTEM, OUR_COMPONENT)
     boat = (int(system), int(component))

@@ -1,8 +1,8 @@
-"""A boat behind MAVLink: ArduPilot in GUIDED or under our sticks, PX4 in OFFBOARD.
+"""The link to a MAVLink boat: ArduPilot in GUIDED or under our sticks, PX4 in OFFBOARD.
 
-The autopilot's inner loops are the default: an order's surge and yaw rate go out as
-SET_POSITION_TARGET_LOCAL_NED in the frame of the body. With `drive="sticks"` its thrusts go out
-as RC overrides in MANUAL, for a boat whose hull we know better than its autopilot does.
+By default the autopilot's inner loops are used: an order's surge and yaw rate are sent as
+SET_POSITION_TARGET_LOCAL_NED in the body frame. With `drive="sticks"` its thrusts are sent as RC
+overrides in MANUAL, for a boat whose hull we know better than its autopilot does.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.station import Station
 from grebe.links.wires import Wire
 
-# Messages by their number and how often they are asked for [Hz].
+# Messages by their number, and the rates at which they are requested [Hz].
 STREAMS = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 10.0,
     mavlink.MAVLINK_MSG_ID_ATTITUDE: 10.0,
@@ -36,11 +36,11 @@ STREAMS = {
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 2.0,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 2.0,
 }
-# Without these there is no state to steer by.
+# The messages without which there is no state to steer by.
 VITAL = (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ATTITUDE)
-# An order is sent again after this long, for one may be lost on the air [s].
+# An order is repeated after this long, because a message may be lost [s].
 SEND_AGAIN_S = 0.2
-# Without an estimate for this long an order of before is no longer repeated [s].
+# After this long without an estimate an earlier order is no longer repeated [s].
 BLIND_S = 1.5
 
 
@@ -62,7 +62,7 @@ class MavlinkLink:
 
     @property
     def station(self) -> Station:
-        """The line to the autopilot, for what a preflight wants to read."""
+        """The line to the autopilot, for the preflight checks."""
         return self._station
 
     @property
@@ -74,19 +74,19 @@ class MavlinkLink:
 
     @property
     def drives_motion(self) -> bool:
-        """Whether orders go out as speed and yaw rate, and not as thrusts."""
+        """Whether orders are sent as speed and yaw rate rather than as thrusts."""
         return self._settings.drive == "motion"
 
     @property
     def speed_limit_mps(self) -> float:
-        """The speed to which the autopilot clamps an order; endless where it has none."""
+        """The speed to which the autopilot clamps an order [m/s]; infinite without a limit."""
         vehicle = self._station.vehicle
         known = (vehicle.parameters.get(name) for name in vehicle.dialect.speed_limits)
         return next((value for value in known if value), math.inf)
 
     @property
     def emergency(self) -> EmergencyStop | None:
-        """See `StopsInEmergency`; None on a wire that nobody else can speak on."""
+        """See `StopsInEmergency`; None on a wire that no other process can use."""
         address, vehicle = self._wire.for_others, self._station.vehicle
         if not address:
             return None
@@ -102,7 +102,7 @@ class MavlinkLink:
 
     @property
     def model(self) -> Vessel:
-        """The boat for whoever steers: under inner loops the hull is another plant."""
+        """The boat to plan for: under inner loops the hull is another plant."""
         if not self.drives_motion:
             return self._hull
         kept = self._settings
@@ -124,9 +124,9 @@ class MavlinkLink:
         )
 
     def prepare(self) -> None:
-        """Ask for the streams, match the clocks, learn where the autopilot counts from.
+        """Request the streams, match the clocks, and learn the autopilot's origin.
 
-        Raises `LinkError` when it will not send what is needed.
+        Raises `LinkError` if the autopilot does not send what is needed.
         """
         for number, rate_hz in STREAMS.items():
             refused = self._station.command(
@@ -144,7 +144,7 @@ class MavlinkLink:
     def engage(self, confirm: Callable[[str], bool]) -> None:
         """Arm the boat and take it over, once somebody has confirmed it.
 
-        Raises `StoppedError` without a confirmation, `LinkError` when the autopilot refuses.
+        Raises `StoppedError` without a confirmation, and `LinkError` if the autopilot refuses.
         """
         vehicle = self._station.vehicle
         dialect = vehicle.dialect
@@ -163,7 +163,7 @@ class MavlinkLink:
         self._engaged = True
 
     def observe(self) -> Observation:
-        """See `BoatLink`; a position that the autopilot itself does not trust is not a number."""
+        """See `BoatLink`; a position that the autopilot does not trust becomes not a number."""
         if self._closed:
             raise LinkError("The line to the autopilot has been closed.")
         while True:
@@ -185,7 +185,7 @@ class MavlinkLink:
         self._send(order)
 
     def measure(self) -> Mapping[str, float]:
-        """An autopilot has no sonde."""
+        """Return nothing: an autopilot has no sonde."""
         return {}
 
     def status(self) -> BoatStatus:
@@ -201,7 +201,7 @@ class MavlinkLink:
         )
 
     def stop(self) -> None:
-        """See `BoatLink`: no motion is asked for, and the autopilot holds without thrust.
+        """See `BoatLink`: order no motion, and let the autopilot hold without thrust.
 
         A boat that somebody else has taken over stays in the mode of their choice.
         """
@@ -210,7 +210,7 @@ class MavlinkLink:
             self._ask_mode(self._station.vehicle.dialect.holds)
 
     def close(self) -> None:
-        """See `BoatLink`; the boat is left in its hold mode, armed or not as it is."""
+        """See `BoatLink`; leave the boat in its hold mode, and armed if it is."""
         if self._closed:
             return
         self._closed = True
@@ -240,7 +240,7 @@ class MavlinkLink:
         return "" if vehicle.armed else "the boat was disarmed"
 
     def _learn(self, message: Any) -> Fix | None:
-        """Give a message to the navigator, but for a place that the autopilot does not trust."""
+        """Pass a message to the navigator, except a place that the autopilot does not trust."""
         is_place = message.get_type() == "GLOBAL_POSITION_INT"
         if is_place and not self._station.vehicle.position_good:
             return None
@@ -254,7 +254,7 @@ class MavlinkLink:
         return Observation(time_s=now_s - self._opened_s, state=state, age_s=age_s)
 
     def _after_restart(self) -> Observation:
-        """One last look, so that the mission can ask why it should stop."""
+        """Return an estimate without a state, so that the mission can ask why it should stop."""
         self._navigator.restart()
         return Observation(time_s=self._wire.now_s() - self._opened_s, state=NOT_A_STATE)
 
@@ -290,7 +290,9 @@ class MavlinkLink:
             )
 
     def _mode_taken(self, mode: int, timeout_s: float) -> str:
-        """Change the mode and wait until a heartbeat tells it; why it was not done, or nothing."""
+        """Change the mode and wait until a heartbeat confirms it; return why it was not changed, or
+        an empty string.
+        """
         vehicle = self._station.vehicle
         if vehicle.mode == mode:
             return ""
@@ -307,7 +309,7 @@ class MavlinkLink:
         return refusal or ("" if vehicle.mode == mode else "it said yes and did not")
 
     def _ask_mode(self, mode: int) -> None:
-        """Ask for a mode without waiting, more than once, for one may be lost."""
+        """Request a mode without waiting, more than once because a message may be lost."""
         vehicle = self._station.vehicle
         custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         main, sub = vehicle.dialect.mode_command(mode)
@@ -339,7 +341,7 @@ class MavlinkLink:
                 pass
 
     def _repeat(self) -> None:
-        """Send the order again where it may have been lost; an old one of a blind boat is none."""
+        """Repeat the order, which may have been lost; a blind boat gets an idle order instead."""
         now_s = self._wire.now_s()
         if not self._in_charge or now_s - self._sent_s < SEND_AGAIN_S:
             return
@@ -364,9 +366,9 @@ class MavlinkLink:
 def open_link(
     wire: Wire, frame: LocalFrame | None, hull: Vessel, settings: MavlinkSettings | None = None
 ) -> MavlinkLink:
-    """Find an autopilot on a wire and ask it for what a survey needs; it is not armed yet.
+    """Find an autopilot on a wire and request what a survey needs; it is not armed yet.
 
-    The wire is closed where that fails.
+    The wire is closed if that fails.
     """
     kept = settings or MavlinkSettings()
     station = Station(wire, kept.system)

@@ -1,8 +1,8 @@
 """State estimates from an autopilot's LOCAL_POSITION_NED and ATTITUDE.
 
-The autopilot counts metres north, east and down from the origin of its filter, the survey from
-the origin of its own plane; both planes are taken as parallel, which turns a boat's way by 0.2 mrad
-for each kilometre between the origins.
+The autopilot counts metres north, east and down from the origin of its filter, and the survey from
+the origin of its own plane. Both planes are taken as parallel, which rotates a boat's track by 0.2
+mrad for each kilometre between the origins.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from typing import Any
 from grebe.core.events import State
 from grebe.core.frames import LocalFrame
 
-# An attitude that is older than this says nothing of a position's moment [s].
+# An attitude further than this from the time of a position is not used with it [s].
 LATEST_ATTITUDE_S = 0.5
-# Positions in both frames that lie this near in time tell one frame's place in the other [s].
+# Positions in both frames within this time of each other give the offset between the frames [s].
 SAME_MOMENT_S = 0.06
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fix:
-    """A state in the survey's frame, and when it was, in seconds since the autopilot's start."""
+    """A state in the survey's frame, and its time in seconds since the autopilot's start."""
 
     boot_s: float
     state: State
 
 
 class Navigator:
-    """Joins the autopilot's messages into states; each position is used once.
+    """Combines the autopilot's messages into states; each position is used once.
 
-    Without a frame places are counted from the autopilot's own origin.
+    Without a frame, positions are relative to the autopilot's own origin.
     """
 
     def __init__(self, frame: LocalFrame | None) -> None:
@@ -43,15 +43,15 @@ class Navigator:
 
     @property
     def has_origin(self) -> bool:
-        """Whether it is known where the autopilot counts from."""
+        """Whether the autopilot's origin is known."""
         return self._origin is not None
 
     def restart(self) -> None:
-        """Forget what an autopilot said that has started afresh."""
+        """Forget the messages of an autopilot that has restarted."""
         self._attitude, self._local, self._last_ms, self._origin = None, None, -1, None
 
     def take(self, message: Any) -> Fix | None:
-        """Learn from a message; returns a state where it completes one."""
+        """Learn from a message, and return a state if it completes one."""
         kind = message.get_type()
         if kind == "ATTITUDE":
             if self._attitude is None or message.time_boot_ms > self._attitude.time_boot_ms:
@@ -71,7 +71,7 @@ class Navigator:
         return north, east
 
     def _learn_origin(self, message: Any) -> None:
-        """Where the autopilot does not say its origin: from one place in both frames."""
+        """Compute the origin from one place in both frames, if the autopilot does not give it."""
         if self._origin is not None or self._local is None:
             return
         at_ms, x, y = self._local
@@ -80,7 +80,7 @@ class Navigator:
             self._origin = (north - x, east - y)
 
     def _fix(self, message: Any) -> Fix | None:
-        """The state at a position, unless it came out of its order or lacks the rest."""
+        """Return the state at a position; None if that is out of order or the rest is missing."""
         if message.time_boot_ms <= self._last_ms:
             return None
         self._last_ms = message.time_boot_ms

@@ -1,4 +1,4 @@
-"""An order as MAVLink messages: a motion to follow, or the sticks of a remote control."""
+"""Orders as MAVLink messages: a motion to follow, or the sticks of a remote control."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from grebe.core.vessel import Vessel
 from grebe.links.base import Order
 
-# Use vx and the yaw rate, ignore all else; coordinates of the body.
+# Use vx and the yaw rate in the body frame; ignore everything else.
 MOTION_MASK = 1479
 STICK_SPAN_US, STICK_MIDDLE_US = 400, 1500
 STICK_STEERING, STICK_THROTTLE = 1, 3
@@ -20,7 +20,7 @@ Boat = tuple[int, int]
 
 
 def motion_order(boat: Boat, order: Order, time_ms: int) -> Any:
-    """Surge and yaw rate over ground, in the frame of the body."""
+    """Return a message with the order's surge and yaw rate over ground, in the body frame."""
     return mavlink.MAVLink_set_position_target_local_ned_message(
         time_ms, *boat, mavlink.MAV_FRAME_BODY_NED, MOTION_MASK,
         0, 0, 0, order.surge_mps, 0, 0, 0, 0, 0, 0, order.yaw_rate_radps,
@@ -28,7 +28,7 @@ def motion_order(boat: Boat, order: Order, time_ms: int) -> Any:
 
 
 def sticks_order(boat: Boat, order: Order, vessel: Vessel) -> Any:
-    """Throttle and steering whose mixture gives each thruster its own command."""
+    """Return a message with the throttle and steering that mix to each thruster's command."""
     port, starboard = (vessel.throttle_of(one) for one in order.thrusts)
     channels = [UNTOUCHED] * 8
     channels[STICK_STEERING - 1] = _pulse((port - starboard) / 2)
@@ -37,7 +37,7 @@ def sticks_order(boat: Boat, order: Order, vessel: Vessel) -> Any:
 
 
 def sticks_released(boat: Boat) -> Any:
-    """The sticks are the pilot's again."""
+    """Return a message that returns the sticks to the pilot."""
     return mavlink.MAVLink_rc_channels_override_message(*boat, *[RELEASED] * 8)
 
 

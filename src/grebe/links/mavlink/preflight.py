@@ -1,4 +1,4 @@
-"""What an autopilot is asked before a survey: its place, its clock, its parameters, its guards.
+"""Checks of an autopilot before a survey: its place, clock, parameters and guards.
 
 Parameters are read, never written.
 """
@@ -26,9 +26,9 @@ FAR_FROM_START_M = 100.0
 
 
 def preflight(link: MavlinkLink, survey: Survey | None) -> Iterator[Check]:
-    """Yield the lines of the list, one after the other as they are found out.
+    """Yield the lines of the list, each as soon as it has been checked.
 
-    Without a survey what concerns its water and its speeds is left out.
+    Without a survey the checks of its water and its speeds are left out.
     """
     vehicle = link.station.vehicle
     yield check(

@@ -1,8 +1,8 @@
-"""Lines to a stand-in autopilot: one in memory with a time of its own and faults on the air, and
+"""Lines to a stand-in autopilot: one in memory with its own time and with faults of a radio, and
 one over UDP in real time.
 
-In memory a line is deterministic: whoever waits on it lets the stand-in sail on until something
-comes.
+The line in memory is deterministic: waiting on it lets the stand-in sail on until something
+arrives.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from grebe.simulation.autopilot import STEP_S
 
 @dataclass(frozen=True, kw_only=True)
 class Air:
-    """How a line treats its messages: the share that is lost, the delay [s] of each way, and its
-    spread [s], by which messages overtake each other; and when nothing gets through at all.
+    """The faults of a line: the share of messages lost, the delay [s] in each direction, its spread
+    [s], by which messages overtake each other, and a period of silence (from, until) [s].
     """
 
     lost_share: float = 0.0
@@ -42,9 +42,9 @@ CLEAR = Air()
 
 
 class MemoryWire:
-    """A wire to a stand-in that sails while one waits; it keeps the times of the stand-in.
+    """A wire to a stand-in that sails while the caller waits; its clock is that of the stand-in.
 
-    `watch` is told the true state after every step of the stand-in.
+    `watch` is called with the stand-in after each of its steps.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class MemoryWire:
 
     @property
     def for_others(self) -> str:
-        """See `Wire`: nobody else is in this memory."""
+        """See `Wire`: no other process has access to this memory."""
         return ""
 
     def now_s(self) -> float:
@@ -82,7 +82,7 @@ class MemoryWire:
         return arrived
 
     def sail(self) -> None:
-        """Let the stand-in live for one of its steps."""
+        """Advance the stand-in by one of its steps."""
         heard = self._arrived(self._to_boat)
         if heard:
             self._standin.receive(heard)
@@ -92,7 +92,7 @@ class MemoryWire:
             self._put(self._to_us, said)
 
     def close(self) -> None:
-        """See `Wire`; the stand-in lives on, and `sail` lets it."""
+        """See `Wire`; `sail` can still advance the stand-in."""
 
     def _put(self, queue: list[tuple[float, int, bytes]], data: bytes) -> None:
         air, now_s = self._air, self.now_s()
@@ -111,7 +111,7 @@ class MemoryWire:
 
 
 def serve(standin: StandIn, wire: UdpWire, stopped: Callable[[], bool], speed: float = 1.0) -> None:
-    """Let a stand-in live in real time (or `speed` times as fast) and talk over UDP."""
+    """Run a stand-in in real time (or `speed` times as fast) that communicates over UDP."""
     began_s, sailed_s = time.monotonic(), standin.autopilot.time_s
     while not stopped():
         wanted_s = sailed_s + speed * (time.monotonic() - began_s)

@@ -1,4 +1,4 @@
-"""What is said of a boat behind MAVLink before anybody has heard it."""
+"""The settings of a MAVLink boat."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ Drive = Literal["motion", "sticks"]
 
 @dataclass(frozen=True, kw_only=True)
 class MavlinkSettings:
-    """`drive`: what orders become. `silence_s`: without any message for so long the line counts
-    as lost. `find_s`: how long an autopilot is waited for, and `settle_s` until it knows where it
-    is. `system`: its number, 0 for the first.
-    The lags [s] are those of the autopilot's inner loops, None where they are not known.
+    """The settings of a MAVLink boat.
 
-    Raises `UsageError`.
+    `drive` says what orders become. After `silence_s` without a message the line counts as lost.
+    `find_s` is how long to wait for an autopilot, and `settle_s` how long to wait until it knows
+    where it is. `system` is the autopilot's number, 0 for the first one heard. The lags [s] are
+    those of the autopilot's inner loops, None if unknown.
+
+    Raises `UsageError` for impossible values.
     """
 
     drive: Drive = "motion"

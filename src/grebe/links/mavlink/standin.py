@@ -1,7 +1,7 @@
-"""The stand-in autopilot's voice: MAVLink in, MAVLink out, as ArduRover speaks it.
+"""The MAVLink interface of the stand-in autopilot, which behaves as ArduRover's.
 
-Streams run at 1 Hz until others are asked for; what is not understood is refused in the words of
-the protocol, so that other ground stations find their way too.
+Streams run at 1 Hz until another rate is requested. Commands that are not understood are refused as
+the protocol prescribes, so that other ground stations can use it too.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ USUAL_PARAMETERS = {
 
 
 class StandIn:
-    """Speaks for an `Autopilot` whose plant is at home in `frame`.
+    """Speaks MAVLink for an `Autopilot` whose plant is in `frame`.
 
-    The origin of its filter is where the autopilot would be switched on, which is nobody's
-    survey's: `origin` (lon, lat) in degrees.
+    `origin_lonlat` [deg] is the origin of its filter: the place where the autopilot would be
+    switched on, which is not that of any survey.
     """
 
     def __init__(
@@ -81,14 +81,14 @@ class StandIn:
         }
 
     def receive(self, data: bytes) -> None:
-        """Hear what a ground station says."""
+        """Take messages from a ground station."""
         for message in self._codec.parse_buffer(data) or ():
             answer = getattr(self, f"_on_{message.get_type().lower()}", None)
             if answer is not None:
                 answer(message)
 
     def speak(self) -> list[bytes]:
-        """Return what is due to be said by now, a message an entry."""
+        """Return the messages that are due by now, one per entry."""
         autopilot = self.autopilot
         if autopilot.started_s != self._started_s:
             self._restart()
@@ -119,7 +119,7 @@ class StandIn:
         )  # fmt: skip
 
     def _estimate(self) -> tuple[float, float, float, float, float, float]:
-        """North and east from the filter's origin, heading, velocity north and east, yaw rate."""
+        """Return north and east of the origin, heading, velocity north and east, and yaw rate."""
         north, east, heading, surge, sway, yaw_rate = self.autopilot.estimate()
         cos, sin = math.cos(heading), math.sin(heading)
         return (
@@ -257,7 +257,7 @@ class StandIn:
             self.autopilot.take_sticks((steering - 1500) / 400, (throttle - 1500) / 400)
 
     def _on_request_data_stream(self, message: Any) -> None:
-        """The older way to ask for streams: all at one rate."""
+        """Set all streams to one rate, the older kind of request."""
         if message.start_stop and message.req_message_rate:
             period_s = 1.0 / message.req_message_rate
             self._periods = {number: min(period_s, USUAL_S) for number in self._periods}

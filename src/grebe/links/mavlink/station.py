@@ -1,7 +1,7 @@
-"""Our end of a MAVLink line: messages packed and parsed, questions asked until they are answered.
+"""Our end of a MAVLink line: packs and parses messages, and repeats requests until answered.
 
-We speak as a ground station (system 255), which ArduPilot heeds for sticks too. Everything here
-waits on the wire's own clock, so that a line that exists in a test alone passes time as it likes.
+We are a ground station (system 255), from which ArduPilot also accepts sticks. All waiting uses the
+wire's own clock, so that a line in a test can have its own time.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from grebe.links.wires import Wire
 
 OUR_SYSTEM, OUR_COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 HEARTBEAT_S = 1.0
-# A question that is not answered is asked again after this long [s].
+# A request without an answer is repeated after this long [s].
 ASK_AGAIN_S = 0.7
 RESULTS = {
     mavlink.MAV_RESULT_TEMPORARILY_REJECTED: "not now",
@@ -31,7 +31,7 @@ RESULTS = {
 
 
 class Station:
-    """Talks with one autopilot over a wire; `vehicle` and `clock` hold what it has said."""
+    """Communicates with one autopilot over a wire; `vehicle` and `clock` hold its reports."""
 
     def __init__(self, wire: Wire, wanted_system: int = 0) -> None:
         self.wire = wire
@@ -45,12 +45,12 @@ class Station:
         self._beat_s = -math.inf
 
     def send(self, message: Any) -> None:
-        """Pack and send a message; safe from any thread, for a stop comes from anywhere."""
+        """Pack and send a message. Thread-safe, because a stop may come from any thread."""
         with self._lock:
             self.wire.send(message.pack(self._codec))
 
     def messages(self, timeout_s: float) -> Iterator[Any]:
-        """Yield the autopilot's messages that have come, waiting at most so long for the first."""
+        """Yield the autopilot's messages received, waiting at most `timeout_s` for the first."""
         self._beat()
         data = self.wire.receive(timeout_s)
         while data:
@@ -66,9 +66,9 @@ class Station:
         answered: Callable[[Any], bool],
         timeout_s: float,
     ) -> Any:
-        """Send a question until a message answers it; None when none does in time.
+        """Send a request until a message answers it, and return that; None if none does in time.
 
-        What else comes meanwhile is learned from, and not lost to the vehicle's state.
+        Other messages received meanwhile also update the vehicle's state.
         """
         end_s = self.wire.now_s() + timeout_s
         next_s = -math.inf
@@ -82,7 +82,7 @@ class Station:
         return None
 
     def command(self, number: int, parameters: Sequence[float], timeout_s: float = 5.0) -> str:
-        """Give a MAV_CMD and wait for its answer; returns why it was not done, or nothing."""
+        """Send a MAV_CMD and wait for its answer; return why it was refused, empty if accepted."""
         values = [*parameters, *[0.0] * (7 - len(parameters))]
         vehicle = self.vehicle
         answer = self.ask(
@@ -103,7 +103,7 @@ class Station:
         return RESULTS.get(answer.result, f"result {answer.result}")
 
     def find(self, timeout_s: float) -> None:
-        """Wait for the heartbeat of an autopilot; `LinkError` when none is heard."""
+        """Wait for the heartbeat of an autopilot; `LinkError` if none comes."""
         end_s = self.wire.now_s() + timeout_s
         while not self.vehicle.system:
             if self.wire.now_s() >= end_s:
@@ -115,13 +115,13 @@ class Station:
                 pass
 
     def match_clocks(self, rounds: int = 5) -> None:
-        """Ask for the boat's time a few times; one that does not answer is taken as prompt."""
+        """Request the boat's time a few times; without answers its messages count as undelayed."""
         for _ in range(rounds):
             if not self._ask_time(1.0):
                 return
 
     def parameter(self, name: str, timeout_s: float = 3.0) -> float | None:
-        """Read a parameter; None where the autopilot has none of that name."""
+        """Read a parameter; None if the autopilot has none of that name."""
         vehicle = self.vehicle
         self.ask(
             lambda: mavlink.MAVLink_param_request_read_message(
@@ -142,7 +142,7 @@ class Station:
         return answer is not None
 
     def _beat(self) -> None:
-        """Once a second: that we are there, and what time it is on the boat."""
+        """Send a heartbeat and a request for the boat's time, once a second."""
         if self.wire.now_s() < self._beat_s + HEARTBEAT_S:
             return
         self._beat_s = self.wire.now_s()
@@ -156,7 +156,7 @@ class Station:
             self.send(mavlink.MAVLink_timesync_message(0, round(self.wire.now_s() * 1e9)))
 
     def _learn(self, message: Any, now_s: float) -> bool:
-        """Learn from a message; whether it is our autopilot's."""
+        """Learn from a message; return whether it is from our autopilot."""
         vehicle, kind = self.vehicle, message.get_type()
         if kind == "BAD_DATA":
             return False

@@ -1,4 +1,4 @@
-"""What an autopilot has said of itself: its last word on mode, battery, fix, parameters."""
+"""What an autopilot has last reported: its mode, battery, fix and parameters."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from grebe.links.mavlink.dialects import ARDUPILOTMEGA, ARDUROVER, DIALECTS, PX4, Dialect
 
 FIXES = ("no receiver", "no fix", "2D fix", "3D fix", "DGPS", "RTK float", "RTK fixed")
-# The filter's word that its place on the earth can be used.
+# The flag by which the filter reports that its absolute position can be used.
 ABSOLUTE_POSITION = mavlink.EKF_POS_HORIZ_ABS
 KEPT_TEXTS = 50
 
 
 @dataclass
 class Vehicle:
-    """The last that was heard of each; `take` learns from every message.
+    """The latest reports of an autopilot; `take` learns from every message.
 
     Times are on our clock [s]. `system` and `component` are the autopilot's MAVLink numbers, 0
     before its first heartbeat.
@@ -41,12 +41,12 @@ class Vehicle:
 
     @property
     def dialect(self) -> Dialect:
-        """What this autopilot calls its modes, and what a survey asks of it."""
+        """The names of this autopilot's modes, and what a survey requires of it."""
         return DIALECTS.get(self.autopilot, ARDUROVER)
 
     @property
     def numbers(self) -> tuple[int, int]:
-        """System and component."""
+        """The system and component numbers."""
         return self.system, self.component
 
     @property
@@ -63,7 +63,7 @@ class Vehicle:
         return f"{kind}, {self.satellites} satellites"
 
     def is_from(self, message: Any) -> bool:
-        """Whether a message comes from this autopilot, and not from another on the same line."""
+        """Whether a message comes from this autopilot rather than another on the same line."""
         return (message.get_srcSystem(), message.get_srcComponent()) == (
             self.system,
             self.component,
@@ -78,7 +78,7 @@ class Vehicle:
             learn(message)
 
     def adopt(self, heartbeat: Any) -> bool:
-        """Take the sender of a heartbeat as the boat, if it is an autopilot; whether it is."""
+        """Take a heartbeat's sender as the boat if it is an autopilot; return whether it is."""
         if heartbeat.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
             return False
         self.system = heartbeat.get_srcSystem()
@@ -106,7 +106,7 @@ class Vehicle:
     def _take_param_value(self, message: Any) -> None:
         value = float(message.param_value)
         if self.autopilot == PX4 and message.param_type == mavlink.MAV_PARAM_TYPE_INT32:
-            # PX4 sends the four bytes of an integer where the protocol has those of a float.
+            # PX4 sends the four bytes of an integer in the field of a float.
             (value,) = map(float, struct.unpack("<i", struct.pack("<f", value)))
         self.parameters[message.param_id] = value
 

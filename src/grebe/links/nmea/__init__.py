@@ -1,1 +1,1 @@
-"""A boat that speaks NMEA 0183 and takes its thrusts as lines of JSON."""
+"""Boats that send NMEA 0183 and receive thrusts as lines of JSON."""

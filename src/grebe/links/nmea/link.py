@@ -1,9 +1,9 @@
-"""A boat that tells position and heading by NMEA 0183 and takes its thrusts as lines of JSON.
+"""The link to a boat that sends position and heading by NMEA 0183, and takes thrusts as JSON.
 
-One position makes one estimate; where positions are rare, a heading in between makes one too. The
-link's time is that of the sentences. Nothing here runs beside the mission: the lines that keep the
-boat going are sent by whoever waits for the next estimate, so that a mission that hangs falls
-silent, and the boat's own receiver takes its thrust away (`thrusts.RECEIVER_S`).
+Each position makes one estimate; if positions are rare, a heading in between makes one too. The
+link's time is that of the sentences. The link has no thread: it sends the lines that keep the boat
+going while the mission waits for the next estimate. A mission that hangs therefore falls silent,
+and the boat's own receiver removes the thrust (`thrusts.RECEIVER_S`).
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from grebe.links.nmea.settings import NmeaSettings, open_wire
 from grebe.links.nmea.thrusts import KEEP_ALIVE_S, thrust_line
 from grebe.links.wires import Wire
 
-# Between two positions a heading makes an estimate after this long [s].
+# After this long since the last estimate, a heading makes an estimate without a position [s].
 BETWEEN_S = 0.09
-# Without a position or a heading for so long there is no estimate, and no thrust [s].
+# After this long without a position or a heading there is no estimate, and no thrust [s].
 BLIND_S = 1.5
-# How often somebody who sees nothing is told so [s].
+# How often a blind boat returns an estimate that is not a number [s].
 SAY_BLIND_S = 0.5
-# A probe's reading is not handed out when it is older [s].
+# The oldest reading of a probe that is returned [s].
 STALE_READING_S = 5.0
-# A datagram may end with its last sentence's sum and no newline.
+# A datagram may end with the sum of its last sentence, without a newline.
 WHOLE = re.compile(rb"\*[0-9A-Fa-f]{2}\s*$")
 LONGEST_PART = 4096
 
@@ -51,7 +51,7 @@ LONGEST_PART = 4096
 class NmeaLink:
     """`BoatLink` over two wires, or one for both; `open_nmea` makes one that has a position.
 
-    `damaged` counts the sentences that were not whole, `sentences` those that were.
+    `sentences` counts the intact sentences, and `damaged` the others.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class NmeaLink:
             self._hear(KEEP_ALIVE_S)
 
     def observe(self) -> Observation:
-        """See `BoatLink`; blind for `BLIND_S`, it hands out states that are not numbers."""
+        """See `BoatLink`; after `BLIND_S` without position or heading, states are not numbers."""
         if self._closed:
             raise LinkError("The NMEA boat has been closed.")
         if not self._told:
@@ -113,12 +113,12 @@ class NmeaLink:
                 self._tell()
 
     def command(self, order: Order) -> None:
-        """See `BoatLink`: the thrusts, and not the motion."""
+        """See `BoatLink`: sends the thrusts, not the motion."""
         self._order = order
         self._tell()
 
     def measure(self) -> Mapping[str, float]:
-        """Return what probes and sounders say on the same line: temperature and depth."""
+        """Return the readings of probes and sounders on the same line: temperature and depth."""
         now_s = self._in.now_s()
         return {
             key: value
@@ -127,7 +127,7 @@ class NmeaLink:
         }
 
     def status(self) -> BoatStatus:
-        """See `BoatLink`: sentences know of no mode and no battery."""
+        """See `BoatLink`: sentences give no mode and no battery."""
         return BoatStatus(
             mode="nmea",
             armed=not self._closed,
@@ -140,13 +140,13 @@ class NmeaLink:
         self.command(IDLE)
 
     def close(self) -> None:
-        """Leave the boat without thrust, told three times because a datagram may be lost; a boat
-        that was never told anything is not told that either.
+        """Leave the boat without thrust. The line is sent three times because a datagram may be
+        lost, and not at all if no line was sent before.
         """
         if self._closed:
             return
         self._closed = True
-        # Where the line is broken the boat's own receiver takes its thrust away.
+        # If the line is broken, the boat's own receiver removes the thrust.
         with suppress(LinkError):
             for _ in range(3 if self._seq else 0):
                 self.stop()
@@ -154,12 +154,12 @@ class NmeaLink:
         self._in.close()
 
     def _seen(self, seen_s: float, now_s: float) -> Observation:
-        """Hand out the state at a time, and say how long ago that was."""
+        """Return the state at a time, with its age."""
         time_s = max(self._clock.now(now_s), seen_s)
         return self._hand(self._navigator.state(seen_s), time_s, time_s - seen_s, now_s)
 
     def _hand(self, state: State, time_s: float, age_s: float, now_s: float) -> Observation:
-        """An estimate whose time is later than the last one's, whatever the clocks do."""
+        """Return an estimate with a later time than the last one, whatever the clocks do."""
         later_s = max(time_s, math.nextafter(self._handed_s + 1e-6, math.inf))
         self._handed_s, self._said_s = later_s, now_s
         return Observation(time_s=later_s, state=state, age_s=age_s)
@@ -178,8 +178,8 @@ class NmeaLink:
         self._told, self._told_s = True, now_s
 
     def _hear(self, timeout_s: float) -> float:
-        """Take in what comes, waiting at most so long; the time [s] of which there is a new
-        estimate, not a number where there is none.
+        """Read what has come, waiting at most `timeout_s`; return the time [s] of a new estimate,
+        or not a number if there is none.
         """
         data = self._in.receive(timeout_s)
         *lines, self._part = (self._part + data).split(b"\n")
@@ -209,7 +209,7 @@ class NmeaLink:
         return said
 
     def _take(self, said: Said, now_s: float) -> bool:
-        """Learn from what was said; whether it was new."""
+        """Learn from a record; return whether it is a new position or heading."""
         navigator, clock = self._navigator, self._clock
         match said:
             case Place():
@@ -235,7 +235,7 @@ class NmeaLink:
         return False
 
     def _missing(self) -> str:
-        """Why there is no state, for whoever has to find the loose plug."""
+        """Return why there is no state, as a message that helps to find the loose plug."""
         where, waited = self._settings.source, f"within {self._settings.find_s:g} s"
         if not self.sentences:
             damaged = f" ({self.damaged} damaged ones: is the speed right?)" if self.damaged else ""
@@ -249,7 +249,7 @@ class NmeaLink:
 
 
 def open_nmea(settings: NmeaSettings, frame: LocalFrame, vessel: Vessel) -> NmeaLink:
-    """Open the lines and wait for a first state; `LinkError` where there is none."""
+    """Open the lines and wait for a first state; `LinkError` if there is none."""
     source = open_wire(settings.source, speaks_first=False)
     try:
         out = open_wire(settings.out, speaks_first=True) if settings.out else source

@@ -1,8 +1,8 @@
-"""The boat's state out of positions, velocities, headings and turns that come one by one.
+"""The boat's state from positions, velocities, headings and turns that come one by one.
 
-Three small Kalman filters, one each for north, east and heading: a value whose rate is pushed
-about by white noise (Bar-Shalom, Li & Kirubarajan 2001, sec. 6.2.2), as strong as the boat can
-push. What is measured is the value or the rate.
+There are three small Kalman filters, for north, east and heading. Each models a value whose rate is
+driven by white noise (Bar-Shalom, Li & Kirubarajan 2001, sec. 6.2.2), as strong as the boat's
+thrusters can make it. Measurements are of the value or of the rate.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from grebe.core.frames import LocalFrame
 from grebe.core.vessel import Vessel
 from grebe.links.nmea.sentences import PLAIN_ERROR_M, Bow, Motion, Place, Turn
 
-# Standard deviations of what receivers and compasses say beside the position [m/s, rad, rad/s].
+# Standard deviations of the velocity, heading and turn that receivers and compasses report
+# [m/s, rad, rad/s].
 VELOCITY_ERROR_MPS, HEADING_ERROR_RAD, TURN_ERROR_RADPS = 0.05, 0.015, 0.01
-# How long the boat pushes one way before it pushes another, for the strength of the noise [s].
+# How long the boat's thrust keeps one direction, which sets the strength of the noise [s].
 PUSH_S = 0.2
-# A magnetic heading is not heeded while a true one is that young [s].
+# A magnetic heading is ignored while the last true one is younger than this [s].
 TRUE_FOR_S = 3.0
 
 
 class Track:
-    """One value and its rate; `push` is the largest second derivative that the boat can give it.
+    """One value and its rate; `push` is the largest second derivative that the boat can cause.
 
-    Times that run back are taken as no time at all: what comes late counts as of the newest.
+    Time never runs back: a late measurement counts as one at the newest time.
     """
 
     def __init__(self, push: float) -> None:
@@ -45,7 +46,7 @@ class Track:
         self._correct(value - self.value, self._pvv / scale, self._pvr / scale, of_rate=False)
 
     def measure_rate(self, time_s: float, rate: float, error: float) -> None:
-        """Take a measurement of the rate into account; before any value there is nothing to do."""
+        """Take a measurement of the rate into account; ignored before the first value."""
         if math.isnan(self.time_s):
             return
         self._predict(time_s)
@@ -78,7 +79,9 @@ class Track:
 
 
 class Navigator:
-    """Where the boat is, in a survey's frame; `variation_rad` where no sentence tells it."""
+    """Estimates the boat's state in a survey's frame; `variation_rad` is for the compass if no
+    sentence gives it.
+    """
 
     def __init__(
         self, frame: LocalFrame, vessel: Vessel, variation_rad: float | None = None
@@ -88,14 +91,14 @@ class Navigator:
         turn = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n) / vessel.m33_kgm2
         self._north, self._east, self._bow = Track(push), Track(push), Track(turn)
         self.variation_rad = variation_rad
-        # When the last position came and the last heading that could be used [s].
+        # The times of the last position and the last usable heading [s].
         self.placed_s = self.headed_s = math.nan
         self._true_s = -math.inf
         self._error_m = PLAIN_ERROR_M
 
     def place(self, time_s: float, place: Place) -> bool:
-        """Take a position into account; whether it is newer than the last. Where it does not tell
-        its error it is as good as those that did.
+        """Take a position into account; return whether it is newer than the last one. Without a
+        stated error it has the last error that was stated.
         """
         self._error_m = self._error_m if place.error_m is None else place.error_m
         if time_s <= self.placed_s:
@@ -112,8 +115,8 @@ class Navigator:
             track.measure_rate(time_s, rate, VELOCITY_ERROR_MPS)
 
     def head(self, time_s: float, bow: Bow) -> bool:
-        """Take a heading into account; whether it could be used: a magnetic one only where the
-        variation is known and no true one is heard.
+        """Take a heading into account; return whether it could be used. A magnetic one is used only
+        if the variation is known and there is no recent true one.
         """
         heading = bow.heading_rad
         if bow.true:
@@ -133,7 +136,7 @@ class Navigator:
         self._bow.measure_rate(time_s, turn.rate_radps, TURN_ERROR_RADPS)
 
     def state(self, time_s: float) -> State:
-        """Return the state at a time near the last sentences; not numbers before there is one."""
+        """Return the state at a time near the last sentences; not numbers before there are any."""
         north, east, heading = (track.at(time_s) for track in (self._north, self._east, self._bow))
         forth, across = self._north.rate, self._east.rate
         cos, sin = math.cos(heading), math.sin(heading)

@@ -1,7 +1,7 @@
 """A pretend boat for rehearsals and tests: our plant, NMEA 0183 out, lines of thrust in.
 
-In memory it sails only while somebody waits for its sentences, so that a whole mission takes the
-time of its computing and is the same every time; over UDP it is a boat like any other.
+In memory it sails only while its caller waits for sentences, so that a mission takes only the time
+of its computation and is the same every time. Over UDP it is a boat like any other.
 """
 
 from __future__ import annotations
@@ -22,18 +22,21 @@ from grebe.simulation.plant import PLANT_STEP_S, Plant
 from grebe.simulation.sonde import ReadsWater
 
 DAY_S = 86_400
-# How long a boat that keeps step waits for the line that answers its sentences [s].
+# How long a boat that keeps step with its helm waits for a line after its sentences [s].
 ANSWER_S = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Voice:
-    """How a boat speaks: every `period_s`, from a time of day on, as a talker, with a compass's
-    sentence (HDT, THS or HDM, the last by a `variation_deg`) each time and a position every
-    `place_every`-th; what share of its sentences is damaged on the way; the standard deviation of
-    its positions; and when it falls silent, or loses its fix: spans of its own seconds.
+    """How a pretend boat speaks.
 
-    Raises `UsageError`.
+    It sends a compass's sentence (HDT, THS, or HDM with `variation_deg`) every `period_s`, and a
+    position every `place_every`-th time, as `talker` and beginning at a time of day.
+    `damaged_share` of the sentences are damaged in transfer, and `position_error_m` is the standard
+    deviation of the positions. The boat is `silent`, or has `no_fix`, in a span (from, until) of
+    its own time [s].
+
+    Raises `UsageError` for impossible values.
     """
 
     period_s: float = 0.1
@@ -82,7 +85,7 @@ class PretendBoat:
         self._spoken = 0
 
     def advance(self, duration_s: float) -> None:
-        """Let time pass; without a line for `RECEIVER_S` the board takes the thrust away."""
+        """Let time pass; without a line for `RECEIVER_S` the board removes the thrust."""
         steps = max(1, math.ceil(duration_s / PLANT_STEP_S - 1e-9))
         for _ in range(steps):
             if self.plant.time_s - self._heard_s > RECEIVER_S:
@@ -90,7 +93,7 @@ class PretendBoat:
             self.plant.advance(duration_s / steps)
 
     def hear(self, data: bytes) -> None:
-        """Take in what came: the last whole line counts."""
+        """Take lines of thrust; the last intact one holds."""
         for line in data.splitlines():
             said = read_thrust_line(line)
             if said is not None:
@@ -100,7 +103,7 @@ class PretendBoat:
                 self.lines += 1
 
     def speak(self) -> bytes:
-        """Return the sentences of this moment; none while the boat is silent."""
+        """Return the present sentences; none while the boat is silent."""
         voice, now_s = self.voice, self.plant.time_s
         if voice.silent[0] <= now_s < voice.silent[1]:
             return b""
@@ -146,7 +149,7 @@ class PretendBoat:
         return [] if temperature is None else [f"YXMTW,{temperature:.3f},C"]
 
     def _sent(self, body: str) -> bytes:
-        """A sentence with its sum, as it arrives."""
+        """Return a sentence with its sum, as it arrives."""
         total = 0
         for byte in body.encode():
             total ^= byte
@@ -157,7 +160,7 @@ class PretendBoat:
 
 
 class PretendWire:
-    """A wire to a pretend boat in memory: the boat sails while one waits, and keeps the time."""
+    """A wire to a pretend boat in memory, which sails while the caller waits, on its own clock."""
 
     def __init__(self, boat: PretendBoat) -> None:
         self._boat = boat
@@ -183,7 +186,7 @@ class PretendWire:
         return self._boat.speak()
 
     def close(self) -> None:
-        """See `Wire`; the boat drifts on for whoever lets it."""
+        """See `Wire`; the boat can still be advanced."""
 
 
 def serve(
@@ -193,8 +196,8 @@ def serve(
     stopped: Callable[[], bool],
     speed: float | None = 1.0,
 ) -> None:
-    """Let a boat live over UDP, `speed` times as fast as real time; without a speed it keeps step
-    with whoever steers, as fast as lines come.
+    """Run a boat over UDP, `speed` times as fast as real time; without a speed it keeps step with
+    its helm, as fast as lines come.
     """
     began_s, sailed_s = time.monotonic(), boat.plant.time_s
     while not stopped():

@@ -1,7 +1,7 @@
-"""What sentences of NMEA 0183 say: position, motion, heading, turn, and what a probe reads.
+"""Reads NMEA 0183 sentences: position, motion, heading, turn, and the readings of probes.
 
-Parsed by pynmea2, which checks their sums; here each becomes a plain record in SI units, or
-nothing, where it is damaged, of no use to us, or says itself that it is not valid.
+pynmea2 parses the sentences and checks their sums. Each becomes plain records in SI units, or
+nothing if it is damaged, not used here, or marked as invalid.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from functools import cache
 from typing import Any
 
 KNOT_MPS = 1852.0 / 3600.0
-# Who may speak: receivers of any system, compasses, integrated instruments, sounders, probes.
+# The talkers accepted: receivers of any system, compasses, integrated instruments, sounders,
+# probes.
 TALKERS = frozenset(
     ("GP", "GN", "GL", "GA", "GB", "GQ", "HE", "HC", "HN", "II", "IN", "TI", "SD", "YX", "WI")
 )
-# GGA's quality, in words, and the standard deviation of such a position [m]. A position that was
-# typed in (7) or guessed on (6) is nothing to steer by.
+# GGA's quality, in words, and the standard deviation of such a position [m]. Positions that are
+# typed in (7) or dead reckoned (6) are not used.
 QUALITIES: dict[int, tuple[str, float]] = {
     1: ("GPS", 1.0),
     2: ("DGPS", 0.5),
@@ -27,14 +28,14 @@ QUALITIES: dict[int, tuple[str, float]] = {
     8: ("simulated", 0.02),
 }
 PLAIN_ERROR_M = QUALITIES[1][1]
-# Longer than any sentence that is one (82), with some room for those who do not count [bytes].
+# The longest line that is parsed [bytes]: a sentence has at most 82, and some senders exceed that.
 LONGEST = 120
 
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """A position: time of day [s], longitude and latitude [deg]; how it was found in words and its
-    error [m], which RMC does not tell.
+    """A position: time of day [s], longitude and latitude [deg], the kind of fix in words, and the
+    error [m]; RMC gives neither fix nor error.
     """
 
     second_of_day: float
@@ -45,12 +46,12 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class NoFix:
-    """The receiver says that it does not know where it is."""
+    """The receiver reports that it has no position."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Velocity over ground, north and east [m/s]; the time of day [s] where it is told."""
+    """Velocity over ground, north and east [m/s], and the time of day [s] if it is given."""
 
     velocity: tuple[float, float]
     second_of_day: float | None = None
@@ -58,7 +59,7 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class Bow:
-    """Where the bow points [rad], from true north or, unless `true`, from magnetic north."""
+    """The heading of the bow [rad], from true north or, unless `true`, from magnetic north."""
 
     heading_rad: float
     true: bool
@@ -66,7 +67,7 @@ class Bow:
 
 @dataclass(frozen=True, kw_only=True)
 class Variation:
-    """How far magnetic north lies east of true north [rad]."""
+    """The variation: how far magnetic north is east of true north [rad]."""
 
     east_rad: float
 
@@ -80,7 +81,7 @@ class Turn:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """What a probe reads of a quantity."""
+    """A probe's reading of one quantity."""
 
     key: str
     value: float
@@ -90,8 +91,8 @@ Said = Place | NoFix | Motion | Bow | Variation | Turn | Reading
 
 
 def read_sentence(line: bytes) -> tuple[Said, ...] | None:
-    """Return what a sentence says, in its order; None where it is damaged: not ASCII, its sum
-    missing or wrong, or a number that cannot be read.
+    """Return the records of a sentence, in its order, empty if it is not used. Return None if it is
+    damaged: not ASCII, too long, its sum missing or wrong, or a number that cannot be read.
     """
     import pynmea2
 
@@ -110,14 +111,14 @@ def read_sentence(line: bytes) -> tuple[Said, ...] | None:
     try:
         said = reader(sentence)
     except (ValueError, TypeError, AttributeError, IndexError, OverflowError):
-        # An empty field is not a number: pynmea2 hands out what it could not turn into one as text.
+        # A field is empty or not a number: pynmea2 then returns its text.
         return None
     return said if _finite(said) else None
 
 
 @cache
 def _know_ths() -> None:
-    """Teach pynmea2 the true heading with its mode, which it lacks."""
+    """Register THS, the true heading with its mode, which pynmea2 lacks."""
     import pynmea2
 
     fields = (("Heading, true", "heading", float), ("Mode", "mode"))
@@ -152,7 +153,7 @@ def _vtg(sentence: Any) -> tuple[Said, ...]:
 
 
 def _ths(sentence: Any) -> tuple[Said, ...]:
-    """Nobody steers by a heading that is estimated, typed in, simulated or void (E, M, S, V)."""
+    """Read THS, but ignore estimated, typed-in, simulated and void headings (E, M, S, V)."""
     if sentence.mode != "A":
         return ()
     return (Bow(heading_rad=math.radians(float(sentence.heading)), true=True),)
@@ -174,7 +175,7 @@ def _heading(sentence: Any) -> tuple[Said, ...]:
 
 
 def _rot(sentence: Any) -> tuple[Said, ...]:
-    """Degrees a minute, positive to starboard."""
+    """Read ROT, which is in degrees per minute, positive to starboard."""
     if sentence.status != "A":
         return ()
     return (Turn(rate_radps=math.radians(float(sentence.rate_of_turn)) / 60),)
@@ -185,7 +186,7 @@ def _mtw(sentence: Any) -> tuple[Said, ...]:
 
 
 def _dpt(sentence: Any) -> tuple[Said, ...]:
-    """Below the transducer; an offset that is positive adds its depth below the surface."""
+    """Read DPT, the depth below the transducer; a positive offset is the transducer's depth."""
     below, offset = float(sentence.depth), float(sentence.offset or 0.0)
     return (Reading(key="water_depth_m", value=below + max(offset, 0.0)),)
 
@@ -200,7 +201,9 @@ def _place(sentence: Any, fix: str = "", error_m: float | None = None) -> Place:
 
 
 def _velocity(speed_mps: float, course_deg: Any) -> tuple[float, float] | None:
-    """North and east [m/s]; a boat that hardly moves has no course, and some leave it empty."""
+    """Return the velocity north and east [m/s]. Some receivers leave the course of a boat that
+    hardly moves empty; a faster boat without a course has no velocity.
+    """
     if course_deg in (None, ""):
         return (0.0, 0.0) if speed_mps < 0.2 else None
     course = math.radians(float(course_deg))
@@ -208,7 +211,7 @@ def _velocity(speed_mps: float, course_deg: Any) -> tuple[float, float] | None:
 
 
 def _signed(degrees: Any, side: Any) -> float:
-    """Radians, positive to the east."""
+    """Return an angle in radians, positive to the east."""
     if side not in ("E", "W"):
         raise ValueError
     return math.radians(float(degrees)) * (1 if side == "E" else -1)

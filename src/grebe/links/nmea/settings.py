@@ -1,4 +1,4 @@
-"""Where a boat of NMEA is, as its URL says: `udp:0.0.0.0:10110?out=udp:127.0.0.1:5005`."""
+"""The settings of an NMEA boat, from its URL: `udp:0.0.0.0:10110?out=udp:127.0.0.1:5005`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ ADDRESSES = "udp:HOST:PORT or serial:DEVICE@BAUD"
 
 @dataclass(frozen=True, kw_only=True)
 class NmeaSettings:
-    """`source` and `out` are addresses: where sentences come from and where thrusts go to; an
-    empty `out` is the line that sentences come from. `late_s`: the receiver's own latency;
-    `variation_deg`: of the compass, positive to the east, where no sentence tells it. `find_s`:
-    how long a first position and heading are waited for; `silence_s`: without any sentence for
-    so long the boat counts as lost.
+    """The settings of an NMEA boat.
 
-    Raises `UsageError`.
+    `source` is the address from which sentences come, and `out` the one to which thrusts go; if
+    `out` is empty, thrusts go to `source`. `late_s` is the receiver's own latency. `variation_deg`
+    is the compass's variation, positive to the east, for use if no sentence gives it. `find_s` is
+    how long to wait for a first position and heading. After `silence_s` without a sentence the boat
+    counts as lost.
+
+    Raises `UsageError` for impossible values.
     """
 
     source: str
@@ -52,7 +54,7 @@ NUMBERS = {"late": "late_s", "variation": "variation_deg", "find": "find_s", "si
 
 
 def settings_of(rest: str) -> NmeaSettings:
-    """Read what follows `nmea:` in a URL; `LinkError` or `UsageError` says what is wrong."""
+    """Read the part of a URL after `nmea:`; `LinkError` or `UsageError` says what is wrong."""
     source, _, query = rest.partition("?")
     out, numbers = "", {}
     for key, value in parse_qsl(query, keep_blank_values=True):
@@ -67,7 +69,7 @@ def settings_of(rest: str) -> NmeaSettings:
 
 
 def open_wire(address: str, *, speaks_first: bool) -> Wire:
-    """Open an address, to listen there or to speak to it; `LinkError` where that cannot be."""
+    """Open an address, to listen there or to send to it; `LinkError` if that is impossible."""
     kind, place, number = _parts(address)
     if kind == "serial":
         return SerialWire(place, number)
@@ -82,7 +84,7 @@ def _number(key: str, value: str) -> float:
 
 
 def _parts(address: str) -> tuple[str, str, int]:
-    """The kind, the host or device, and the port or speed of an address."""
+    """Return the kind, the host or device, and the port or speed of an address."""
     kind, _, rest = address.partition(":")
     if kind == "serial" and rest:
         device, at, baud = rest.rpartition("@")

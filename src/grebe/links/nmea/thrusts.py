@@ -1,14 +1,15 @@
-"""Thrusts as lines of JSON: what any small board on a boat can read.
+"""Thrusts as lines of JSON, which any small board on a boat can read.
 
 One line, ended by a newline, one datagram each over UDP:
 
     {"t":12.3,"port_n":5.0,"starboard_n":4.2,"port":0.4,"starboard":0.34,"seq":118}
 
-`t` seconds of the link, `port_n` and `starboard_n` thrusts [N], `port` and `starboard` the
-commands of the actuators from -1 (full astern) to 1 (full ahead) by the vessel's own curve, `seq`
-counts the lines from 0. A line comes at least five times a second while a mission runs. A receiver
-that has had none for `RECEIVER_S` takes all thrust away: that is what stops a boat whose mission
-died, so nothing else may send these lines. On a stop both are zero, and so is the last line.
+`t` is the link's time [s], and `port_n` and `starboard_n` are thrusts [N]. `port` and `starboard`
+are the commands of the actuators from -1 (full astern) to 1 (full ahead), by the vessel's own
+curve. `seq` counts the lines from 0. A line comes at least five times a second while a mission
+runs. A receiver that gets none for `RECEIVER_S` must remove all thrust: this stops a boat whose
+mission has died, so nothing else may send these lines. On a stop both thrusts are zero, and so they
+are in the last line.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from dataclasses import asdict, dataclass
 
 from grebe.core.vessel import Vessel
 
-# After so long without a line the receiver takes all thrust away [s].
+# The receiver removes all thrust after this long without a line [s].
 RECEIVER_S = 1.0
-# No two lines are further apart while a mission runs [s].
+# The longest time between two lines while a mission runs [s].
 KEEP_ALIVE_S = 0.2
 NUMBERS = ("t", "port_n", "starboard_n", "port", "starboard")
 
@@ -38,7 +39,7 @@ class ThrustLine:
     seq: int
 
     def encoded(self) -> bytes:
-        """Return it as it is sent."""
+        """Return the line as it is sent."""
         return json.dumps(asdict(self), separators=(",", ":")).encode() + b"\n"
 
 
@@ -58,7 +59,7 @@ def thrust_line(
 
 
 def read_thrust_line(line: bytes) -> ThrustLine | None:
-    """Return what a line says, as a receiver reads it; None where it is damaged or not whole."""
+    """Return a line as a receiver reads it; None if it is damaged or incomplete."""
     try:
         found = json.loads(line)
         numbers = {name: float(found[name]) for name in NUMBERS}

@@ -1,1 +1,1 @@
-"""What is measured on the way: when a reading is due, and where it belongs."""
+"""Measurements during a mission: when a reading is due, and where it belongs."""

@@ -1,4 +1,4 @@
-"""What is measured on the way is told, and the guard hears what it has to know of it."""
+"""Reports measurements as events, and passes the guard what it needs to know of them."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from grebe.mission.measuring.sampler import Sampler
 from grebe.mission.safety.guard import Guard
 from grebe.mission.telling.announcer import Announcer
 
-# The quantity that says how much water is below the boat.
+# The quantity for the depth of the water below the boat.
 DEPTH = "water_depth_m"
 
 
 class Measuring:
-    """Tells of what one boat's `sampler` takes."""
+    """Reports the samples of one boat's `sampler`."""
 
     def __init__(self, sampler: Sampler, guard: Guard, announcer: Announcer) -> None:
         self._sampler, self._guard, self._announcer = sampler, guard, announcer
 
     def take(self, observation: Observation, entered: Sequence[Target], ahead: TargetSet) -> None:
-        """Measure at an estimate that entered some targets, where a sample is due."""
+        """Measure at an estimate that entered some targets, if a sample is due."""
         time = self._announcer.time_at(observation.time_s)
         sample = self._sampler.take(observation, time, entered, ahead)
         if sample is not None:
@@ -31,7 +31,7 @@ class Measuring:
             self._announcer.tell(SampleTaken, observation.time_s, sample=sample)
 
     def read_instruments(self, observation: Observation) -> None:
-        """Take what instruments apart from the boat have measured, and what they are like."""
+        """Take the readings and the condition of instruments with their own connections."""
         for sample in self._sampler.instruments(observation, self._announcer.time_at):
             self._guard.depth_m = sample.values.get(DEPTH, self._guard.depth_m)
             self._announcer.tell(SampleTaken, observation.time_s, sample=sample)

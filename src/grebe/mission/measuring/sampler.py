@@ -1,4 +1,4 @@
-"""Measures on the way: when a reading is due, where it belongs, and what is kept of it."""
+"""Takes samples during a mission: when a reading is due, where it belongs, and what is kept."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from grebe.core.survey import Target
 from grebe.links.base import BoatLink, Instruments, Observation, Reading
 from grebe.mission.measuring.sampling import Sampling
 
-# How long the boat's way is remembered for readings that come late [s], and how far beyond the last
-# estimate one may lie.
+# How long the boat's track is remembered for late readings, and how far beyond the last estimate a
+# reading may be [s].
 REMEMBERED_S, AHEAD_S = 30.0, 1.0
 
 
 class Sampler:
-    """Reads a boat's sonde where its mission wants a sample, and takes all that instruments apart
-    from the boat have measured, at their own rate, wherever the boat was.
+    """Reads a boat's sonde when the mission wants a sample. Takes all readings of instruments with
+    their own connections, at their own rate, wherever the boat was.
     """
 
     def __init__(
@@ -45,15 +45,15 @@ class Sampler:
         self.look_for(targets)
 
     def look_for(self, targets: Sequence[Target]) -> None:
-        """Say of samples in which of these targets they were taken."""
+        """Assign samples to these targets from now on."""
         self._targets = targets
         self._tree = shapely.STRtree([target.set.polygon for target in targets])
 
     def take(
         self, observation: Observation, time: datetime, entered: Sequence[Target], ahead: TargetSet
     ) -> Sample | None:
-        """Return the sample of an estimate that entered some targets and has one ahead; None where
-        none is due, none is wanted or there is no reading.
+        """Return the sample of an estimate that entered some targets and has the set `ahead` next;
+        None if no sample is due or wanted, or there is no reading.
         """
         if not entered and observation.time_s < self._next_s - 1e-9:
             return None
@@ -71,13 +71,13 @@ class Sampler:
     def instruments(
         self, observation: Observation, time_at: Callable[[float], datetime]
     ) -> list[Sample]:
-        """Return all that instruments apart from the boat have measured since the last estimate,
-        each where the boat was at its time; `time_at` turns seconds of the link into UTC.
+        """Return the samples of instruments with their own connections since the last estimate,
+        each placed where the boat was at the time; `time_at` converts the link's seconds to UTC.
         """
         if self._instruments is None:
             return []
         self._way.append((observation.time_s - observation.age_s, observation.state))
-        # The newest stays, however late it was heard.
+        # The newest entry stays, however late it arrived.
         while len(self._way) > 1 and self._way[0][0] < observation.time_s - REMEMBERED_S:
             self._way.popleft()
         found: list[Sample] = []
@@ -88,11 +88,11 @@ class Sampler:
         return found
 
     def notes(self) -> Sequence[tuple[str, str]]:
-        """What an operator should know of the instruments."""
+        """Return what an operator should know of the instruments, as codes and sentences."""
         return () if self._instruments is None else self._instruments.notes()
 
     def mute(self, now_s: float) -> tuple[str, float]:
-        """Which instrument is silent, empty where none is, and for how long [s]."""
+        """Return which instruments are silent, empty if none is, and for how long [s]."""
         names = () if self._instruments is None else self._instruments.silent
         if not names:
             self._mute_since_s = None
@@ -104,14 +104,16 @@ class Sampler:
     def _placed(
         self, reading: Reading, at_s: float, time_at: Callable[[float], datetime]
     ) -> Sample | None:
-        """A reading where the boat was; None where that is not known."""
+        """Return a reading as a sample where the boat was; None if its place is not known."""
         state = self._state_at(at_s)
         if state is None:
             return None
         return self._sample(state, time_at(at_s), self._containing(state), reading.values)
 
     def _state_at(self, at_s: float) -> State | None:
-        """The state on the line between two estimates, or the last one a little beyond it."""
+        """Return the state interpolated between two estimates, or the last state up to `AHEAD_S`
+        later; None outside.
+        """
         last_s, last = self._way[-1]
         if at_s >= last_s:
             return last if at_s - last_s <= AHEAD_S else None

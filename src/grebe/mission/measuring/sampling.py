@@ -1,4 +1,4 @@
-"""Which readings of the sonde are kept: a setting of the mission, handed in as a value."""
+"""Which readings of the sonde are kept: a setting of the mission, passed as a value."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Sampling(Protocol):
         ...
 
     def keeps(self, surge_mps: float, ahead: TargetSet, within: Sequence[Target]) -> bool:
-        """Tell whether a reading at this surge counts.
+        """Return whether a reading at this surge [m/s] is kept.
 
-        `ahead` is the current target set; `within` are the targets whose set, footprint and
-        speed window both, holds the state.
+        `ahead` is the current target set. `within` are the targets whose sets, in both footprint
+        and speed window, contain the state.
         """
         ...
 
@@ -38,8 +38,8 @@ def _check(period_s: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class InWindow:
-    """Every reading at a speed that suits the sensors: that of the set it lies in or, between
-    sets, that of the set the boat is on its way to. The default.
+    """Every reading at a speed that suits the sensors: in the window of the set that contains it
+    or, between sets, of the set for which the boat is heading. The default.
     """
 
     period_s: float = 1.0

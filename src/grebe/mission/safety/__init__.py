@@ -1,1 +1,1 @@
-"""Safety as states with reasons: pure functions that say at every estimate what a boat may do."""
+"""Safety: pure functions that decide at every estimate what a boat may do, and give the reason."""

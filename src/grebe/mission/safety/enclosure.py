@@ -1,4 +1,4 @@
-"""The fence of one mission: drawn where the boat begins, and drawn in where an area is closed."""
+"""The fence of one mission: drawn where the boat begins, and redrawn when an area is closed."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from grebe.mission.safety.states import Place
 
 @dataclass(kw_only=True)
 class Enclosure:
-    """The `fence` in force, None where there is none, and whether the boat has been inside: one
-    that is launched from land is `fenced` in once it is on the water.
+    """The `fence` in force, None if there is none, and whether it applies to the boat yet: a boat
+    launched from land is `fenced` once it is on the water.
 
-    An area in which the boat is when it is closed is fenced off once the boat has left it.
+    If an area is closed while the boat is in it, it is fenced off once the boat has left it.
     """
 
     fence: Fence | None = None
@@ -31,12 +31,12 @@ class Enclosure:
         self.fence = fence_of(survey.water, survey.no_go, place)
 
     def close(self, zones: Sequence[shapely.Polygon], place: Place) -> None:
-        """Draw the fence in by zones."""
+        """Exclude zones from the fence."""
         self._within += zones
         self._leave(place)
 
     def holds(self, place: Place) -> bool:
-        """Whether a boat's place is inside; what it has left by now is fenced off."""
+        """Whether a boat's place is inside. Closed areas that the boat has left are fenced off."""
         if self._within:
             self._leave(place)
         inside = self.fence is None or self.fence.holds(place)

@@ -1,11 +1,12 @@
 """The fence: a boat may go on as long as it could still stop inside.
 
-At every estimate the boat's motion is foreseen: the thrusts that it has, or is about to have, for
-the time that a reaction takes; then the law of `grebe.control.station`, which brakes with what the
-weaker thruster gives astern and, in a current or a wind, turns and holds. Where that leads out of
-the water, the law takes over at once. One estimate earlier the law would have stayed inside, so it
-does now: the braking distance is computed from Eq. (9) for this hull, speed, turn, current and
-wind, and nowhere assumed. (Safety by a backup policy: Gurriet et al. 2020, IEEE Access 8.)
+At every estimate the boat's motion is predicted: first under its present or planned thrusts, for
+the reaction time, and then under the law of `grebe.control.station`. That law brakes with the
+reverse thrust of the weaker thruster and, in a current or wind, turns the boat and holds it. If the
+prediction leaves the water, the law takes over at once. It would have kept the boat inside from the
+previous estimate, and therefore still does. The braking distance is never assumed, but computed
+from Eq. (9) for this hull, speed, turn, current and wind. (Safety by a backup policy: Gurriet et
+al. 2020, IEEE Access 8.)
 """
 
 from __future__ import annotations
@@ -27,45 +28,48 @@ from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Place
 
 STEP_S = 0.1
-# Nothing is foreseen further than this: a boat that is still under way then is on its way in. One
-# that takes longer to stop is foreseen for as long, up to a limit; beyond that it may not go on.
+# The prediction ends after `LONGEST_S` [s]: a boat still under way then is on its way in. For a
+# boat that takes longer to stop it lasts up to `MOST_S` [s]; if that is not enough, the boat may
+# not go on.
 LONGEST_S, MOST_S = 16.0, 120.0
-# Slower than this the boat has stopped [m/s].
+# A boat slower than this has stopped [m/s].
 STOPPED_MPS = 0.1
-# Less drift than this needs no turn against it [m/s].
+# The boat need not turn against a drift below this [m/s].
 NO_DRIFT_MPS = 0.05
-# On its way to the refuge: the cosine of the angle off it, and how far beyond it the boat may stop
-# [m].
+# A boat is on its way to its refuge if the cosine of the angle between its course and the refuge is
+# above `STRAIGHT`, and it stops at most `BEYOND_M` [m] beyond the refuge.
 STRAIGHT, BEYOND_M = 0.5, 1.0
-# What the outline, and a position in it, are rounded to [m].
+# The rounding of the outline, and of a position in it [m].
 ROUNDING_M = 0.02
-# How far inside the fence the boat goes back to, the first that it can see [m].
+# Distances inside the fence of possible refuges [m]. The boat uses the first of them to which it
+# has a straight path in the water.
 REFUGES_M = (2.0, 1.0, 0.5, 0.2, 0.0)
-# A boat whose thrusts an autopilot chooses strays from what is foreseen by this share of its way,
-# and by so much at most: what hulls unlike their model by a fifth were seen to do [m]. And it goes
-# on for so long more [s]: the autopilot ramps the speed that it holds, by 1 m/s^2 (ArduRover's
-# own default), and follows the ramp with a lag.
+# A boat whose autopilot chooses the thrusts strays from the predicted path by up to this share of
+# its length, and by at most `MOST_DOUBT_M` [m], as hulls that differed from their model by a fifth
+# did. It also takes longer to react, by `FOLLOWED_S` [s]: the autopilot ramps the speed that it
+# holds, by 1 m/s^2 (ArduRover's default), and follows the ramp with a lag.
 FOLLOWED_DOUBT, MOST_DOUBT_M, FOLLOWED_S = 0.3, 0.8, 1.0
-# Drift beyond this share of the boat's speed is not known to this share of itself; what it carries
-# the boat astray so, at most [m].
+# The part of a drift above `MILD_DRIFT_SHARE` of the boat's top speed is uncertain by `DRIFT_DOUBT`
+# of itself, and takes the boat off the predicted path by at most `MOST_UNSURE_M` [m].
 MILD_DRIFT_SHARE, DRIFT_DOUBT, MOST_UNSURE_M = 0.2, 0.15, 1.5
-# Drift is given so long to be answered, beside a turn, where no foresight is asked for because the
-# fence is far [s].
+# The time, besides that of a turn, allowed for countering a drift, in the distance at which the
+# fence is far enough to need no prediction [s].
 ANSWER_S = 4.0
 
 
-# A plan is followed for so long more before the boat is braked, where braking at once will not do.
+# If braking at once does not keep the boat inside, its plan is followed for one of these times
+# first [s].
 PLANS_S = (1.0, 2.5, 5.0)
 
-# Thrusts [N] so many seconds from now.
+# Thrusts [N] as a function of the time from now [s].
 Schedule = Callable[[float], tuple[float, float]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Escape:
-    """How a boat stops inside its fence: thrusts [N] for so many steps of `STEP_S`, then
-    `StationKeeper.keep` to a refuge; None where the fence is far. `way` (n, 2) is where it comes
-    so, as far as it was foreseen.
+    """How a boat stops inside its fence: with `thrusts` [N], one pair per step of `STEP_S`, and
+    then with `StationKeeper.keep` to a `refuge`, which is None if the fence is far. `way` (n, 2) is
+    the predicted path [m].
     """
 
     thrusts: tuple[tuple[float, float], ...]
@@ -75,7 +79,7 @@ class Escape:
 
 @dataclass(frozen=True, kw_only=True)
 class Fence:
-    """The water that the boat stays in: local polygons (x north, y east), no-go zones cut out."""
+    """The water in which the boat stays: local polygons (x north, y east) without no-go zones."""
 
     water: BaseGeometry
 
@@ -101,8 +105,8 @@ class Fence:
         return bool(shapely.intersects_xy(self._allowed, *place))
 
     def holds_way(self, places: np.ndarray, strays_m: np.ndarray | None = None) -> bool:
-        """Whether a way (n, 2) stays inside, also where the boat strays from it by `strays_m` (n,)
-        in any direction.
+        """Whether a path (n, 2) stays inside, even if the boat strays from it by `strays_m` (n,) in
+        any direction.
         """
         if not shapely.covers(self._allowed, shapely.linestrings(places)):
             return False
@@ -112,13 +116,13 @@ class Fence:
         return bool((away >= strays_m).all())
 
     def is_far(self, place: Place, distance_m: float) -> bool:
-        """Whether the fence is farther than this from a place inside it."""
+        """Whether a place is inside the fence and farther from it than `distance_m`."""
         point = shapely.Point(place)
         return self.holds(place) and not shapely.dwithin(self._line, point, distance_m)
 
     def less(self, taken: BaseGeometry, place: Place, reach_m: float) -> Fence:
-        """The fence within reach of a place and without what is taken; the whole of it where
-        nothing would be left.
+        """Return the fence within `reach_m` of a place, without the water `taken`; the complete
+        fence if nothing would be left.
         """
         left = shapely.clip_by_rect(
             self.water,
@@ -130,7 +134,9 @@ class Fence:
         return Fence(water=left) if left.area > 0 else self
 
     def refuge(self, place: Place) -> Place:
-        """The nearest place well inside to which the way is water; the nearest of all without."""
+        """Return the nearest place well inside to which a straight path stays in the water; without
+        one, the place nearest to the fence.
+        """
         point = shapely.Point(place)
         nearest = place
         for inner in self._inner:
@@ -143,7 +149,7 @@ class Fence:
 
 
 def fence_of(water: shapely.Polygon, no_go: Sequence[shapely.Polygon], place: Place) -> Fence:
-    """Return the fence of a survey: its water less its no-go zones, the part nearest to a place."""
+    """Return the fence of a survey: of its water without no-go zones, the part nearest a place."""
     left = water.difference(shapely.union_all(list(no_go))) if no_go else water
     parts = [p for p in shapely.get_parts(left) if isinstance(p, shapely.Polygon) and p.area > 0]
     point = shapely.Point(place)
@@ -161,12 +167,12 @@ def escape(
     doubt: float = 0.0,
     foresees: bool = False,
 ) -> Escape | None:
-    """Return how the boat could stop inside if it went on now; None where it could not.
+    """Return how the boat could stop inside if it went on now; None if it could not.
 
-    `ahead` are the thrusts that it is about to have. It could brake after the reaction time; or, in
-    the middle of a turn along the shore, after it has followed its plan for a little longer. From
-    what is foreseen it may stray by a share `doubt` of the way (`_strays`). With `foresees` its way
-    is foreseen also where the fence is far.
+    `ahead` are its planned thrusts. It may brake after the reaction time or, in the middle of a
+    turn along the shore, after it has followed its plan a little longer. It may stray from the
+    predicted path by a share `doubt` of the path's length (`_strays`). With `foresees` the path is
+    predicted even if the fence is far.
     """
     place = (state[0], state[1])
     reaction = math.ceil((reaction_s + keeper.vessel.thruster_lag_s) / STEP_S - 1e-9)
@@ -185,8 +191,8 @@ def escape(
 
 
 def _strays(way: np.ndarray, vessel: Vessel, weather: Weather, doubt: float) -> np.ndarray:
-    """How far (n,) a boat may stray [m] from a way that is foreseen: by a share `doubt` of what it
-    has gone, and where it is carried along fast by a share of that.
+    """Return how far (n,) a boat may stray [m] from its predicted path: by a share `doubt` of the
+    distance covered, and in a strong drift by a share of that.
     """
     strays = np.zeros(len(way))
     if doubt > 0:
@@ -197,8 +203,8 @@ def _strays(way: np.ndarray, vessel: Vessel, weather: Weather, doubt: float) -> 
 
 
 def _unsure_mps(vessel: Vessel, weather: Weather) -> float:
-    """How unsure a strong drift is [m/s]: estimated late where it rises, and felt by a hull as its
-    model says only where it lies along it.
+    """Return the uncertainty of a strong drift [m/s]. Its estimate is late if the drift rises, and
+    the model of the hull describes its effect only along the hull.
     """
     strong = drift_mps(vessel, weather) - MILD_DRIFT_SHARE * vessel.speed_max_mps
     return DRIFT_DOUBT * max(strong, 0.0)
@@ -212,8 +218,9 @@ def foreseen(
     weather: Weather,
     refuge: Place,
 ) -> np.ndarray:
-    """Return the states (n, 6), `STEP_S` apart, of a boat that has some thrusts, one for each step,
-    and then follows `StationKeeper.keep` to a refuge until it has stopped or is on its way there.
+    """Return the predicted states (n, 6), `STEP_S` apart, of a boat that has one pair of `thrusts`
+    per step and then follows `StationKeeper.keep` to a refuge, until it has stopped or is on its
+    way there.
     """
     vessel, wind = keeper.vessel, np.asarray(weather.as_tuple())
     parameters = parameter_vector(vessel, wind)
@@ -238,7 +245,9 @@ def foreseen(
 
 
 def stopping_s(keeper: StationKeeper, speed: float) -> float:
-    """How long a boat takes to stop by its weaker thruster's reverse thrust alone [s]."""
+    """Return the time that a boat takes to stop with its weaker thruster's reverse thrust on both
+    sides, or by drag if that is stronger [s].
+    """
     boat = keeper.vessel
     force = -2 * keeper.weaker_share * boat.thrust_min_n
     slowing = max(force, boat.surge_drag_n(0.5 * speed))
@@ -248,7 +257,9 @@ def stopping_s(keeper: StationKeeper, speed: float) -> float:
 def _ends_under_way(
     way: np.ndarray, given: int, keeper: StationKeeper, weather: Weather, refuge: Place
 ) -> bool:
-    """Whether a boat that takes long to stop goes on outwards where what is foreseen ends."""
+    """Whether a boat that takes long to stop still moves away from its refuge at the end of the
+    prediction.
+    """
     if len(way) <= given + round(LONGEST_S / STEP_S) + 1:
         return False
     north, east, heading, surge, sway, _ = way[-1].tolist()
@@ -262,7 +273,7 @@ def _ends_under_way(
 def reckoned(
     vessel: Vessel, state: State, thrusts: tuple[float, float], weather: Weather, seconds: float
 ) -> State:
-    """Return where Eq. (9) has the boat after so long under the same thrusts."""
+    """Return the state by Eq. (9) after `seconds` of constant thrusts."""
     ahead = np.empty(6)
     substeps = max(2, math.ceil(seconds * vessel.fastest_rate_hz))
     parameters = parameter_vector(vessel, np.asarray(weather.as_tuple()))
@@ -280,8 +291,8 @@ def braking_distance_m(
     reaction_s: float = 0.3,
     weaker_share: float = 0.9,
 ) -> float:
-    """Return how far [m] a boat that heads north at a surge comes before it stops over ground, with
-    its thrusts held for the reaction time.
+    """Return the distance [m] that a boat heading north at a surge covers until it stops over
+    ground, if it keeps its thrusts for the reaction time and then brakes.
     """
     each = 0.5 * vessel.surge_drag_n(surge_mps)
     keeper = StationKeeper(vessel=vessel, weaker_share=weaker_share)
@@ -300,7 +311,9 @@ def braking_distance_m(
 
 
 def _has_stopped(state: np.ndarray, room_m: float, drift_mps: float, fence: Fence) -> bool:
-    """Whether the boat lies still, with `room_m` to drift in until it has turned against it."""
+    """Whether the boat has stopped, with `room_m` [m] to drift in until it has turned against the
+    drift.
+    """
     north, east, _, surge, sway, _ = state.tolist()
     if abs(surge) > STOPPED_MPS or math.hypot(surge, sway) > STOPPED_MPS + drift_mps:
         return False
@@ -308,9 +321,7 @@ def _has_stopped(state: np.ndarray, room_m: float, drift_mps: float, fence: Fenc
 
 
 def _arrives(state: np.ndarray, refuge: Place, keeper: StationKeeper) -> bool:
-    """Whether the boat is on its way to the refuge, or there, and stops no farther beyond it than
-    the refuge lies inside.
-    """
+    """Whether the boat moves towards its refuge and stops at most `BEYOND_M` beyond it."""
     north, east, heading, surge, sway, _ = state.tolist()
     speed = math.hypot(surge, sway)
     to_north, to_east = refuge[0] - north, refuge[1] - east
@@ -326,7 +337,9 @@ def _arrives(state: np.ndarray, refuge: Place, keeper: StationKeeper) -> bool:
 def _surely_enough_m(
     keeper: StationKeeper, state: State, weather: Weather, reaction_s: float
 ) -> float:
-    """A distance that no braking needs: beyond it nothing has to be foreseen."""
+    """Return a distance [m] that no braking exceeds: with the fence farther away, no prediction is
+    needed.
+    """
     vessel = keeper.vessel
     speed = math.hypot(state[3], state[4])
     held = reaction_s + STEP_S

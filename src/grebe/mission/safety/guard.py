@@ -1,7 +1,7 @@
-"""The guard: asks the state machine at every estimate, and steers where the survey does not.
+"""The guard: runs the state machine at every estimate, and steers when the survey's helm does not.
 
-What the machine may not know - the survey's water, the way home, the battery's report - is found
-out here; what it decides is told as an event, and done.
+The state machine is pure, so the guard collects its facts, such as the survey's water, the route
+home and the reported battery. It reports each decision as an event and carries it out.
 """
 
 from __future__ import annotations
@@ -42,27 +42,27 @@ from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
 from grebe.mission.safety.stopping import Stopping, Thrusts
 from grebe.mission.safety.way_home import Pilot, UnderWay, WayHome, default_pilot
 
-# A blind boat that is reckoned to be slower than this is not braked any more [m/s].
+# A blind boat is braked until dead reckoning gives a surge below this [m/s].
 LEAST_WAY_MPS = 0.05
-# What is known of a boat that has not said anything.
+# The status of a boat that has not reported any.
 NOTHING_SAID = BoatStatus(mode="", armed=False)
-# Share of reverse thrust with which a boat is freed.
+# The share of full reverse thrust used to free a boat.
 ASTERN_SHARE = 0.8
 
 
 class Tells(Protocol):
-    """Whoever hears of a change: when, the states, the cause's code, a sentence."""
+    """Receives changes of state: the time, the two states, the cause's code, and a sentence."""
 
     def __call__(self, time_s: float, *, before: str, after: str, code: str, message: str) -> None:
-        """Hear of a change."""
+        """Receive a change."""
         ...
 
 
 class Guard:
-    """Watches over one mission; `tell` hears of every change of state; `lookout` of a fleet.
+    """Guards one mission; `tell` receives every change of state; `lookout` is for boats in a fleet.
 
-    `by_motion`: an autopilot holds the boat's motion, and is not known to the last. `waits`: the
-    boat's time is not the clock's, and nothing is worked out beside it.
+    `by_motion`: an autopilot holds the boat's motion, and how it does so is not known exactly.
+    `waits`: the boat's time is not the clock's, so nothing is computed in the background.
     """
 
     def __init__(
@@ -81,9 +81,9 @@ class Guard:
         self._survey, self._vessel, self._settings = survey, vessel, settings
         self._stopping = Stopping(vessel, settings, lookout, by_motion=by_motion)
         self._tell = tell
-        # Faults show beside the boat as it was said to be, not as its faults have made it.
+        # Faults are detected against the original model, not against one corrected for the faults.
         self._as_said = vessel
-        # When the boat must be home for the light's sake, on the link's clock.
+        # The time by which the boat must be home because of daylight, on the link's clock.
         until = settings.until
         self._dark_s = math.inf if until is None else (until - started).total_seconds()
         self._pilot = pilot or default_pilot(vessel)
@@ -99,19 +99,19 @@ class Guard:
         self._before_s = 0.0
         self._used_wh = settings.used_wh or 0.0
         self.depth_m: float | None = None
-        # An instrument that is silent, and for how long.
+        # The name of a silent instrument, and for how long it has been silent [s].
         self.mute: tuple[str, float] = ("", 0.0)
 
     def take_for(self, vessel: Vessel) -> None:
-        """Judge another boat from now on: it is not what it was said to be."""
+        """Judge by the corrected model `vessel` from now on."""
         self._vessel = self._stopping.vessel = vessel
 
     def take_order(self, survey: Survey) -> None:
-        """Judge another order of the same survey from now on."""
+        """Judge by another order of the same survey from now on."""
         self._survey = replace(survey, no_go=self._survey.no_go)
 
     def close(self, zones: Sequence[shapely.Polygon], observation: Observation) -> None:
-        """Keep the boat, and its ways home, out of zones from now on."""
+        """Keep the boat, and its routes home, out of zones from now on."""
         place = (observation.state[0], observation.state[1])
         self._survey = replace(self._survey, no_go=(*self._survey.no_go, *zones))
         if self._settings.fence and self._began_s is not None:
@@ -128,8 +128,8 @@ class Guard:
                 self._memory = replace(self._memory, place=held.refuge(self._memory.place))
 
     def _take_next_home(self, observation: Observation) -> None:
-        """Go home by ways that keep out of what was closed, once these are measured: until then the
-        fence alone keeps the boat out.
+        """Use routes home that avoid the closed areas, once these are computed. Until then only the
+        fence keeps the boat out.
         """
         if self._next_home is None or not self._next_home.is_measured:
             return
@@ -138,39 +138,39 @@ class Guard:
             self._set_out_for_home(observation)
 
     def waits_at(self, observation: Observation, weather: Weather, place: Place) -> Thrusts:
-        """Return the thrusts that keep the boat at a place, while it waits for where to go."""
+        """Return the thrusts that keep the boat at a place while it waits for a route."""
         return self._stopping.keeper.keep(observation.state, weather, place)
 
     def ask(self, request: Request, why: str) -> None:
-        """Ask something; it is answered at the next estimate. Safe from any thread."""
+        """Make a request, which is answered at the next estimate. Thread-safe."""
         if self._lookout and request is Request.HOME:
             self._lookout.is_called = True
         self._asked.append(Asked(request=request, why=why))
 
     @property
     def state(self) -> SafetyState:
-        """What the boat does."""
+        """What the boat does now."""
         return self._memory.state
 
     @property
     def end(self) -> tuple[EndReason, str] | None:
-        """Why the mission ends; None while it goes on."""
+        """Why the mission ends; None while it continues."""
         reason = self._memory.end
         return None if reason is None else (reason, self._memory.message)
 
     @property
     def used_wh(self) -> float:
-        """What the drives have taken since the harbour, as far as their thrusts tell [Wh]."""
+        """The energy used by the drives since the harbour, computed from their thrusts [Wh]."""
         return self._used_wh
 
     def crowded_s(self, time_s: float) -> float:
-        """How long the boat has waited for others to leave its way [s]."""
+        """How long the boat has waited for others to clear its path [s]."""
         waits = self.state is SafetyState.HOLDING and self._memory.cause is Cause.TRAFFIC
         return time_s - self._memory.since_s if waits else 0.0
 
     @property
     def helm(self) -> Helm | None:
-        """Who steers the way home; None while the survey is steered, or nobody has to."""
+        """The helm of the route home; None unless the boat is returning."""
         way = self._way
         return None if way is None else way.helm
 
@@ -183,8 +183,8 @@ class Guard:
         status: BoatStatus = NOTHING_SAID,
         ahead: Schedule | None = None,
     ) -> None:
-        """Judge an estimate, to which orders of `thrusts` have led; `ahead` are the thrusts that
-        the boat is going to have, the same without them.
+        """Judge an estimate. `thrusts` led to it; `ahead` are the planned thrusts, by default the
+        same.
         """
         if self._began_s is None:
             self._begin(observation)
@@ -194,7 +194,7 @@ class Guard:
         if self.state is SafetyState.RETURNING:
             self._home.follow(observation)
         facts = self._facts(observation, weather, thrusts, reached, status)
-        # Each is taken out by itself: another thread may ask meanwhile.
+        # Requests are removed one by one, because another thread may add one meanwhile.
         asked = tuple(self._asked.popleft() for _ in range(len(self._asked)))
         self.depth_m = None
         after = advised(self._memory, facts, self._settings, self._as_said, asked)
@@ -209,8 +209,8 @@ class Guard:
     def permitted(
         self, observation: Observation, ahead: Schedule, weather: Weather, reached: int
     ) -> bool:
-        """Whether the boat may have the thrusts that are ahead of it, until the next estimate;
-        where it may not, the guard steers from now on.
+        """Whether the boat may have the thrusts `ahead` until the next estimate; if not, the guard
+        steers from now on.
         """
         drives = self.state not in (SafetyState.HOLDING, SafetyState.STOPPED)
         fence = self._enclosure.fence
@@ -229,7 +229,7 @@ class Guard:
         return False
 
     def _look_out(self, observation: Observation, facts: Facts) -> None:
-        """Say where the boat would go; where it waits for others, make room or go on."""
+        """Announce where the boat wishes to go; if it waits for others, make room or go on."""
         lookout, fence = self._lookout, self._enclosure.fence
         if lookout is None or fence is None:
             return
@@ -254,7 +254,7 @@ class Guard:
         lookout.claim(np.array([facts.place, self._memory.place]))
 
     def _in_others_way(self, lookout: Lookout, facts: Facts, ahead: Place | None) -> Memory | None:
-        """What a boat does that waits for others, if it need not wait on, or must not."""
+        """Return the memory of a boat that has waited for others; None if it waits on."""
         memory, waited_s = self._memory, facts.time_s - self._memory.since_s
         if waited_s <= LEAST_WAIT_S:
             return None
@@ -267,7 +267,9 @@ class Guard:
         )
 
     def _next_places(self, reached: int) -> list[Place]:
-        """Where the boat goes next, or would go on to; none where it has nowhere to go."""
+        """Return the centres of the sets ahead of the boat, those that it would resume while it
+        holds its position; none if no set is left.
+        """
         going = self._memory.resumes if self.state is SafetyState.HOLDING else self.state
         way = self._home.under_way if going is SafetyState.RETURNING else None
         sets, done = (way.survey.sets, way.helm.reached) if way else (self._survey.sets, reached)
@@ -275,7 +277,7 @@ class Guard:
         return [(float(north), float(east)) for north, east in centres]
 
     def own_thrusts(self, observation: Observation, weather: Weather) -> Thrusts | None:
-        """Return what the guard itself steers with; None where a helm does."""
+        """Return the guard's own thrusts; None if a helm steers."""
         if self.state is SafetyState.STOPPED:
             return 0.0, 0.0
         if self.state is SafetyState.HOLDING:
@@ -291,14 +293,14 @@ class Guard:
 
     @property
     def reckoned(self) -> State | None:
-        """Where a boat that sees nothing is by dead reckoning."""
+        """The state of a blind boat by dead reckoning; None if the boat is not blind."""
         return self._reckoned and self._reckoned[1]
 
     def blind(
         self, seen: Observation, now: Observation, thrusts: Thrusts, weather: Weather
     ) -> Thrusts:
-        """Return what takes a blind boat's way off, which was last `seen` and has had `thrusts`
-        since the last call; nothing once it must have stopped.
+        """Return the thrusts that brake a blind boat, and none once it must have stopped. The boat
+        was last `seen` then, and has had `thrusts` since the last call.
         """
         seconds = now.time_s - seen.time_s
         self._say(blinded(self._memory, now.time_s, seconds, self._settings))
@@ -355,7 +357,7 @@ class Guard:
     def _cost_home(
         self, observation: Observation, weather: Weather, status: BoatStatus
     ) -> tuple[float | None, float]:
-        """Time [s] and energy [Wh] home; None, 0 where nobody must know them."""
+        """Return the time [s] and energy [Wh] home; None and 0 if they are not needed."""
         memory = self._memory
         asks = self._settings.watches_home or status.battery_share is not None
         asks = asks or bool(self._asked or memory.asked)
@@ -366,11 +368,11 @@ class Guard:
 
     @property
     def _way(self) -> UnderWay | None:
-        """The way home that is being sailed; None where the boat does something else."""
+        """The route home that is being sailed; None unless the boat is returning."""
         return self._home.under_way if self.state is SafetyState.RETURNING else None
 
     def _become(self, after: Memory, observation: Observation) -> None:
-        """Take a new state; a boat that is sent home is given a way."""
+        """Take a new state, and set out on a route if it sends the boat home."""
         before = self.state
         self._say(after)
         if after.state is SafetyState.RETURNING and before is not SafetyState.RETURNING:

@@ -1,4 +1,4 @@
-"""A boat's lookout: what of the others its guard has to know, and what the others know of it."""
+"""A boat's lookout: what its guard needs to know of the other boats, and what they know of it."""
 
 from __future__ import annotations
 
@@ -21,31 +21,33 @@ from grebe.mission.spent import AT_HARBOUR_M
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# So far ahead a boat says where it wishes to go [m], through no more sets than this; it goes on
-# when its way to the first of them is clear, or as much of it.
+# A boat announces where it wishes to go this far ahead [m], through at most this many sets. A
+# waiting boat goes on once its path to the first of them is clear, or this length of the path.
 WISH_M, WISHED_SETS = 12.0, 8
-# Boats farther apart than this need no lookout: two of them stop within less.
+# Boats farther apart than this need no lookout: two of them stop within less [m].
 NEAR_M = 60.0
-# A boat that waits, waits so long at least, and at most: then others stand in its way for good [s].
+# The least and the longest time that a boat waits; after the longest, the others block it for good
+# [s].
 LEAST_WAIT_S, LONGEST_WAIT_S = 2.0, 600.0
-# Boats that have waited so long on the way to one place, and wait for each other, are stuck; after
-# so long it has not helped that one of them makes way [s].
+# Boats that wait for each other are stuck once they have waited for `STUCK_S` on their path to one
+# place. After `LONG_STUCK_S` it has not helped that one of them made way [s].
 STUCK_S, LONG_STUCK_S = 6.0, 60.0
-# With each time that it is refused on its way to a place a boat asks for so much more room beside
-# it, up to the second: a large hull turns wide [m].
+# Each time that a boat is refused on its path to a place, it requires `MORE_ROOM_M` more room
+# beside the path, up to `MOST_ROOM_M`: a large hull turns wide [m].
 MORE_ROOM_M, MOST_ROOM_M = 1.0, 12.0
 
 
 @dataclass
 class Lookout:
-    """What one boat, by its number, sees of a fleet's traffic. `is_done`: it has nothing left to
-    do, and makes room for all. `room_m`: what it asks for beside its way `towards` a place.
+    """The view that one boat, given by its number, has of a fleet's traffic.
 
-    `harbour`: where it is launched, and taken ashore when it comes home; None for a boat that lies
-    on the water before and after; `is_afloat` where it is on it already. `renewed`: causes of going
-    home that are none any more once it is there, such as a spent battery. `waited_s`: how long it
-    has waited for others on its way to that place. `gave_way`: it went home for their sake;
-    `is_spent`: for what is renewed there; `is_called`: because somebody asked it to.
+    `is_done`: the boat has nothing left to do and makes room for all others. `room_m` is the room
+    that it requires beside its path `towards` a place, and `waited_s` the time that it has waited
+    for others on that path. `harbour` is where it is launched and taken ashore, or None for a boat
+    that is on the water before and after; `is_afloat` says whether it is on the water now.
+    `renewed` are the causes of going home that end there, such as a spent battery. The boat went
+    home to make way for others (`gave_way`), for a cause that ends there (`is_spent`), or on
+    request (`is_called`).
     """
 
     traffic: Traffic
@@ -64,8 +66,8 @@ class Lookout:
     _approach: Approach = field(default_factory=Approach)
 
     def launches(self, place: Place) -> bool:
-        """Whether the boat is on the water: one that is ashore waits until its place is neither
-        claimed nor wished by another.
+        """Whether the boat is on the water. A boat ashore is launched once no other boat claims
+        its place or wishes to go there.
         """
         if self.is_afloat:
             return True
@@ -76,17 +78,19 @@ class Lookout:
 
     @property
     def sails_again(self) -> bool:
-        """Whether nothing keeps the boat, once home, from setting out for what it has left."""
+        """Whether the boat, once home, may set out again for its remaining targets."""
         return (self.gave_way or self.is_spent) and not self.is_called
 
     def sent_home(self, cause: Cause | None) -> None:
-        """The boat goes home: for others, for what is renewed there, or for what is wrong."""
+        """Note that the boat goes home: for other boats, for a cause that ends there, or for a
+        fault.
+        """
         self.gave_way = self.gave_way or cause is Cause.TRAFFIC
         self.is_spent = self.is_spent or cause in self.renewed
 
     def goes(self, place: Place, time_s: float) -> None:
-        """The boat is under way. One whose plans no longer bring it nearer to where it goes, for
-        others are there, waits for these as one does that has been stopped.
+        """Note that the boat is under way. If its plans no longer bring it nearer to its place
+        because other boats are there, it waits for them as a stopped boat does.
         """
         self._seen_s = None
         self._approach = self._approach.seen(place, self.towards, time_s)
@@ -100,8 +104,10 @@ class Lookout:
     def waits(
         self, place: Place, towards: Place, time_s: float, held_s: float, home_m: float
     ) -> Stuck:
-        """Say that the boat, held for so long, waits to go on towards a place, and how long its
-        way home is [m], infinite where it cannot make way so; return what it is to do.
+        """Note that the boat waits to go on towards a place, and return what it is to do.
+
+        It has been held for `held_s`. `home_m` is the length of its route home [m], infinite if it
+        cannot make way by going home.
         """
         self.waited_s += 0.0 if self._seen_s is None else time_s - self._seen_s
         self._seen_s, self._approach = time_s, Approach()
@@ -115,50 +121,50 @@ class Lookout:
             return stuck
         if math.isfinite(home_m):
             return Stuck.GOES_HOME
-        # On its way to a harbour others end before it: it waits for as long as they sail.
+        # On its route to a harbour it waits as long as others sail: they may end before it.
         waits_on = self.harbour is not None and not self.traffic.is_blocked_for_good(self.boat)
         return Stuck.WAITS if waits_on else Stuck.GIVES_UP
 
     @property
     def is_alone(self) -> bool:
-        """Whether no other boat sails any more."""
+        """Whether no other boat is sailing any more."""
         return self.traffic.is_alone(self.boat)
 
     def over(self, place: Place, *, came_home: bool) -> None:
-        """The boat is over: where it has come home it is taken ashore, else it lies where it is."""
+        """End the boat's mission: it is taken ashore if it came home, and otherwise stays."""
         harbour = self.harbour
         near = harbour is not None and math.dist(place, harbour) < AT_HARBOUR_M
         self.traffic.leave(self.boat, ashore=came_home and near)
 
     def is_near(self, place: Place) -> bool:
-        """Whether another boat is so near that its claim matters."""
+        """Whether another boat is near enough for its claim to matter."""
         return self.traffic.nearest_m(self.boat, place) < NEAR_M
 
     def fence(self, fence: Fence, place: Place) -> Fence:
-        """What the others leave of a fence about a place: neither claimed, nor wished by who goes
-        first.
+        """Return the fence around a place, without the water that others claim, or that those with
+        precedence wish to cross.
         """
         return fence.less(self._blocked(), place, NEAR_M)
 
     def claim(self, way: NDArray[np.float64]) -> bool:
-        """Claim a way (n, 2); False where another holds it."""
+        """Claim a path (n, 2) [m]; return False if another boat holds it."""
         return self.traffic.claim(self.boat, way)
 
     def announce(self, plan: Announced) -> None:
-        """Say where the boat is going to be."""
+        """Announce where the boat is going to be."""
         self.traffic.announce(self.boat, plan)
 
     def announced(self, place: Place) -> list[Announced]:
-        """Where others are going to be that are near to a place."""
+        """Return where the others are going to be, if any of them is near to a place."""
         return self.traffic.announced(self.boat) if self.is_near(place) else []
 
     def refused(self) -> None:
-        """The boat has to wait: it asks for more room from now on."""
+        """Note that the boat has to wait; it requires more room from now on."""
         self.room_m = min(self.room_m + MORE_ROOM_M, MOST_ROOM_M)
 
     def wish(self, place: Place, *places: Place) -> None:
-        """Say where the boat would go next, from a place through others; towards another first one
-        than before it needs no more room than others.
+        """Announce where the boat would go next, from a place through others. When the first of
+        these changes, the required room and the time waited start again from zero.
         """
         towards = places[0] if places else None
         if towards != self.towards:
@@ -168,14 +174,17 @@ class Lookout:
         self.traffic.wish(self.boat, way, self.room_m)
 
     def is_clear(self, place: Place, towards: Place) -> bool:
-        """Whether the next piece of the way is neither claimed nor wished by others."""
+        """Whether no other boat claims the next piece of the path, and none with precedence wishes
+        to cross it.
+        """
         way = shapely.LineString(_way_to(place, towards))
         return not self._blocked().intersects(way)
 
     def place_to_wait(self, fence: Fence, place: Place) -> Place:
-        """Where to wait in nobody's way, if a straight way leads there; else where the boat is.
+        """Return where to wait in nobody's way if a straight path leads there, and otherwise
+        `place`.
 
-        So one that has stopped a little nearer to another than it may set out from backs off.
+        A boat that has stopped too near to another to set out again thus backs off.
         """
         if not self._blocked().intersects(shapely.Point(place)):
             return place
@@ -183,7 +192,7 @@ class Lookout:
         way = shapely.LineString([place, refuge])
         if not fence.holds_way(np.array([place, refuge])):
             return place
-        # One that lies within another's distance already may leave it, and not cross it.
+        # A boat that is already too near to another may move away from it, but not cross its water.
         inner = self.traffic.taken(self.boat).buffer(-WANDER_M)
         return place if inner.intersects(way) else refuge
 
@@ -195,7 +204,7 @@ class Lookout:
 
 
 def _way_to(*places: Place) -> NDArray[np.float64]:
-    """The beginning (n, 2) of the way through some places, `WISH_M` of it at most."""
+    """Return the first `WISH_M` of the path (n, 2) through some places, or all of a shorter one."""
     corners = np.array(places)
     gone_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     within = gone_m < WISH_M
@@ -206,8 +215,8 @@ def _way_to(*places: Place) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, kw_only=True)
 class InFleet:
-    """What a mission has to know of the fleet that its boat is one of: `lookout` is the boat's, and
-    `stands_by` says whether it is to wait when it is done, for others still sail.
+    """What a mission has to know of its boat's fleet: the boat's `lookout`, and `stands_by`, which
+    returns whether a boat that is done has to wait because others still sail.
     """
 
     lookout: Lookout

@@ -1,8 +1,8 @@
-"""The state machine: what the boat may do from an estimate on, from what is remembered and known.
+"""The state machine: what the boat may do from an estimate on, given its memory and the facts.
 
-`advised` is a pure function. What stops the boat is asked first, then what it must get out of, then
-what sends it home; somebody's request comes before the boat's own judgement of time and battery.
-Each cause has its row in docs/safety.md.
+`advised` is a pure function. It checks first for causes to stop, then for causes to get free, and
+then for causes to go home; a request comes before the boat's own judgement of time and battery.
+Each cause has a row in docs/safety.md.
 """
 
 from __future__ import annotations
@@ -31,17 +31,18 @@ from grebe.mission.safety.stuck import Motion, held_fast, watched_motion
 from grebe.mission.safety.thrusters import dead_thruster, watched_turning
 from grebe.mission.safety.waiting import Stuck
 
-# A boat that is braked at the fence goes on when it has been braked for so long [s], is slower than
-# this [m/s] and as near to its refuge [m]; or after a time, for a wind may keep it off that [s].
+# A boat that was braked at the fence resumes after `BRAKED_S` [s] if it is slower than `SLOW_MPS`
+# and within `BACK_M` [m] of its refuge; otherwise after `LONGEST_S` [s], because wind may keep it
+# away from the refuge.
 BRAKED_S, SLOW_MPS, BACK_M, LONGEST_S = 1.0, 0.4, 1.6, 20.0
-# A boat that is outside its fence for so long cannot keep it [s].
+# A boat that is outside its fence for this long cannot keep inside it [s].
 OUTSIDE_S = 60.0
-# A boat to which current and wind leave less than this share of its speed goes home, after so long
-# [s]: what rises may rise further.
+# A boat goes home if current and wind leave it less than this share of its speed for this long [s]:
+# they may become stronger still.
 TIRED_SHARE, TIRED_S = 0.35, 5.0
-# A boat that has fallen no further behind its thrust moves freely [m].
+# A boat that is at most this far behind the distance that its thrust should give moves freely [m].
 UNHELD_M = 1.0
-# The speed that the boat must have in hand over the current to make headway [m/s].
+# The least speed over the current that counts as headway [m/s].
 LEAST_REACH_MPS = 0.05
 
 
@@ -52,9 +53,10 @@ def advised(
     vessel: Vessel,
     asked: tuple[Asked, ...] = (),
 ) -> Memory:
-    """Return what the boat does from this estimate on, and why.
+    """Return the memory from this estimate on: what the boat does, and why.
 
-    What is `asked` in an estimate at which the boat has to be stopped or freed is answered after.
+    If the boat has to be stopped or freed at this estimate, the requests `asked` are answered
+    later.
     """
     asked = (*memory.asked, *asked)
     seen = _watched(memory, facts, settings, vessel, asked)
@@ -71,7 +73,7 @@ def advised(
 
 
 def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
-    """What the boat does by its own judgement."""
+    """Return the memory of a boat that acts by its own judgement, without a request."""
     if memory.state is SafetyState.SURVEYING or _waits_in_the_survey(memory):
         finding = must_go_home(memory.battery, facts, settings) or _tired(memory, facts)
         if finding is not None:
@@ -87,8 +89,8 @@ def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
 
 
 def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge: Place) -> Memory:
-    """Return what the boat does that could not stop inside any more if it went on: it is braked
-    and goes back to a refuge, a few times; then it goes home, or ends.
+    """Return the memory of a boat that could no longer stop inside the fence if it went on: it
+    brakes and goes back to a refuge. After a few times it goes home, or its mission ends.
     """
     if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
         return memory
@@ -106,8 +108,8 @@ def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge:
 
 
 def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
-    """Return what the boat does that would come too near to another: it stops, and waits where it
-    is in nobody's way.
+    """Return the memory of a boat that would come too near to another: it stops, and waits at a
+    `refuge` where it is in nobody's way.
     """
     if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
         return memory
@@ -117,7 +119,7 @@ def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
 
 
 def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | None:
-    """Return what a boat does that waits for others, by how it is stuck; None where it waits on."""
+    """Return the memory of a boat that waits for others, by how `stuck` it is; None to wait on."""
     match stuck:
         case Stuck.WAITS:
             return None
@@ -134,14 +136,14 @@ def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | Non
 
 
 def gone_on(memory: Memory, facts: Facts, why: str = "the way is clear of other boats") -> Memory:
-    """Return what the boat does that waited for another, now that its way is clear."""
+    """Return the memory of a boat that waited for others, once its path is clear."""
     finding = Finding(cause=Cause.CLEAR, message=why)
     return changed(memory, facts, memory.resumes, finding)
 
 
 def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySettings) -> Memory:
-    """Return what the boat does without an estimate for so long: it is stopped where it is, as far
-    as that can be reckoned, and after a time the mission ends.
+    """Return the memory of a boat after `seconds` without a usable estimate: it stops, as far as
+    dead reckoning allows. After `settings.blind_s` its mission ends.
     """
     if memory.state is SafetyState.STOPPED:
         return memory
@@ -153,7 +155,7 @@ def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySetti
     if memory.cause is Cause.BLIND:
         return memory
     passing = memory.state in (SafetyState.HOLDING, SafetyState.FREEING)
-    # Who was told to hold its place holds it once it sees again.
+    # A boat that was asked to hold its position does so again once it gets estimates.
     held = memory.cause is Cause.HOLD
     again = (Asked(request=Request.HOLD, why=memory.message),) if held else ()
     return replace(
@@ -168,7 +170,7 @@ def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySetti
 
 
 def without_way_home(memory: Memory, time_s: float, why: str) -> Memory:
-    """Return the end of a mission whose boat was sent home where no way leads there."""
+    """Return the memory of a boat that was sent home but has no route there: its mission ends."""
     return replace(
         memory,
         state=SafetyState.STOPPED,
@@ -179,8 +181,8 @@ def without_way_home(memory: Memory, time_s: float, why: str) -> Memory:
 
 
 def shut_in(memory: Memory, observation: Observation, why: str) -> Memory:
-    """Return what a boat does that is sent home where a closed area lies across the way: it holds
-    its place until somebody opens one, or has it fetched.
+    """Return the memory of a boat that is sent home but shut in by a closed area: it holds its
+    position until somebody opens the area or fetches the boat.
     """
     return replace(
         memory,
@@ -200,7 +202,7 @@ def _watched(
     vessel: Vessel,
     asked: tuple[Asked, ...],
 ) -> Memory:
-    """What is remembered, with this estimate and what was asked in it."""
+    """Return the memory, updated with this estimate and its requests."""
     drives = memory.state in (SafetyState.SURVEYING, SafetyState.RETURNING)
     motion = watched_motion(memory.motion, facts, vessel, settings.least_depth_m)
     if memory.reached != facts.reached:
@@ -225,7 +227,9 @@ def _watched(
 
 
 def _stops(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
-    """What ends the mission at once."""
+    """Return the memory of a boat whose mission has to end at once, or that a current carries off;
+    None if there is no such cause.
+    """
     dead = dead_thruster(memory.turning)
     if dead is not None:
         return stopped(memory, facts, dead)
@@ -239,7 +243,9 @@ def _stops(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | N
 
 
 def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
-    """What a boat does that has been carried off, or is outside its fence, for too long."""
+    """Return the memory of a boat that has been carried off, or outside its fence, for too long;
+    None if it has not.
+    """
     seconds = 0.0 if memory.against_s is None else facts.time_s - memory.against_s
     if seconds <= (settings.against_s if memory.carried else OUTSIDE_S):
         return None
@@ -258,9 +264,9 @@ def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memo
 
 
 def _tired(memory: Memory, facts: Facts) -> Finding | None:
-    """A current that is still weaker than the boat, but no longer by enough to stay out in it."""
+    """Return the finding of a current that is weaker than the boat, but too strong to stay out."""
     knows_home = facts.home_s is not None and math.isfinite(facts.home_s)
-    # A boat that weeds hold looks, to the observer, like one in a current.
+    # To the observer, a boat held by weeds looks like a boat in a current.
     held = memory.motion.behind_m > UNHELD_M
     if memory.tired_s is None or held or not knows_home:
         return None
@@ -271,14 +277,16 @@ def _tired(memory: Memory, facts: Facts) -> Finding | None:
 
 
 def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
-    """What the boat must get out of astern, and when it has tried."""
+    """Return the memory of a boat that begins or ends an attempt to get free by going astern, or
+    gives up after too many; None in all other cases.
+    """
     if memory.state is SafetyState.FREEING:
         if facts.time_s - memory.since_s < settings.astern_s:
             return None
         text = f"astern for {settings.astern_s:g} s, try {memory.astern} of {settings.tries}"
         return changed(memory, facts, memory.resumes, Finding(cause=Cause.FREE, message=text))
     held = held_fast(memory.motion, settings)
-    # A boat that may have lost a thruster is not freed by going astern with the other.
+    # A boat that may have lost a thruster does not get free by going astern with the other.
     if held is None or memory.turning.side:
         return None
     if memory.astern >= settings.tries:
@@ -289,7 +297,7 @@ def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | N
 
 
 def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
-    """What the boat does that somebody has asked of it."""
+    """Return the memory of a boat after a request."""
     if asked.request is Request.HOME:
         if SafetyState.RETURNING in (memory.state, memory.resumes):
             return memory
@@ -307,13 +315,15 @@ def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
 
 
 def _waits_in_the_survey(memory: Memory) -> bool:
-    """Whether the boat holds its place on its way through the survey, for as long as it takes."""
+    """Whether the boat holds its position during the survey, for an unlimited time."""
     waits = memory.state is SafetyState.HOLDING and memory.cause in WAITS
     return waits and memory.resumes is SafetyState.SURVEYING
 
 
 def _unmeasured(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
-    """Whether the survey waits for an instrument; not where somebody has said to go on."""
+    """Return the memory of a surveying boat: it holds its position while an instrument is silent
+    for too long, unless it has been asked to go on.
+    """
     if memory.unheeded or facts.mute_s <= settings.mute_s:
         return memory
     text = f"{facts.mute} has said nothing for {facts.mute_s:.0f} s: the survey waits for it"
@@ -322,7 +332,7 @@ def _unmeasured(memory: Memory, facts: Facts, settings: SafetySettings) -> Memor
 
 
 def _held(memory: Memory, facts: Facts) -> Memory:
-    """Whether a boat that holds its place may go on."""
+    """Return the memory of a boat that holds its position: it goes on as soon as it may."""
     if memory.cause is Cause.UNMEASURED and not facts.mute:
         finding = Finding(cause=Cause.MEASURES, message="every instrument sends readings again")
         return changed(memory, facts, memory.resumes, finding)

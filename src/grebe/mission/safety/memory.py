@@ -1,4 +1,4 @@
-"""What the state machine remembers, and how it goes from one state to another."""
+"""The memory of the state machine, and its transitions from one state to another."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from grebe.mission.safety.states import ENDS, Cause, Facts, Finding, Place, Safe
 from grebe.mission.safety.stuck import Motion
 from grebe.mission.safety.thrusters import Turning
 
-# What a boat holds its place for until somebody, or something, lets it go on.
+# The causes for which a boat holds its position without a time limit.
 WAITS = (Cause.HOLD, Cause.UNMEASURED)
 
 
 class Request(enum.Enum):
-    """What somebody may ask of a mission, beside the end."""
+    """What may be requested of a mission, besides its end."""
 
     HOME = "home"
     HOLD = "hold"
@@ -33,15 +33,15 @@ class Asked:
 
 @dataclass(frozen=True, kw_only=True)
 class Memory:
-    """What the machine knows from before.
+    """What the state machine remembers between estimates.
 
-    `state` since `since_s` for `cause`, and `message` says why; `resumes` is the state that a
-    passing one goes back to; `place` the one that is held. `fenced` and `astern` count what was
-    tried since `reached` targets. `against_s`: since when the boat is carried off
-    (`carried`: by a current or a wind that is stronger than it) or outside its fence;
-    `tired_s`: since when it is little faster than what carries it. `unheeded`: somebody has told
-    the boat to go on without the instrument that is silent. `asked` is what somebody has asked and
-    nobody has answered yet.
+    The boat has been in `state` since `since_s` for `cause`, and `message` says why. `resumes` is
+    the state to which a temporary state returns, and `place` the position that is held. `homeward`
+    says why the boat was sent home. `fenced` and `astern` count the attempts since `reached`
+    targets were reached. `against_s` is the time since which the boat has been carried off
+    (`carried`: by a current or wind stronger than it) or outside its fence. `tired_s` is the time
+    since which it has been little faster than its drift. `unheeded`: somebody has told the boat to
+    go on without the silent instrument. `asked` are the requests not yet answered.
     """
 
     state: SafetyState = SafetyState.SURVEYING
@@ -65,37 +65,37 @@ class Memory:
 
     @property
     def end(self) -> EndReason | None:
-        """What the mission ends with; None while it goes on."""
+        """The reason for which the mission ends; None while it continues."""
         stopped = self.state is SafetyState.STOPPED and self.cause is not None
         return ENDS[self.cause] if stopped and self.cause is not None else None
 
 
 def sent_home(memory: Memory, facts: Facts, finding: Finding) -> Memory:
-    """The boat goes home for what was found."""
+    """Return the memory of a boat that goes home because of a finding."""
     sent = changed(memory, facts, SafetyState.RETURNING, finding)
     return replace(sent, homeward=finding.message, resumes=SafetyState.RETURNING)
 
 
 def going_on_with(memory: Memory) -> SafetyState:
-    """What a boat was about before it got out of something astern, or is about now."""
+    """Return the present state, or, for a boat that goes astern, the state before that."""
     return memory.resumes if memory.state is SafetyState.FREEING else memory.state
 
 
 def put_on_hold(
     memory: Memory, facts: Facts, finding: Finding, place: Place, going: SafetyState
 ) -> Memory:
-    """The boat holds a place, and goes back to what it was about."""
+    """Return the memory of a boat that holds a place, and afterwards resumes `going`."""
     held = changed(memory, facts, SafetyState.HOLDING, finding)
     return replace(held, resumes=going, place=place)
 
 
 def stopped(memory: Memory, facts: Facts, finding: Finding) -> Memory:
-    """The boat is stopped, and the mission over."""
+    """Return the memory of a boat that is stopped because its mission is over."""
     return changed(memory, facts, SafetyState.STOPPED, finding)
 
 
 def changed(memory: Memory, facts: Facts, state: SafetyState, finding: Finding) -> Memory:
-    """The boat is in a state from now on; how it moved in the one before is forgotten."""
+    """Return the memory of a boat in a new state; its motion in the old state is forgotten."""
     return replace(
         memory,
         state=state,

@@ -1,4 +1,4 @@
-"""Whether what is left still reaches home: time, daylight, battery."""
+"""Whether the time, the daylight and the battery that are left still suffice to reach home."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 # A battery's share must have fallen by this much before its consumption is measured.
 LEAST_DROP = 0.01
-# A leg sailed more slowly than this does not count as a way home [m/s].
+# A leg on which the boat is slower than this makes a route home impassable [m/s].
 LEAST_MPS = 0.05
 HALF = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Battery:
-    """The first share that was reported and when, and the newest."""
+    """The first and the latest reported share of a battery's charge, with their times."""
 
     first: float | None = None
     first_s: float = 0.0
@@ -35,7 +35,7 @@ class Battery:
 
     @property
     def share_per_s(self) -> float | None:
-        """Measured consumption; None until enough has gone to measure it by."""
+        """The measured consumption [1/s]; None until enough charge has been used to measure it."""
         if self.first is None or self.now is None or self.first - self.now < LEAST_DROP:
             return None
         seconds = self.now_s - self.first_s
@@ -43,7 +43,7 @@ class Battery:
 
 
 def watched_battery(before: Battery, facts: Facts) -> Battery:
-    """Take a reported share into account; one that rises is a new battery."""
+    """Return the battery, updated with a reported share; a share that rises is a new battery's."""
     share = facts.battery_share
     if share is None or not math.isfinite(share):
         return before
@@ -53,10 +53,10 @@ def watched_battery(before: Battery, facts: Facts) -> Battery:
 
 
 def must_go_home(battery: Battery, facts: Facts, settings: SafetySettings) -> Finding | None:
-    """Why the boat must set out for home now, if it must."""
+    """Return why the boat must set out for home now; None if it need not."""
     if facts.home_s is None:
         return None
-    # Where current and wind leave no way home for now, the boat carries on with the survey.
+    # If current and wind block the route home for now, the boat carries on with the survey.
     home_s = facts.home_s if math.isfinite(facts.home_s) else 0.0
     longest = home_s * (1 + settings.home_share) + settings.home_slack_s
     way = f"home is {facts.home_s:.0f} s away"
@@ -75,7 +75,7 @@ def _battery_finding(
     reserve = settings.battery_reserve
     if battery.now is not None:
         rate = battery.share_per_s or 0.0
-        # Consumption is as measured; without a measurement the reserve alone counts.
+        # Without a measured consumption the reserve alone counts.
         needed = 0.0 if rate == 0 else rate * longest_s
         if battery.now - needed > reserve:
             return None
@@ -98,8 +98,8 @@ def _battery_finding(
 def way_home_s(
     vessel: Vessel, way: NDArray[np.float64], weather: Weather, speed_mps: float
 ) -> tuple[float, float]:
-    """Return the time [s] and the energy [Wh] of a way (n, 2) at a speed over ground, or at what
-    the weather leaves of it; infinite where it leaves nothing.
+    """Return the time [s] and the energy [Wh] of a path (n, 2) at a speed over ground [m/s],
+    reduced as the weather requires; infinite if the weather leaves no speed.
     """
     steps = np.diff(way, axis=0)
     steps = steps[np.hypot(*steps.T) > 1e-9]
@@ -111,7 +111,7 @@ def way_home_s(
         return math.inf, math.inf
     turns = np.abs((np.diff(bearings) + math.pi) % (2 * math.pi) - math.pi)
     moment = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n)
-    # The boat may have to turn about first: half a turn at half of what it can, linear drag.
+    # The boat may have to turn about first: half a turn, with half its moment against linear drag.
     rate = HALF * moment / max(-(vessel.n_r + vessel.n_rr), 1e-9)
     turning = TURN_SHARE / rate * (float(np.sum(turns)) + math.pi)
     legs = float(np.sum(np.hypot(*steps.T) / np.array(speeds)))

@@ -1,4 +1,4 @@
-"""How careful a mission is: frozen settings with the reasons for their defaults."""
+"""Safety settings: how careful a mission is."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from grebe.core.errors import UsageError
 
 @dataclass(frozen=True, kw_only=True)
 class SafetySettings:
-    """What the boat's safety is judged by.
+    """The settings by which the boat's safety is judged.
 
-    `fence`: whether the boat is kept in the survey's water; `reaction_s` is the time from an
-    estimate to the thrust that answers it, beside the estimate's own age and the thrusters' lag:
-    a period of the loop, a step's computing, the way over the link. `weaker_share` of its full
-    thrust is what the weaker thruster is trusted with for braking. After `fence_tries` times at
-    the fence on the way to one target the boat goes home.
+    `fence` says whether the boat is kept in the survey's water. `reaction_s` is the time from an
+    estimate to the resulting thrust, besides the estimate's age and the thrusters' lag: a period of
+    the loop, the computation of a step, and the transfer over the link. For braking, the weaker
+    thruster is trusted with `weaker_share` of its full thrust. A boat braked at the fence more than
+    `fence_tries` times before it reaches a target goes home.
 
-    `home` is (longitude, latitude), the survey's start without it. `max_s` [s] after the mission's
-    first estimate, and at the instant `until`, the boat must be home. `battery_reserve` is the
-    share of the battery that must be left there, `battery_wh` its capacity where the boat does not
-    report its share, and `used_wh` what had been taken from it before (None: what the recorded
-    track shows since the boat left its harbour). A way home is reckoned `home_share` longer than
-    predicted, and by `home_slack_s`. `comes_home` says why the mission is nothing but a way home,
-    empty where it is a survey.
+    `home` is (longitude, latitude), by default the survey's start. The boat must be home within
+    `max_s` [s] of the mission's first estimate, and by the instant `until`. `battery_reserve` is
+    the share of the battery that must be left then. `battery_wh` is the capacity of a battery whose
+    share the boat does not report, and `used_wh` the energy used before (None: what the recorded
+    track shows since the boat left its harbour). The predicted time home is increased by
+    `home_share` of it and by `home_slack_s`. `comes_home` gives the reason of a mission that only
+    goes home, and is empty for a survey.
 
-    A boat that sees nothing for `blind_s` ends its mission. Less water than `least_depth_m` below
-    the sonar is too little. Astern `tries` times for `astern_s` each; `against_s` is how long a
-    current may be stronger than the boat. A place is held within `hold_radius_m`. The survey waits
-    for an instrument that has been silent for `mute_s`, for ever if need be: water that is sailed
-    without it must be sailed again.
+    The mission ends after `blind_s` without a usable estimate. Water of less than `least_depth_m`
+    below the sonar is too shallow. A stuck boat goes astern up to `tries` times, for `astern_s`
+    each. A current may be stronger than the boat for `against_s`. A place is held within
+    `hold_radius_m`. The survey waits for an instrument that has been silent for `mute_s`, for ever
+    if need be: water that is sailed without it must be sailed again.
     """
 
     fence: bool = True
@@ -89,10 +89,10 @@ class SafetySettings:
 
     @property
     def watches_home(self) -> bool:
-        """Whether the way home must be known without being asked for."""
+        """Whether the route home must be known at every estimate."""
         return self.max_s < math.inf or self.until is not None or self.battery_wh is not None
 
 
 CAREFUL = SafetySettings()
-# For trials in open water that no survey describes.
+# For trials in open water, without a survey's outline.
 NO_FENCE = SafetySettings(fence=False)

@@ -1,4 +1,4 @@
-"""What a boat does, and why: the states of safety, and the causes of going from one to another.
+"""The safety states of a boat, and the causes of its changes from one state to another.
 
 Every change is an event with the cause's code. docs/safety.md has a row for each cause.
 """
@@ -16,8 +16,8 @@ Place = tuple[float, float]
 
 
 class SafetyState(enum.Enum):
-    """What the boat does: the survey, the way home, a place that it holds, a way out astern; or
-    nothing any more.
+    """What the boat does: it surveys, returns home, holds its position, frees itself by going
+    astern, or is stopped for good.
     """
 
     SURVEYING = "surveying"
@@ -28,7 +28,7 @@ class SafetyState(enum.Enum):
 
 
 class Cause(enum.Enum):
-    """Why a state is left; the value is the code of the change's entry in the log."""
+    """Why a state changes; the value is the code of the change's entry in the log."""
 
     FENCE = "fence_near"
     INSIDE_AGAIN = "inside_again"
@@ -53,7 +53,7 @@ class Cause(enum.Enum):
     MEASURES = "measured_again"
 
 
-# What a mission ends with that is stopped for a cause.
+# The end of a mission that is stopped for a cause.
 ENDS: dict[Cause, EndReason] = {
     Cause.FENCE: EndReason.FENCE_NOT_KEPT,
     Cause.HOME: EndReason.CAME_HOME,
@@ -71,13 +71,12 @@ ENDS: dict[Cause, EndReason] = {
 class Facts:
     """What is known at an estimate.
 
-    `time_s` since the link was opened, `elapsed_s` since the mission's first estimate; `state`
-    (6,), `weather` as estimated; `thrusts` [N] those that led here.
-    `reached` counts the survey's targets.
-    `home_s` is the predicted time home, infinite where no way is known and None where nobody has
-    asked; `at_home`; `battery_share`, `depth_m` and `used_wh` where they are known. `light_s`
-    of daylight are left. `outside`: the boat is outside its fence. An instrument, `mute` by its
-    name, has said nothing for `mute_s`.
+    `time_s` counts from the opening of the link, `elapsed_s` from the mission's first estimate.
+    `state` (6,) and `weather` are estimates, and `thrusts` [N] led to this state. `reached` counts
+    the survey's targets. `home_s` is the predicted time home: infinite if no route is known, and
+    None if it is not needed. `battery_share`, `depth_m` and `used_wh` are given if they are known.
+    `light_s` is the daylight left [s]. `outside`: the boat is outside its fence. The instrument
+    named `mute` has been silent for `mute_s`.
     """
 
     time_s: float
@@ -106,7 +105,7 @@ class Facts:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something that is wrong: its cause, and a sentence."""
+    """Something found out about the boat: the cause, and a sentence."""
 
     cause: Cause
     message: str

@@ -1,4 +1,4 @@
-"""Whether the boat could still stop inside its fence, and away from others; and how."""
+"""Whether, and how, the boat could still stop inside its fence and away from other boats."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Place
 
 Thrusts = tuple[float, float]
-# A way out that was found so long ago is of another place [s].
+# A way to stop that was found longer ago than this is for another place [s].
 PROVED_S = 1.0
 
 
 class Stopping:
-    """Looks for ways out of one boat's motion, and remembers the last that may be had.
+    """Looks for ways to stop one boat, and remembers the last one that is permitted.
 
-    `by_motion`: an autopilot holds the boat's motion, and is not known to the last.
+    `by_motion`: an autopilot holds the boat's motion, and how it does so is not known exactly.
     """
 
     def __init__(
@@ -46,20 +46,20 @@ class Stopping:
 
     @property
     def keeper(self) -> StationKeeper:
-        """How the boat is braked and kept where it is."""
+        """The law that brakes the boat and keeps its position."""
         share = self._settings.weaker_share
         return StationKeeper(vessel=self.vessel, weaker_share=share, by_motion=self._by_motion)
 
     @property
     def _reaction_s(self) -> float:
-        """How long an order needs until the boat follows it, beside its model's own lags."""
+        """The time until the boat follows a command, besides the lags of its model [s]."""
         return self._settings.reaction_s + (FOLLOWED_S if self._by_motion else 0.0)
 
     def is_sure(
         self, fence: Fence, observation: Observation, ahead: Schedule, weather: Weather
     ) -> bool:
-        """Whether the boat, with the thrusts that are ahead of it until the next estimate, could
-        still stop inside and away from others; how, is remembered.
+        """Whether the boat, with the thrusts `ahead` until the next estimate, could still stop
+        inside and away from others. If so, the way to stop is remembered.
         """
         place, lookout = (observation.state[0], observation.state[1]), self._lookout
         near = lookout is not None and lookout.is_near(place)
@@ -79,7 +79,7 @@ class Stopping:
         *,
         foresees: bool = False,
     ) -> Escape | None:
-        """Return how the boat would stop inside a fence; None where it would not."""
+        """Return how the boat would stop inside a fence; None if it would not."""
         return escape(
             fence,
             self.keeper,
@@ -92,14 +92,14 @@ class Stopping:
         )
 
     def refuge(self, time_s: float) -> Place | None:
-        """The refuge of the way out that was found last: with another, which differs by what the
-        boat has gone meanwhile, a heavy boat's way leads elsewhere.
+        """Return the refuge of the last way to stop, while it is recent. A new refuge would differ
+        by the distance covered since, and take a heavy boat along another path.
         """
         since, way_out = self._proved or (-math.inf, None)
         return way_out.refuge if way_out and time_s - since < PROVED_S else None
 
     def thrusts(self, time_s: float) -> Thrusts | None:
-        """The thrusts now of the way out that was found last, while it is one of a plan."""
+        """Return the present thrusts of the last way to stop, while it still follows a plan."""
         if self._proved is None:
             return None
         since, way_out = self._proved

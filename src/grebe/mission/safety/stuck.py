@@ -1,4 +1,4 @@
-"""Thrust without motion, and too little water: what holds a boat that its thrusters do not move."""
+"""Detects a boat that is stuck: thrust without motion, or water that is too shallow."""
 
 from __future__ import annotations
 
@@ -9,23 +9,27 @@ from grebe.core.vessel import Vessel, steady_rate
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Finding, Place
 
-# A boat that has come so far is not stuck [m].
+# A boat that has moved this far is not stuck [m].
 MOVED_M = 1.0
-# It is, when it has fallen so far behind what its thrust should have brought it [m], for so long.
+# A boat is stuck once it is `BEHIND_M` [m] behind the distance that its thrust should have given,
+# and has not moved away for `BEHIND_S` [s].
 BEHIND_M, BEHIND_S = 6.0, 8.0
-# Of the speed that its thrust would give it, a boat that moves has more than this share.
+# A moving boat has more than this share of the speed that its thrust would give.
 MOVING_SHARE = 0.35
-# Turning on the spot is not standing still [rad/s].
+# A boat that turns on the spot faster than this is moving [rad/s].
 TURNING = 0.1
-# Readings in a row that must be too shallow: a fish is one.
+# The number of shallow readings in a row that count: a single one may be a fish.
 SHALLOW_READINGS = 2
-# A boat that does not move in so many times the least depth has probably touched ground.
+# A boat that does not move in less than this multiple of the least depth has probably touched
+# ground.
 GROUND_FACTOR = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Since when and where the boat has not come away, and how far it has fallen behind [m]."""
+    """The motion of a boat: since when, and from which place, it has not moved away, and how far it
+    has fallen behind its thrust [m].
+    """
 
     since_s: float | None = None
     place: Place = (0.0, 0.0)
@@ -36,7 +40,7 @@ class Motion:
 
 
 def watched_motion(before: Motion, facts: Facts, vessel: Vessel, least_depth_m: float) -> Motion:
-    """Take an estimate into account."""
+    """Return the motion, updated with an estimate."""
     shallow, depth = before.shallow, before.depth_m
     if facts.depth_m is not None:
         depth = facts.depth_m
@@ -61,7 +65,9 @@ def watched_motion(before: Motion, facts: Facts, vessel: Vessel, least_depth_m: 
 
 
 def _missed_m(facts: Facts, vessel: Vessel, seconds: float) -> float:
-    """The way that the thrust would have made in still water, where the boat made next to none."""
+    """Return the distance [m] that the thrust should have given in still water; 0 if the boat
+    moves.
+    """
     _, _, _, surge, sway, yaw_rate = facts.state
     force = abs(sum(facts.thrusts))
     speed = steady_rate(-vessel.x_u, -vessel.x_uu, force) if force > 0 else 0.0
@@ -70,7 +76,7 @@ def _missed_m(facts: Facts, vessel: Vessel, seconds: float) -> float:
 
 
 def held_fast(motion: Motion, settings: SafetySettings) -> Finding | None:
-    """What holds the boat, if anything does."""
+    """Return what holds the boat; None if nothing does."""
     depth = motion.depth_m
     if motion.shallow >= SHALLOW_READINGS:
         return Finding(

@@ -1,12 +1,13 @@
-"""A thruster that gives nothing: found by how the boat turns.
+"""Detects a dead thruster by how the boat turns.
 
-The moment about the vertical axis, last row of Eq. (9), is the sum of what either thruster makes,
-of the drag, and of surge and sway through the water. How much of each the boat shows is found by
-least squares over the last seconds, with a prior at the boat as it is said to be and at the current
-as it is estimated: one that is not known yet can hold against a whole thruster. A thruster is dead
-when its share is nothing, whatever the drag and the current may be and the other thruster gives: a
-boat with twice the drag, or a weak thruster, goes on. All goes through one low-pass filter, so that
-the yaw rate need not be differentiated and neither a lag nor noise is mistaken for a fault.
+The moment about the vertical axis, last row of Eq. (9), is the sum of the moments of the two
+thrusters, of the drag, and of surge and sway through the water. The share of each that the boat
+shows is estimated by least squares over the last seconds. The prior is the boat as modelled and the
+estimated current; a current that is not known yet can balance a complete thruster. A thruster is
+dead if its share is nil whatever the drag, the current and the other thruster's share may be: a
+boat with twice the drag, or with a weak thruster, goes on. Everything passes through one low-pass
+filter, so that the yaw rate need not be differentiated and neither lag nor noise looks like a
+fault.
 """
 
 # Kernels do not annotate their parameters: numba infers the types when it compiles them.
@@ -32,29 +33,31 @@ if TYPE_CHECKING:
 
 # Time constants of the filter and of the least squares [s].
 FILTER_S, AVERAGE_S = 1.5, 10.0
-# How unsure the shares of port, starboard and drag are before anything is seen, and an estimate of
-# the current that has not moved for long, north and east [m/s].
+# Prior standard deviations: of the shares of port, starboard and drag, and of each component of a
+# current whose estimate has long been constant [m/s].
 SHARES_SD, CURRENT_SD_MPS = (0.5, 0.5, 1.0), 0.15
-# Smallest root mean square that counts, as a share of one thruster's full moment.
+# The smallest root mean square of the residuals, as a share of one thruster's full moment.
 FLOOR_SHARE = 0.04
-# Where all that is looked for misses more than this share, something else turns the boat.
+# If the root mean square of the residuals exceeds this share, something else turns the boat.
 MOST_MISSED_SHARE = 0.15
-# A dead thruster surely gives less than the first of its order, by so many standard deviations, and
-# the other seems to give more than the second, for so long [s].
+# A thruster is dead if, for `PERSIST_S` [s], its share plus `SURE` standard deviations is below
+# `DEAD` and the estimated share of the other thruster is above `ALIVE`.
 DEAD, SURE, ALIVE, PERSIST_S = 0.35, 2.0, 0.5, 3.0
 SIDES = ("", "port", "starboard")
 
-# Filtered moments [N m]: port's, starboard's, the drag's, those of the current's four terms (see
-# `_moments`), and that of surge and sway over ground.
+# The number of moments whose shares are estimated: of port, starboard, the drag and the current's
+# four terms. The moment of surge and sway over ground is filtered with them (see `_moments`) [N m].
 EXPLAINED = 7
 NONE = (0.0,) * (EXPLAINED + 1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Turning:
-    """Filtered yaw rate and moments, and the averages of the products (8, 8) of all but the last
-    and of what is to be explained, which are never written to; `current` (north, east), the average
-    of what was estimated [m/s]; `side` that seems dead, `since_s` when.
+    """Filtered yaw rate and moments, and the estimates made from them.
+
+    `products` (8, 8) are the averaged products of all moments but the last, and of the moment that
+    they have to explain; the array is never written to. `current` (north, east) is the average of
+    its estimates [m/s]. The thruster on `side` has seemed dead since `since_s`.
     """
 
     time_s: float | None = None
@@ -69,7 +72,7 @@ class Turning:
 
 
 def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
-    """Take an estimate, and the thrusts that led to it, into account."""
+    """Return the turning, updated with an estimate and the thrusts that led to it."""
     yaw_rate = facts.state[5]
     if before.time_s is None:
         return Turning(time_s=facts.time_s, yaw_rate=yaw_rate, current=_current(facts.weather))
@@ -102,7 +105,7 @@ def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
 
 @exact_machine_code
 def _averaged(before, row, keep):
-    """Averages (n, n) of the products of a row of moments (n,), with one more row."""
+    """Return the averages (n, n) of the products of moments, updated with a row of them (n,)."""
     averages = np.empty_like(before)
     for i in range(len(row)):
         for j in range(len(row)):
@@ -111,7 +114,7 @@ def _averaged(before, row, keep):
 
 
 def dead_thruster(turning: Turning) -> Finding | None:
-    """The thruster that gives nothing, if one does."""
+    """Return the finding of a dead thruster; None if there is none."""
     if turning.side == 0 or turning.time_s is None or turning.time_s - turning.since_s < PERSIST_S:
         return None
     name = SIDES[turning.side]
@@ -122,9 +125,9 @@ def dead_thruster(turning: Turning) -> Finding | None:
 
 
 def _moments(vessel: Vessel, facts: Facts) -> tuple[float, ...]:
-    """Moments [N m] of the thrusters as ordered, of the drag, and of the coupling of surge and sway
-    through the water. The last is linear in four terms of a current (n, e), whatever it is:
-    n, e, e^2 - n^2 and n e; what is left is that of surge and sway over ground.
+    """Return the moments [N m] of the commanded thrusts, of the drag, and of the coupling of surge
+    and sway through the water. The coupling is linear in four terms of the current (n, e):
+    n, e, e^2 - n^2 and n e. The remainder is the coupling of surge and sway over ground.
     """
     _, _, heading, surge, sway, yaw_rate = facts.state
     c, s, coupling = math.cos(heading), math.sin(heading), vessel.yaw_coupling_kg
@@ -142,9 +145,9 @@ def _moments(vessel: Vessel, facts: Facts) -> tuple[float, ...]:
 
 
 def _dead_side(products: Array, vessel: Vessel, expected: Array, unsure: Array) -> int:
-    """The thruster whose share is nothing: 1 port, 2 starboard, 0 none."""
+    """Return the dead thruster: 1 port, 2 starboard, 0 none."""
     floor = (FLOOR_SHARE * vessel.arm_m * vessel.thrust_max_n) ** 2
-    # The first fit tells how well the second may be trusted.
+    # The residuals of the first fit give the noise for the second.
     shares, _, missed = _fitted(products, floor, expected, unsure)
     if missed > (MOST_MISSED_SHARE / FLOOR_SHARE) ** 2 * floor:
         return 0
@@ -160,8 +163,9 @@ def _current(weather: Weather) -> tuple[float, float]:
 
 
 def _expected(n: float, e: float, moved: float) -> tuple[Array, Array]:
-    """The boat as it is said to be and the terms of the estimated current (n, e), (7,), and how
-    unsure they are where the estimate is so far from its average: it may move on [m/s].
+    """Return the means (7,) and standard deviations (7,) of the prior: the boat as modelled, and
+    the terms of the estimated current (n, e). That has `moved` away from its average [m/s], and may
+    move further.
     """
     sd = math.hypot(CURRENT_SD_MPS, moved)
     apart = sd * math.hypot(n, e, sd)
@@ -173,13 +177,15 @@ def _expected(n: float, e: float, moved: float) -> tuple[Array, Array]:
 
 @machine_code
 def _fitted(products, noise, expected, unsure):
-    """Shares (n,) by least squares under a variance of `noise`, with a prior that is `unsure` (n,)
-    of what is `expected` (n,); their standard deviations (n,); and the mean square that they miss.
+    """Return the shares (n,) by least squares, their standard deviations (n,), and the mean square
+    of the residuals. `noise` is the variance of the data; the prior has the means `expected` (n,)
+    and the standard deviations `unsure` (n,).
     """
     count = expected.size
-    # What is seen within the filter's time constant counts once.
+    # Data within one time constant of the filter count as one observation.
     weight = AVERAGE_S / FILTER_S / noise
-    # The information beside the unit matrix, and made the unit matrix: the inverse is left.
+    # Gauss-Jordan elimination: the steps that reduce the information matrix to the unit matrix turn
+    # the unit matrix into its inverse.
     m, inverse, right = weight * products[:count, :count], np.eye(count), np.empty(count)
     for i in range(count):
         m[i, i] += unsure[i] ** -2

@@ -1,23 +1,23 @@
-"""Boats that keep apart: each claims the water that it may still come to, and no two claims touch.
+"""Keeps boats apart: each claims the water that it may still enter, and the claims never touch.
 
-A claim is the way on which a boat would go on for its reaction time and then stop, foreseen as the
-fence foresees it. A boat takes a new claim only where that is farther than the stated distance from
-the claims that the others hold at that moment, and keeps the way of its old one otherwise: it
-stops. Claims are taken one after the other, so at every instant each boat is on a claim of its own
-and the claims are apart, whatever the boats intend. Planning with what the others have announced,
-and a stop that is always at hand, is how distributed predictive control keeps what it promises
-(Schouwenaars, How and Feron 2004, AIAA GNC, "Decentralized cooperative trajectory planning of
-multiple aircraft with hard safety guarantees").
+A claim is the predicted path on which a boat continues for its reaction time and then stops; it is
+predicted as for the fence. A boat gets a new claim only if that is farther than the set distance
+from the present claims of all others. Otherwise it keeps the path of its old claim, and stops.
+Claims are granted one at a time, so at every instant each boat is on its own claim and the claims
+are apart, whatever the boats intend. Planning with the announced plans of others, with a stop
+always available, is how distributed predictive control keeps its guarantees (Schouwenaars, How and
+Feron 2004, AIAA GNC, "Decentralized cooperative trajectory planning of multiple aircraft with hard
+safety guarantees").
 
-So that claims seldom have to stop a boat, each plans with what the others have announced: where
-they are going to be by their own plans, told anew at each of their estimates, which needs no clock
-that they share.
+Each boat also announces where its plan takes it, and the others plan with that, so that claims
+seldom have to stop a boat. A boat announces its plan again at each of its estimates, so the boats
+need no common clock.
 
-Who may go first is decided beforehand, by the order in which the boats set out: a boat also says
-where it wishes to go, and one of a later place that lies in the way makes room. Boats that wait for
-each other would do so for good: one of them then goes before its turn, or home (`Traffic.stuck`).
+The order in which the boats set out decides which of them may go first. A boat also announces where
+it wishes to go, and a boat later in the order makes room if it is in the way. Boats that wait for
+each other would do so for ever, so one of them goes before its turn, or home (`Traffic.stuck`).
 
-A boat that is ashore at its harbour claims nothing, and sets out once its place there is clear.
+A boat ashore at its harbour claims nothing, and sets out once its place there is clear.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_makes_way
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A boat that holds its place wanders about it by so much, and estimates are off [m].
+# Allowance for the motion of a boat that holds its position, and for errors of estimates [m].
 WANDER_M = 1.0
-# A claim's way is rounded to this [m].
+# The tolerance to which the path of a claim is simplified [m].
 ROUNDING_M = 0.05
 
 
 @dataclass
 class Traffic:
-    """What the boats of one fleet claim and wish, by their numbers; safe from any thread.
+    """The claims and wishes of the boats of one fleet, by their numbers. Thread-safe.
 
-    `apart_m` is the distance between two boats' centres that is kept. `order`: who goes before
-    whom; by their numbers without it.
+    `apart_m` is the least distance between the centres of two boats. `order` lists the boats by
+    precedence, by default by their numbers.
     """
 
     apart_m: float
@@ -63,15 +63,17 @@ class Traffic:
     _lock: threading.RLock = field(default_factory=threading.RLock)
 
     def nearest_m(self, boat: int, place: tuple[float, float]) -> float:
-        """How far the nearest claim of another is; infinite where there is none."""
+        """Return the distance to the nearest claim of another boat [m]; infinite without one."""
         return _away_m(shapely.Point(place), self._of_others(boat))
 
     def taken(self, boat: int) -> BaseGeometry:
-        """The water that others' claims keep this boat's centre out of."""
+        """Return the water that the claims of others keep this boat's centre out of."""
         return _around(self._of_others(boat), self.apart_m + 2 * WANDER_M)
 
     def wished(self, boat: int, *, by_all: bool = False) -> BaseGeometry:
-        """The water that boats wish to cross which wait and go before this one, or all others."""
+        """Return the water that other boats wish to cross: those that wait and have precedence, or
+        all others.
+        """
         with self._lock:
             wishes = [
                 wish
@@ -82,16 +84,18 @@ class Traffic:
 
     @property
     def wide_m(self) -> float:
-        """How far a boat keeps from the ways that others wish to go, or plan."""
+        """The distance that a boat keeps from the wished and planned paths of others [m]."""
         return self.apart_m + 3 * WANDER_M
 
     def announce(self, boat: int, plan: Announced) -> None:
-        """Say where this boat is going to be."""
+        """Announce where this boat is going to be."""
         with self._lock:
             self._announced[boat] = plan
 
     def announced(self, boat: int) -> list[Announced]:
-        """Where the others are going to be; one that has not said so lies at its claim's end."""
+        """Return where the others are going to be; without an announcement, a boat is assumed to
+        stay at the end of its claim.
+        """
         with self._lock:
             return [
                 self._announced.get(other) or Announced.lying(_end(claim))
@@ -100,8 +104,9 @@ class Traffic:
             ]
 
     def in_the_way(self, boat: int, way: NDArray[np.float64], *, of_plan: bool = False) -> Waiting:
-        """Whose claims, and whose mere wishes that go before this boat's, are on its way (n, 2), or
-        so near to it that a plan would not go there.
+        """Return the boats whose claims are on this boat's path (n, 2) [m], and those that have
+        precedence and only wish to go there. With `of_plan`, claims count within the larger
+        distance that plans keep.
         """
         line = _line(way)
         claimed_m = self.wide_m if of_plan else self.apart_m + 2 * WANDER_M
@@ -119,7 +124,7 @@ class Traffic:
         return Waiting(claimed_by=frozenset(claimed), wished_by=frozenset(wished - claimed))
 
     def waits(self, boat: int, waiting: Waiting | None) -> None:
-        """Say for whom this boat waits; None for nobody any more."""
+        """Note for whom this boat waits; None if it no longer waits."""
         with self._lock:
             if waiting is None:
                 self._waits.pop(boat, None)
@@ -127,9 +132,11 @@ class Traffic:
                 self._waits[boat] = waiting
 
     def stuck(self, boat: int, *, for_long: bool = False) -> Stuck:
-        """What this boat is to do that waits and has waited: where boats wait for each other, those
-        go first whose way nobody has claimed; where it is claimed for all of them, the one goes
-        home that is nearest to it. Another goes home after it only where they wait `for_long`.
+        """Return what this boat is to do after it has waited.
+
+        If boats wait for each other, those whose paths nobody has claimed go first. If all their
+        paths are claimed, the boat nearest to its home goes home. Another follows it only if they
+        have waited `for_long`.
         """
         with self._lock:
             among = ring(self._waits, boat)
@@ -145,19 +152,23 @@ class Traffic:
             return Stuck.GOES_HOME
 
     def takes_turn(self, boat: int) -> None:
-        """Let a boat that went before its turn go in its turn again, once nobody waits for it."""
+        """Return a boat that went before its turn to its place in the order, once nobody waits for
+        it.
+        """
         with self._lock:
             if not any(boat in one.waits_for for one in self._waits.values()):
                 self._first.discard(boat)
 
     def is_blocked_for_good(self, boat: int) -> bool:
-        """Whether one is in the way of this boat, which waits, that is over and lies there."""
+        """Whether this boat waits for a boat that has ended its mission and stays there."""
         with self._lock:
             waiting = self._waits.get(boat)
             return waiting is not None and bool(waiting.claimed_by & self._over)
 
     def claim(self, boat: int, way: NDArray[np.float64]) -> bool:
-        """Take the way (n, 2) as this boat's claim; False where it is too near to another's."""
+        """Take the path (n, 2) [m] as this boat's claim; return False if it is too near to
+        another's.
+        """
         line = _line(way)
         with self._lock:
             if _away_m(line, self._of_others(boat)) < self.apart_m + WANDER_M:
@@ -166,7 +177,9 @@ class Traffic:
             return True
 
     def wish(self, boat: int, way: NDArray[np.float64] | None, room_m: float = 0.0) -> None:
-        """Say where this boat would go, with what it needs beside it; None for nowhere."""
+        """Announce the path on which this boat would go, with the room that it needs beside it;
+        None for nowhere.
+        """
         with self._lock:
             if way is None:
                 self._wishes.pop(boat, None)
@@ -176,13 +189,13 @@ class Traffic:
                 )
 
     def is_alone(self, boat: int) -> bool:
-        """Whether all others are over."""
+        """Whether all other boats have ended their missions."""
         with self._lock:
             return not set(self.order) - self._over - {boat}
 
     def leave(self, boat: int, *, ashore: bool = False) -> None:
-        """A boat that is over wishes nothing any more; it keeps its claim, for it lies there, but
-        for one that is taken ashore.
+        """Remove the wishes and plans of a boat that has ended its mission. Its claim remains,
+        because it stays there, unless it is taken ashore.
         """
         self.wish(boat, None)
         self.waits(boat, None)
@@ -193,8 +206,8 @@ class Traffic:
                 self._claims.pop(boat, None)
 
     def _is_to_be_left(self, one: int, other: int) -> bool:
-        """Whether one boat's wish is to be left by another: it waits, and goes before that. Boats
-        under way plan with each other's plans, and need no more room than these.
+        """Whether `other` must keep out of the wish of `one`, because that waits and has
+        precedence. Boats under way plan with each other's plans, and need no more room than that.
         """
         return one in self._waits and self._goes_before(one, other)
 
@@ -222,7 +235,7 @@ def _end(claim: BaseGeometry) -> tuple[float, float]:
 
 
 def _away_m(shape: BaseGeometry, others: list[BaseGeometry]) -> float:
-    """The distance to the nearest of some shapes; infinite without any."""
+    """Return the distance to the nearest of some shapes [m]; infinite without any."""
     return min((shape.distance(other) for other in others), default=math.inf)
 
 

@@ -1,8 +1,8 @@
-"""Who waits for whom: boats of which each waits for another, round in a ring, wait for good.
+"""Deadlocks among waiting boats: boats that wait for each other in a ring wait for ever.
 
-A boat that waits needs all of those to move that it waits for, so a ring in the graph of who waits
-for whom is a deadlock, and without a ring there is none (Coffman, Elphick and Shoshani 1971, ACM
-Computing Surveys 3:2, "System deadlocks", for resources of which there is one each).
+A waiting boat can go on only once all boats that it waits for have moved. A ring in the graph of
+who waits for whom is therefore a deadlock, and without a ring there is none (Coffman, Elphick and
+Shoshani 1971, ACM Computing Surveys 3:2, "System deadlocks", for single-unit resources).
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 from grebe.mission.safety.states import Place
 
-# A boat that comes so much nearer gets on [m].
+# A boat makes progress if it comes this much nearer [m].
 NEARER_M = 0.5
 
 
 class Stuck(enum.Enum):
-    """What a boat does that waits: it waits on, goes before its turn, makes way and goes home, or
-    gives up.
+    """What a waiting boat does: it waits on, goes before its turn, goes home to make way, or gives
+    up.
     """
 
     WAITS = "waits"
@@ -31,9 +31,11 @@ class Stuck(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Waiting:
-    """What is known of a boat that waits: the numbers of the boats whose water is in its way, and
-    of those whose mere wish is; the length of its way home [m], infinite for one that cannot make
-    way so; and whether it is making way already.
+    """What is known of a waiting boat.
+
+    `claimed_by` are the numbers of the boats whose claims are on its path, and `wished_by` those of
+    boats that only wish to go there. `home_m` is the length of its route home [m], infinite if it
+    cannot make way by going home. `makes_way`: it is making way already.
     """
 
     claimed_by: frozenset[int]
@@ -43,13 +45,13 @@ class Waiting:
 
     @property
     def waits_for(self) -> frozenset[int]:
-        """All for whom it waits."""
+        """All boats for which it waits."""
         return self.claimed_by | self.wished_by
 
 
 @dataclass(frozen=True, kw_only=True)
 class Approach:
-    """How near a boat has come to the place `towards` which it goes [m], and when it last came
+    """The least distance of a boat to the place `towards` which it goes [m], and when it last came
     nearer [s].
     """
 
@@ -58,20 +60,20 @@ class Approach:
     since_s: float = math.inf
 
     def seen(self, place: Place, towards: Place | None, time_s: float) -> Approach:
-        """The approach after the boat has been seen at a place."""
+        """Return the approach, updated with the boat's present place."""
         away_m = math.inf if towards is None else math.dist(place, towards)
         if towards == self.towards and away_m > self.nearest_m - NEARER_M:
             return self
         return Approach(towards=towards, nearest_m=away_m, since_s=time_s)
 
     def idle_s(self, time_s: float) -> float:
-        """For how long the boat has not come nearer."""
+        """Return for how long the boat has not come nearer [s]."""
         return max(time_s - self.since_s, 0.0)
 
 
 def ring(waits: Mapping[int, Waiting], boat: int) -> frozenset[int]:
-    """Return the boats that wait for each other with this one, itself among them; empty where it
-    is in no ring.
+    """Return the boats in a ring of waiting with this one, including itself; empty if it is in no
+    ring.
     """
     after = _waited_for(waits, boat)
     if boat not in after:
@@ -80,15 +82,15 @@ def ring(waits: Mapping[int, Waiting], boat: int) -> frozenset[int]:
 
 
 def who_makes_way(waits: Mapping[int, Waiting], among: frozenset[int]) -> int | None:
-    """Return the boat of a ring that goes home: the nearest to its harbour, for no other lies on
-    its way there; None where none can.
+    """Return the boat of a ring that goes home: the one nearest to its harbour, because no other is
+    on its route there; None if no boat can.
     """
     nearest = min(among, key=lambda boat: (waits[boat].home_m, boat), default=None)
     return nearest if nearest is not None and math.isfinite(waits[nearest].home_m) else None
 
 
 def _waited_for(waits: Mapping[int, Waiting], boat: int) -> set[int]:
-    """All for whom a boat waits, at first hand or through others."""
+    """Return all boats for which a boat waits, directly or through others."""
     found: set[int] = set()
     left = [boat]
     while left:

@@ -1,9 +1,8 @@
-"""The watchdog: a process apart that stops the boat when the mission dies or hangs.
+"""The watchdog: a separate process that stops the boat if the mission dies or hangs.
 
-Where an autopilot has a time-out of its own, this is the second one. The process is started before
-the boat is given its first order, holds nothing but what it needs to stop it, and belongs to no
-terminal. From the first order on it hears a byte with each event of the mission, and a goodbye at
-the end.
+It is a second time-out for autopilots that have their own. The process starts before the boat gets
+its first command, holds only what it needs to stop the boat, and belongs to no terminal. From the
+first command on it receives a byte with each event of the mission, and a goodbye at the end.
 """
 
 from __future__ import annotations
@@ -27,17 +26,18 @@ from grebe.links.base import BoatLink
 from grebe.links.emergency import EmergencyStop, emergency_of
 from grebe.mission.telling.recorders import Listener
 
-# What the process may take to start and to import the action [s].
+# The time allowed for starting the process and importing its action [s].
 START_S = 20.0
-# What it may take to stop a boat that answers badly, and to end [s].
+# The time allowed for stopping a boat that responds badly, and for ending [s].
 END_S = 30.0
 
 
 class Watchdog:
-    """Guards a boat from when it is made until it is left; a listener whose events are life signs.
+    """Guards a boat from its creation to the exit of its context. It is a listener, and takes each
+    event as a sign of life.
 
-    `journal` is the file in which it notes what it had to do. Raises `LinkError` where the process
-    does not start: a boat that nobody would stop is not set out with.
+    `journal` is the file in which the process notes what it had to do. Raises `LinkError` if the
+    process does not start: a boat that nothing would stop must not set out.
     """
 
     def __init__(self, stop: EmergencyStop, journal: Path | None = None) -> None:
@@ -66,7 +66,7 @@ class Watchdog:
             raise LinkError(f"The watchdog that would stop the boat cannot start: {answer}.")
 
     def _charge(self, text: bytes) -> str:
-        """Tell the process its charge, and return its answer."""
+        """Send the process its charge, and return its answer."""
         with suppress(OSError):
             self._pipe.write(text)
             self._pipe.flush()
@@ -78,7 +78,7 @@ class Watchdog:
 
     @property
     def pid(self) -> int:
-        """The process that watches."""
+        """The process id of the watchdog."""
         return self._process.pid
 
     @property
@@ -87,23 +87,25 @@ class Watchdog:
         return self._process.poll() is None
 
     def __call__(self, event: MissionEvent) -> None:
-        """Give a sign of life once the boat is under orders; it never waits, and never fails."""
+        """Send a sign of life once the boat has had a command; this never waits and never fails."""
         self._under_orders = self._under_orders or isinstance(event, Step)
         if self._under_orders:
             self._write(b".")
 
     def _write(self, sign: bytes) -> None:
-        # A full pipe means that the watchdog itself hangs: there is nothing to wait for.
+        # A full pipe means that the watchdog itself hangs, so waiting would be pointless.
         with suppress(OSError, ValueError):
             os.write(self._pipe.fileno(), sign)
 
     def dismiss(self) -> None:
-        """Say goodbye: the boat has been left without thrust in good order."""
+        """Say goodbye, because the boat has been left without thrust in good order."""
         self._write(guard.GOODBYE)
         self._leave()
 
     def desert(self) -> None:
-        """Leave without a goodbye, and wait while the boat is stopped: nobody else may have."""
+        """Leave without a goodbye, and wait until the watchdog has stopped the boat: nothing else
+        may have stopped it.
+        """
         self._leave()
 
     def _leave(self) -> None:
@@ -125,7 +127,7 @@ class Watchdog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # After these the mission has closed the link, and with it left the boat without thrust.
+        # After these errors the mission has closed the link, which leaves the boat without thrust.
         in_order = isinstance(error, GrebeError | KeyboardInterrupt | None)
         if in_order and not isinstance(error, LinkError):
             self.dismiss()
@@ -134,12 +136,12 @@ class Watchdog:
 
 
 def journal_beside(path: Path) -> Path:
-    """Where the watchdog of a survey file notes what it had to do."""
+    """Return the path at which the watchdog of a survey file notes what it had to do."""
     return path.with_name(path.name + ".watchdog")
 
 
 def taken_notes(journal: Path) -> list[str]:
-    """Return what a watchdog noted since this was last asked, in words."""
+    """Return the notes of a watchdog, in words, and delete its journal."""
     try:
         lines = journal.read_text(encoding="utf-8").splitlines()
         journal.unlink()
@@ -156,9 +158,9 @@ def taken_notes(journal: Path) -> list[str]:
 
 @contextmanager
 def guarded(link: BoatLink, journal: Path | None = None) -> Generator[list[Listener]]:
-    """Have a link's boat watched while the mission runs; give the listeners that this takes.
+    """Watch a link's boat while the mission runs; yields the listeners that this needs.
 
-    A link that offers no emergency stop is not watched. `LinkError` where the watchdog does not
+    A link without an emergency stop is not watched. Raises `LinkError` if the watchdog does not
     start; the caller closes the link.
     """
     stop = emergency_of(link)

@@ -1,4 +1,4 @@
-"""The way home of one mission: how long it is from where the boat is, and who steers it."""
+"""The route home of one mission: its length from where the boat is, and the helm that steers it."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Pilot = Callable[[Survey], Helm]
-# The way home is measured again so often; its length changes no faster than the boat moves [s].
+# How often the route home is measured; its length changes no faster than the boat moves [s].
 HOME_PERIOD_S = 5.0
-# A way home that is nearer than this to an area's edge touches it by its rounding [m].
+# A route home that crosses less of an area than this touches it only by rounding [m].
 ACROSS_M = 0.5
 
 
 def default_pilot(vessel: Vessel) -> Pilot:
-    """Return what makes Grebe's controller for a way home."""
+    """Return a pilot that makes Grebe's controller for a route home."""
 
     def pilot(survey: Survey) -> Helm:
         return Controller(vessel, survey.sets, corridors=survey.corridors)
@@ -45,9 +45,9 @@ def default_pilot(vessel: Vessel) -> Pilot:
 
 
 def home_of(survey: Survey, settings: SafetySettings) -> Place:
-    """Return where home is (north, east): the place that was given, or the survey's start.
+    """Return where home is (north, east) [m]: the place in the settings, or the survey's start.
 
-    Raises `InputError` for one far from the water and `PlanError` for a survey without a start.
+    Raises `InputError` for a home far from the water, and `PlanError` for a survey without a start.
     """
     if settings.home is not None:
         return survey.frame.place_near(survey.water, settings.home, "home")
@@ -57,15 +57,17 @@ def home_of(survey: Survey, settings: SafetySettings) -> Place:
 
 
 def ways_home(survey: Survey, settings: SafetySettings) -> Homeward:
-    """The ways to a survey's home; raises what `home_of` does, `PlanError` where none can be."""
+    """Return the routes to a survey's home. Raises the errors of `home_of`, and `PlanError` if
+    there can be no route.
+    """
     home = home_of(survey, settings)
     fence = fence_of(survey.water, survey.no_go, home)
     return homeward(cast("shapely.Polygon", fence.water), home)
 
 
 def check_home(survey: Survey, settings: SafetySettings) -> None:
-    """Refuse a home that was given and that the boat could not come to: before it sets out, and not
-    once it has to come home.
+    """Raise `PlanError` for a given home that the boat could not reach, before the boat sets out
+    rather than once it has to come home.
     """
     if settings.home is None or survey.start is None:
         return
@@ -79,14 +81,14 @@ def check_home(survey: Survey, settings: SafetySettings) -> None:
 
 
 def speed_home_mps(survey: Survey, vessel: Vessel) -> float:
-    """How fast the boat goes home: as the survey's windows let it."""
+    """Return the speed at which the boat goes home, within the survey's speed windows [m/s]."""
     fastest = max((one.speed_max_mps for one in survey.sets), default=1.0)
     return min(fastest, 0.8 * vessel.speed_max_mps)
 
 
 @dataclass(kw_only=True)
 class UnderWay:
-    """The way home that is being sailed."""
+    """The route home that is being sailed."""
 
     helm: Helm
     survey: Survey
@@ -94,8 +96,8 @@ class UnderWay:
 
 
 class WayHome:
-    """Measures the way home of a survey's boat, and sets out on it; `no_way` says why there is
-    none, empty where there is one or nobody has asked.
+    """Measures the route home of a survey's boat, and sets out on it. `no_way` says why there is no
+    route; it is empty if there is one, or if none has been computed yet.
     """
 
     def __init__(self, survey: Survey, settings: SafetySettings) -> None:
@@ -108,21 +110,21 @@ class WayHome:
         self.under_way: UnderWay | None = None
 
     def measure(self) -> None:
-        """Work the ways home out, which takes a second or two on a large lake."""
+        """Compute the routes home, which takes a second or two on a large lake."""
         self._found()
         self.is_measured = True
 
     def cost(
         self, observation: Observation, weather: Weather, vessel: Vessel
     ) -> tuple[float, float]:
-        """Time [s] and energy [Wh] home; both infinite where there is no way."""
+        """Return the time [s] and energy [Wh] home; both infinite without a route."""
         if observation.time_s - self._asked_s >= HOME_PERIOD_S or self._cost is None:
             self._asked_s = observation.time_s
             self._cost = self._measured(observation, weather, vessel)
         return self._cost
 
     def length_m(self, place: Place) -> float:
-        """How long the way home from a place is [m]; infinite where there is none."""
+        """Return the length of the route home from a place [m]; infinite without one."""
         ways = self._found()
         try:
             return (
@@ -134,7 +136,7 @@ class WayHome:
             return math.inf
 
     def set_out(self, observation: Observation, vessel: Vessel, pilot: Pilot) -> bool:
-        """Make a way home from here and somebody who steers it; whether there is one."""
+        """Make a route home from here, and the helm that steers it; return whether there is one."""
         ways = self._found()
         try:
             if ways is not None:
@@ -179,8 +181,8 @@ class WayHome:
         return way_home_s(vessel, way, weather, speed_home_mps(self._survey, vessel))
 
     def _way(self, ways: Homeward, place: Place) -> NDArray[np.float64]:
-        """The way home from a place; `PlanError` where it would lead across an area in which the
-        boat is not.
+        """Return the route home from a place (n, 2) [m]; `PlanError` if it crosses a no-go area in
+        which the boat is not.
         """
         way = ways.way_from(place)
         line, here = shapely.LineString(way), shapely.Point(place)
@@ -195,7 +197,7 @@ class WayHome:
         return way
 
     def _found(self) -> Homeward | None:
-        """The ways home, worked out when they are first asked for; None where there is none."""
+        """Return the routes home, computed on the first call; None if there is none."""
         if self._ways is None and not self.no_way:
             try:
                 self._ways = ways_home(self._survey, self._settings)

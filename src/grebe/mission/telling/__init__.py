@@ -1,1 +1,1 @@
-"""What a mission says, and who hears it: recorders that keep it, listeners that watch."""
+"""The events of a mission, and their receivers: recorders that store them, and listeners."""

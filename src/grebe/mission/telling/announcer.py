@@ -1,4 +1,4 @@
-"""What a mission says, dated: each event by UTC and by the seconds since the link opened."""
+"""Dates the events of a mission in UTC and in seconds since the link opened."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from grebe.mission.telling.recorders import Listener, Recorder
 
 
 class Announcer:
-    """Dates a mission's events and passes them on; `started` is the UTC time of the link's second
-    zero.
+    """Dates the events of a mission and passes them on; `started` is the UTC time of the link's
+    second zero.
     """
 
     def __init__(
@@ -23,24 +23,24 @@ class Announcer:
         self._started = started
 
     def time_at(self, time_s: float) -> datetime:
-        """The UTC time of a second of the link."""
+        """Return the UTC time of a second of the link."""
         return self._started + timedelta(seconds=time_s)
 
     def tell(self, kind: type[MissionEvent], time_s: float, **what: Any) -> None:
-        """Say what happened, to be kept and told with the next `release`."""
+        """Hold an event, which is stored and passed on with the next `release`."""
         self._broadcast.hold(kind(time=self.time_at(time_s), elapsed_s=time_s, **what))
 
     def change(self, time_s: float, **what: str) -> None:
-        """Say that the guard changed what the boat does."""
+        """Report that the guard changed what the boat does."""
         self.tell(SafetyChanged, time_s, **what)
 
     def release(self) -> None:
-        """Keep and tell what was said."""
+        """Store the held events and pass them on."""
         self._broadcast.release()
 
     def end(self, time_s: float, reason: EndReason, message: str, *, quietly: bool) -> None:
-        """Say that the mission is over, and wait until all is kept; `quietly` where the recorder
-        itself may be what failed.
+        """Report the end of the mission, and wait until everything is stored; `quietly` if the
+        recorder itself may have failed.
         """
         try:
             self.tell(Ended, time_s, reason=reason, message=message)

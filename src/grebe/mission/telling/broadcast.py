@@ -10,9 +10,9 @@ from grebe.mission.telling.writer import Writer
 
 
 class Broadcast:
-    """One recorder and any number of listeners.
+    """Passes events to one recorder and any number of listeners.
 
-    Events are held while the loop decides what the boat is to do, and released once it is told.
+    Events are held while the loop decides what the boat does, and released after its command.
     """
 
     def __init__(self, recorder: Recorder, listeners: Sequence[Listener] = ()) -> None:
@@ -22,13 +22,14 @@ class Broadcast:
         self._held: list[MissionEvent] = []
 
     def hold(self, event: MissionEvent) -> None:
-        """Take an event, to be kept and told with the next `release`."""
+        """Hold an event, which is stored and passed on with the next `release`."""
         self._held.append(event)
 
     def release(self) -> None:
-        """Keep what is held, then tell what is kept to all who listen.
+        """Store the held events, then pass the stored ones to all listeners.
 
-        It is held no longer where keeping fails: what is tried again might be kept twice.
+        Events that cannot be stored are not held any longer: a second attempt might store some of
+        them twice.
         """
         events, self._held = self._held, []
         if self._writer is not None:
@@ -40,14 +41,14 @@ class Broadcast:
             self._announce(event)
 
     def close(self) -> None:
-        """Release what is held, and wait until all of it is kept and told."""
+        """Release the held events, and wait until all are stored and passed on."""
         self.release()
         if self._writer is not None:
             for event in self._writer.finish():
                 self._announce(event)
 
     def _announce(self, event: MissionEvent) -> None:
-        """Tell an event; who fails to hear it is told no more, which goes to the record."""
+        """Pass an event to the listeners. One that fails is dropped, which is recorded."""
         for listener in tuple(self._listeners):
             try:
                 listener(event)

@@ -1,7 +1,7 @@
-"""Who listens to a mission: the survey file, a list in memory, and whoever else wants to know.
+"""The receivers of a mission's events: the survey file, a list in memory, and listeners.
 
-A recorder keeps what the mission found, and the mission ends when it cannot. A listener only
-watches: one that fails is dropped, and the mission goes on, for no display may stop a boat.
+A recorder stores what the mission found, and the mission ends if it cannot. A listener only
+watches: if one fails it is dropped and the mission continues, because no display may stop a boat.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ Listener = Callable[[MissionEvent], None]
 
 
 class Recorder(Protocol):
-    """Keeps a mission's events; what `record` returned from is kept for good."""
+    """Stores a mission's events; an event is stored for good once `record` has returned."""
 
     def record(self, event: MissionEvent) -> None:
-        """Keep one event."""
+        """Store one event."""
         ...
 
 
 @runtime_checkable
 class KeepsTogether(Recorder, Protocol):
-    """A recorder that can keep all that happened at one estimate, or nothing of it."""
+    """A recorder that can store the events of one estimate together: all or none."""
 
     def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
-        """Keep events, all or none; return what keeping them gave rise to, which is kept too."""
+        """Store events, all or none; return further events that this caused."""
         ...
 
 
 class SurveyRecorder:
-    """Writes a mission into its survey file: each event is on the disk before the next estimate.
+    """Writes a mission into its survey file: an event is on the disk once its call has returned.
 
-    What happened at one estimate is one transaction: a sample, what was reached and the track
-    agree wherever the mission is cut off, and the disk is waited for once. Of a fleet each `boat`
-    has its own, and says its number in the log.
+    The events of one estimate are one transaction, so samples, reached targets and the track agree
+    wherever the mission is cut off, and the disk is waited for only once. In a fleet each `boat`
+    has its own recorder, which adds the boat's number to the log.
     """
 
     def __init__(self, survey_file: SurveyFile, boat: int | None = None) -> None:
@@ -83,7 +83,7 @@ class SurveyRecorder:
             case SampleTaken():
                 self._file.append_samples([event.sample], self._boat or 1)
             case Revised():
-                # Of a fleet it was kept when it was made, for all boats share the plan.
+                # In a fleet it was stored when it was made, because all boats share the plan.
                 if event.revision.number > self._file.revision.number:
                     self._file.append_revision(event.revision)
             case Reached():
@@ -97,7 +97,7 @@ class SurveyRecorder:
 
 
 class SharedRecorder:
-    """One of several recorders that write one file, each from a thread of its own."""
+    """One of several recorders that write one file, each from its own thread."""
 
     def __init__(self, recorder: SurveyRecorder, lock: AbstractContextManager[Any]) -> None:
         self._recorder, self._lock = recorder, lock
@@ -113,7 +113,7 @@ class SharedRecorder:
 
 
 class MemoryRecorder:
-    """Keeps every event in a list, in their order."""
+    """Stores all events in a list, in order."""
 
     def __init__(self) -> None:
         self.events: list[MissionEvent] = []

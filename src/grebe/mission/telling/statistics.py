@@ -1,4 +1,4 @@
-"""A mission's summary, gathered from its events."""
+"""Listeners that summarize a mission, or report its progress and warnings."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from grebe.core.vessel import Vessel
 
 @dataclass(frozen=True, kw_only=True)
 class MissionReport:
-    """A mission's summary; times are the boat's, `step_ms` the controller's own.
+    """A mission's summary; times are by the boat's clock, except the controller's `step_ms`.
 
-    `samples` counts every reading kept, `samples_in_sets` those within a target set and its
-    speed window. `ended` says why the mission ended, None where there was nothing left to do.
+    `samples` counts all readings kept, and `samples_in_sets` those within a target set and its
+    speed window. `ended` says why the mission ended; None if there was nothing left to do.
     """
 
     reached: int
@@ -59,7 +59,7 @@ class MissionReport:
 
 
 class Statistics:
-    """Listens to a mission and sums it up."""
+    """A listener that summarizes a mission."""
 
     def __init__(self, vessel: Vessel, targets: int, reached: int) -> None:
         self._vessel = vessel
@@ -105,7 +105,7 @@ class Statistics:
         self._energy_wh += power * seconds / 3600
 
     def report(self) -> MissionReport:
-        """Return the sum so far."""
+        """Return the summary so far."""
         step_ms = np.array(self._step_ms or [0.0])
         return MissionReport(
             reached=self._reached,
@@ -124,7 +124,7 @@ class Statistics:
         )
 
     def _message(self) -> str:
-        """Why the mission ended, in words, or that there was none."""
+        """Return why the mission ended, in words, or that there was nothing left to do."""
         if self._end is not None:
             return self._end.message
         idle = self._reached == self._targets and not self._step_ms
@@ -133,7 +133,7 @@ class Statistics:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a mission is, for whoever watches."""
+    """The progress of a mission."""
 
     reached: int
     targets: int
@@ -142,7 +142,7 @@ class Progress:
 
 
 class Alarm:
-    """Listens to a mission and tells `say` what an operator should know, not too often."""
+    """A listener that passes warnings to `say`, each code at most once in `every_s` [s]."""
 
     def __init__(self, say: Callable[[str], None], every_s: float = 30.0) -> None:
         self._say = say
@@ -150,7 +150,7 @@ class Alarm:
         self._said_at: dict[str, float] = {}
 
     def __call__(self, event: MissionEvent) -> None:
-        """Take one event into account; one code is said again only after a while."""
+        """Pass on one event if it is a warning that is due."""
         if not isinstance(event, Warned):
             return
         before = self._said_at.get(event.code, -math.inf)
@@ -160,7 +160,7 @@ class Alarm:
 
 
 class ProgressMeter:
-    """Listens to a mission and tells `watch` how far it is, at each control step and arrival."""
+    """A listener that calls `watch` with the progress at each control step and arrival."""
 
     def __init__(self, watch: Callable[[Progress], None]) -> None:
         self._targets = self._reached = self._samples = 0

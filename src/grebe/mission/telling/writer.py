@@ -1,8 +1,8 @@
-"""The disk's own thread: a mission's events are kept while the boat is steered on.
+"""A thread that writes the events of a mission to disk while the boat is steered.
 
-A card in a small computer writes in a few milliseconds, and now and then takes half a second. The
-loop waits for the first and not for the second: what was said to be kept is kept, what is not kept
-yet is not said yet, and what has gathered meanwhile is kept in one go.
+The card of a small computer writes in a few milliseconds, and now and then takes half a second. The
+loop waits for the former but not for the latter. Events reach the listeners only once they are
+stored, and events that have gathered meanwhile are stored together.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from collections.abc import Sequence
 from grebe.core.events import MissionEvent
 from grebe.mission.telling.recorders import KeepsTogether
 
-# How long the loop waits for the disk at each estimate [s]: as a rule long enough.
+# How long the loop waits for the disk at each estimate [s]; usually long enough.
 PATIENCE_S = 0.03
-# So many events not kept yet are too many: the loop waits for the disk after all. Some 10 s.
+# With this many unstored events, some 10 s of them, the loop waits for the disk after all.
 MOST_BEHIND = 500
 
 
 class Writer:
-    """Keeps events in their order, in a thread that ends with `finish`."""
+    """Stores events in order, in a thread that ends with `finish`."""
 
     def __init__(self, recorder: KeepsTogether) -> None:
         self._recorder = recorder
@@ -33,10 +33,10 @@ class Writer:
         self._thread: threading.Thread | None = None
 
     def keep(self, events: Sequence[MissionEvent]) -> list[MissionEvent]:
-        """Hand over events; return those that are kept by now, not only of these.
+        """Hand over events; return those stored since the last call, including earlier ones.
 
-        What the recorder raised is raised here: the events that it was given, and those that were
-        waiting, are not kept.
+        Raises what the recorder has raised. The events that it was given, and those waiting then,
+        are not stored.
         """
         with self._changed:
             self._waiting += events
@@ -49,7 +49,7 @@ class Writer:
             return self._taken()
 
     def finish(self) -> list[MissionEvent]:
-        """Wait until all is kept, and end the thread; see `keep`."""
+        """Wait until all events are stored, and end the thread; see `keep`."""
         with self._changed:
             self._changed.wait_for(self._is_idle)
             self._ends = True
