@@ -46,7 +46,7 @@ def test_what_cokriging_does_not_heed_is_refused(survey, tmp_path, asked):
     for command, out in (("map", "--out"), ("report", "-o")):
         error = told(command, survey, out, str(tmp_path / "out"), *TOGETHER, *asked)
         assert isinstance(error, UsageError), error
-        assert f"does not heed {asked[0]}" in str(error)
+        assert f"ignores {asked[0]}" in str(error)
         assert not (tmp_path / "out").exists()
 
 
