@@ -51,12 +51,12 @@ def test_what_cokriging_does_not_heed_is_refused(survey, tmp_path, asked):
 
 
 def test_a_raster_of_depths_and_many_surveys_are_refused_too(survey, tmp_path):
-    with pytest.raises(UsageError, match="does not heed --depth"):
+    with pytest.raises(UsageError, match="ignores --depth"):
         settings_with(PLAIN | {"depth": survey}, None)
     out = ("--many", "--out", str(tmp_path / "out"))
     error = told("map", survey, *out, *TOGETHER, "--drift", "linear")
     assert isinstance(error, UsageError)
-    assert "does not heed --drift" in str(error)
+    assert "ignores --drift" in str(error)
 
 
 def test_what_cokriging_heeds_is_not_refused(survey, tmp_path):

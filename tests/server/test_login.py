@@ -115,11 +115,11 @@ def test_other_computers_are_not_let_in_without_tls_name_and_password(
     chain, key = certificate
     assert "--certificate and --key" in refusal("--host", "0.0.0.0", "--dir", tmp_path)
     tls = ("--host", "0.0.0.0", "--certificate", chain, "--key", key, "--dir", tmp_path)
-    assert "by which name" in refusal(*tls)
+    assert "the name by which" in refusal(*tls)
     monkeypatch.setenv(PASSWORD_VARIABLE, "short")
     assert "12 characters" in refusal(*tls, "--name", "boat.local")
     wrong = ("--host", "0.0.0.0", "--certificate", key, "--key", chain, "--name", "x")
-    assert "no certificate and its key" in refusal(*wrong)
+    assert "not a certificate and its key" in refusal(*wrong)
     assert "other computers" in refusal("--name", "boat.local")
 
 

@@ -126,7 +126,7 @@ def checked_output(path: Path) -> Path:
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print the result as one JSON object."
 )
-force_option = click.option("--force", is_flag=True, help="Replace existing files.")
+force_option = click.option("--force", is_flag=True, help="Overwrite existing output.")
 
 
 def together(*several: Callable[[Any], Any]) -> Callable[[Any], Any]:
