@@ -1,4 +1,4 @@
-/** Every word of the page, in English and in French. */
+/** All texts of the page, in English and in French. */
 
 const table = {
   start: ["Start", "Accueil"],

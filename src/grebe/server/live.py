@@ -258,7 +258,7 @@ class Watch:
         self._tell_all_anew()
 
     async def _ended(self) -> None:
-        """Wait until a finished mission has disconnected; raise `InputError` if one is under way."""
+        """Wait until a finished mission disconnects; raise `InputError` if one is under way."""
         for _ in range(200):
             if not self.under_way:
                 return

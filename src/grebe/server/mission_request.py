@@ -14,9 +14,9 @@ from grebe.workflow.own_files import OWN
 
 @dataclass(frozen=True, kw_only=True)
 class Voyage:
-    """How to sail a survey: the `link` to the boat and the `rule` of the controller. For a simulated
-    boat also the `weather`, a current [m/s] and a wind force [N] towards north and east, and the
-    `rate`, a multiple of the clock's speed. `resume` continues a mission, `force` begins anew.
+    """How to sail a survey: the `link` to the boat and the controller's `rule`. For simulated boats
+    also the `weather`, a current [m/s] and a wind force [N] towards north and east, and the `rate`,
+    a multiple of the clock's speed. `resume` continues a mission, `force` begins anew.
     """
 
     link: str = "sim:"
