@@ -1,4 +1,4 @@
-"""What does not go with cokriging is refused, and what does is not."""
+"""Options that cokriging would ignore are refused; others are accepted."""
 
 import pytest
 from click.testing import CliRunner
@@ -65,7 +65,7 @@ def test_what_cokriging_heeds_is_not_refused(survey, tmp_path):
     )
     assert settings.together == PLAIN["together"]
     assert settings.scale is LINEAR
-    # Nothing has been measured yet: that, and no option, is what stands in the way.
+    # The only obstacle is that nothing has been measured yet.
     asked = ("--method", "kriging", "--scale", "linear", "--resolution", "5", "--moment", "middle")
     error = told("map", survey, "--out", str(tmp_path / "out"), *TOGETHER, *asked)
     assert isinstance(error, InputError)

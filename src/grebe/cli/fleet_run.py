@@ -116,8 +116,9 @@ def run_fleet(
     """Sail a fleet's survey and check the quality of its samples.
 
     `urls`: one link for all boats, or one for each. `benches`: the instruments of some boats.
-    `closures` makes what closes areas to one mission, and `extends` what says where a mission goes
-    on. `ears`: the app's. `changed`: the boats whose batteries were changed.
+    `closures` makes the closed areas of one mission (None: nothing is closed). `extends` makes the
+    function that plans the adaptive part of a mission. `ears`: the app's. `changed`: the boats
+    whose batteries were changed.
     """
     rule, solver, world = how
     fleet = survey_file.survey.fleet

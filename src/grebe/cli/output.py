@@ -65,7 +65,7 @@ def fail(text: str) -> None:
 
 def confirmation(*, yes: bool) -> Callable[[str], bool]:
     """Return the function that asks the operator before a real boat is armed. The operator has to
-    type a word, since a single key is easily hit by mistake; `yes` skips the question.
+    type a word, since hitting a key would not be enough; `yes` skips the question.
     """
 
     def confirm(text: str) -> bool:

@@ -246,7 +246,7 @@ def _settings(
 
 
 def _cell_m(asked: dict[str, Any]) -> float | None:
-    """The cell size [m]: as given, or for a map of the accuracy; None if a budget chooses it."""
+    """The cell size [m]: as given, or for a map of --accuracy; None if a budget chooses it."""
     if asked["goal"] == "accuracy":
         return cell_of(asked)
     cell_m, range_m, accuracy = asked["cell_m"], asked["range_m"], asked["accuracy"]

@@ -62,7 +62,7 @@ def refuse_foreign(rule: str, typed: Mapping[str, Any]) -> None:
         theirs = [known for known, one in WITH_DEFAULTS.items() if hasattr(one, name)]
         if typed.get(name) is not None and rule in RULES and rule not in theirs:
             have = f"{' and '.join(theirs)} {'have' if len(theirs) > 1 else 'has'} it"
-            raise UsageError(f"--{name} is no setting of the rule {rule}; {have}.")
+            raise UsageError(f"--{name} is not a setting of the rule {rule}; {have}.")
 
 
 def typed_again(run: Mapping[str, Any]) -> str:

@@ -17,7 +17,7 @@ from grebe.mission.safety.settings import CAREFUL, SafetySettings
 ONCE = ("returns", "yes", "battery_changed")
 # The value of --battery-changed without a number.
 ALL = "all"
-ASKED = "the operator has asked for the way home"
+ASKED = "the operator has called the boat home"
 
 
 safety_options = options.together(
@@ -102,7 +102,7 @@ def boats_changed(given: Collection[str], boats: int) -> frozenset[int]:
             changed.add(int(one))
         else:
             raise UsageError(
-                f"--battery-changed {one} is the number of no boat; there "
+                f"--battery-changed {one} is not the number of a boat; there "
                 f"{'is one' if boats == 1 else f'are {boats}'}."
             )
     return frozenset(changed)

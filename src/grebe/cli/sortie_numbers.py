@@ -43,7 +43,9 @@ def _proved(checks: Sequence[SortieCheck]) -> dict[str, Any]:
     left_min = min(one.least_left_s for one in checks) / 60
     failed = [str(one.number) for one in checks if not one.holds]
     text = f"not proved for {', '.join(failed)}" if failed else "proved for every sortie"
-    return {"home_in_time": f"{text}; at least {left_min:.1f} min to spare beside the reserve"}
+    return {
+        "home_in_time": f"{text}; at least {left_min:.1f} min to spare in addition to the reserve"
+    }
 
 
 def _boat(planned: PlannedSorties, one: BoatTime) -> str:

@@ -1,4 +1,6 @@
-"""Detection of an unused app, which may then end by itself."""
+"""Detection of an idle app, so that one opened for a single mission can end by itself, a while
+after the last page was left.
+"""
 
 from __future__ import annotations
 

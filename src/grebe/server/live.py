@@ -153,7 +153,7 @@ class Watch:
             delta["track"] = [[point[0] - zero, *point[1:]] for point in track]
         shown = {quantity["id"] for quantity in state["quantities"]}
         places = [i for i, key in enumerate(state["order"]) if key in shown]
-        # Samples sent while the file was being read are in both.
+        # Samples sent while the file was being read are also in the file.
         samples: list[Any] = [
             [at, lon, lat, [values[i] for i in places]]
             for at, lon, lat, values in told.get("samples", ())

@@ -69,7 +69,7 @@ class Ears:
             threading.Thread(target=work, daemon=True).start()
 
     def beside(self, boat_at: Callable[[Departure], BoatLink]) -> Callable[[Departure], BoatLink]:
-        """The same link, whose status the clients are told too."""
+        """The same link, whose status is also sent to the clients."""
 
         def opened(departure: Departure) -> BoatLink:
             self._alone = 1 if departure.sortie is None else departure.sortie.boat

@@ -263,7 +263,7 @@ class LeaseShown(TypedDict):
 
 
 class Grid(TypedDict):
-    """A layer of a map on a grid, whose corners run anticlockwise on a map from the south-west.
+    """A layer of a map on a grid, given by its corners anticlockwise from the south-west.
 
     `values` is base64 of float32, little-endian, row by row from the south; NaN off the water.
     """

@@ -1,8 +1,8 @@
 """Access control. By default only this computer's user has access, through the page that the server
 itself served; from another computer, over TLS, anyone who knows the password.
 
-A page of another site has none: it lacks the cookie (SameSite), its Origin is refused, and a name
-made to point here (DNS rebinding) is not among the known Hosts.
+A page of another site has no access: it lacks the cookie (SameSite), its Origin is refused, and a
+name made to point here (DNS rebinding) is not among the known Hosts.
 """
 
 from __future__ import annotations

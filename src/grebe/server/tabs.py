@@ -109,7 +109,7 @@ class Tab:
 
 @dataclass
 class Lease:
-    """The right to steer. At most one tab has it, for all surveys, and every tab sees who."""
+    """The right to steer. At most one tab holds it, for all surveys, and every tab sees who."""
 
     holder: str | None = None
     since: str | None = None
