@@ -98,10 +98,10 @@ def test_a_survey_from_the_drawing_to_the_report(planned, app):
     until(lambda: state(page) == "Stopped", "the stop")
     done = reached(page)
 
-    page.get_by_role("button", name="Go on with the survey").click()
+    page.get_by_role("button", name="Resume the survey").click()
     until(lambda: page.locator(".lines li").count() >= 4, "the doctor's lines")
     page.get_by_label("Speed of the simulation").fill("60")
-    page.get_by_role("button", name="Go on with the survey").click()
+    page.get_by_role("button", name="Resume the survey").click()
     until(lambda: "#/live/" in place(page), "the live screen: " + shown(page, ".notices"))
     until(lambda: reached(page) >= done, "going on")
     until(lambda: state(page) == "Complete", "the end of the survey", 240.0)

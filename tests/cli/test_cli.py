@@ -176,8 +176,8 @@ def _wait_for_samples(path: Path):
 @needs_tracks
 @pytest.mark.slow
 def test_the_real_track_is_imported_and_flown(tmp_path):
-    """As in the paper: survey the hull of a hand-driven track, on the same water. The samples of the
-    track itself are mapped in `tests/mapping/test_quality.py`.
+    """As in the paper: survey the hull of a hand-driven track, on the same water. The samples of
+    the track itself are mapped in `tests/mapping/test_quality.py`.
     """
     done = grebe("import", CHINA, "-o", "track.gpkg", "--json", cwd=tmp_path, check=0)
     assert json.loads(done.stdout)["left_out"] == ["Turbidity"]
