@@ -52,7 +52,7 @@ def test_a_battery_that_was_changed_is_that_of_every_boat_or_of_those_that_are_n
 
 @pytest.mark.parametrize("number", ["0", "4", "otter"])
 def test_the_battery_of_no_boat_is_refused(number):
-    with pytest.raises(UsageError, match="no boat; there are 3"):
+    with pytest.raises(UsageError, match="the number of a boat; there are 3"):
         boats_changed([number], 3)
 
 

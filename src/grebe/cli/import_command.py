@@ -145,4 +145,4 @@ def _offset_text(told: ClockOffset | None, given: float | None) -> str:
         )
     if given is not None:
         return f"the sonde's clock is taken as {given:+g} s ahead, as given"
-    return "the data show no difference between the clocks: taken as the same"
+    return "the data do not determine the offset between the clocks: taken as zero"
