@@ -30,7 +30,7 @@ from grebe.io.store import SurveyFile
 @click.option(
     "--sortie",
     type=click.IntRange(min=1),
-    help="Number of the sortie to export, or of the boat of a fleet whose part to export.",
+    help="Number of the sortie to export, or of the boat's part in a fleet's plan.",
 )
 @options.force_option
 @options.json_option

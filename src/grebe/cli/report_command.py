@@ -38,7 +38,9 @@ from grebe.workflow.maps import helpers_for
 @click.option(
     "--profile", type=options.EXISTING, help="TOML file of thresholds.  [default: fresh water]"
 )
-@click.option("--pdf", is_flag=True, help="Also print the page to PDF, with an installed browser.")
+@click.option(
+    "--pdf", is_flag=True, help="Also print a PDF beside the page, with an installed browser."
+)
 @options.force_option
 @options.json_option
 @no_long_pauses()
