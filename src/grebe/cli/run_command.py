@@ -104,9 +104,9 @@ from grebe.workflow.sorties import kept_by_plan, sortie_states
     "--closed",
     type=click.Path(dir_okay=False, resolve_path=True),
     metavar="FILE",
-    help="Keep out of the areas in this file of polygons, as for --no-go. It is read again whenever "
-    "it changes while the boat sails; closed parts of the plan are left out, and the rest is "
-    "planned anew.",
+    help="Keep out of the areas in this file of polygons, as for --no-go. It is read again when it "
+    "changes while the boat sails; closed parts of the plan are left out, and the rest is planned "
+    "anew.",
 )
 @adaptive_options
 @click.option("--live", is_flag=True, help="Show the mission in the app, and print its address.")
