@@ -57,8 +57,8 @@ def command(
     """Plan more targets for a finished survey, based on its measurements, as a new revision.
 
     Earlier plans and measurements stay unchanged. A survey by several boats continues with several,
-    each for so many minutes, and a plan in sorties continues in sorties; --boats, --battery and the
-    like change that. Sail the revision with grebe run FILE --resume.
+    each for --minutes, and a plan in sorties continues in sorties; --boats, --battery and the like
+    change that. Sail the revision with grebe run FILE --resume.
     """
     wish = Wish(
         quantity=quantity,

@@ -50,7 +50,7 @@ PASSWORD_VARIABLE = "GREBE_PASSWORD"
 @click.option(
     "--idle-minutes",
     type=click.FloatRange(min=0.1),
-    help="End the app when no page has been open for so many minutes.",
+    help="End the app when no page has been open for this many minutes.",
 )
 @click.option(
     "--host",

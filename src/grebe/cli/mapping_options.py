@@ -67,8 +67,8 @@ mapping_options = options.together(
         "--every",
         "every_s",
         type=options.Minutes(),
-        help="Also make a movie: a map for every so many minutes of the survey. The other maps "
-        "then show its middle, or --moment.",
+        help="Also make a movie, with one map for every MINUTES of the survey. The other maps then "
+        "show its middle, or --moment.",
     ),
     click.option(
         "--together",

@@ -65,7 +65,7 @@ safety_options = options.together(
         default=CAREFUL.mute_s,
         show_default=True,
         metavar="SECONDS",
-        help="Hold position once an --instrument has been silent for so long; inf: never.",
+        help="Hold position once an --instrument has been silent for this long; inf: never.",
     ),
     click.option(
         "--return",

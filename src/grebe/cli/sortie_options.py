@@ -27,8 +27,8 @@ sortie_options = options.together(
         "--sortie-minutes",
         type=click.FloatRange(min=0, min_open=True),
         multiple=True,
-        help="Divide the survey into sorties of at most so many minutes; for a fleet of different "
-        "boats, once for each.",
+        help="Divide the survey into sorties of at most this length [min]; for a fleet of "
+        "different boats, once for each.",
     ),
     click.option(
         "--reserve",
@@ -42,7 +42,7 @@ sortie_options = options.together(
         multiple=True,
         help="Where sorties begin and end; may be repeated.  [default: the start]",
     ),
-    click.option("--boats", type=int, default=1, help="Divide the survey among so many boats."),
+    click.option("--boats", type=int, default=1, help="Number of boats that share the survey."),
     click.option(
         "--apart",
         "apart_m",
