@@ -1,5 +1,5 @@
 #!/bin/sh
-# What the container does: `wait` until somebody runs a command in it, or any command of grebe.
+# Entry point of the container: `wait` for commands run in it, or run any command of grebe.
 set -eu
 
 if [ ! -w /data ]; then
@@ -12,7 +12,7 @@ if [ "${1:-wait}" != wait ]; then
     exec grebe "$@"
 fi
 
-# The controller is compiled now, and not when the boat is in the water.
+# Compile the controller now, before the boat is in the water.
 python -c 'from grebe.cli.output import compile_once; compile_once()' ||
     echo "grebe: the controller could not be compiled; the first run tries again." >&2
 echo "grebe: ready; run commands with: docker exec -it CONTAINER grebe ..." >&2

@@ -1,10 +1,10 @@
-"""Whether everything that the image installs can be installed on an arm64 boat without a compiler.
+"""Check that an arm64 boat can install all packages of the image without a compiler.
 
     python tools/check_arm64.py
 
-Resolves the extras that `deploy/Dockerfile` names, with the repository's constraints, and asks the
-package index for a wheel of each package for Python 3.11 on aarch64. What has none is built here
-from its source: it passes when the wheel is pure Python. Leaves with 1 when a package fails.
+Resolves the extras that `deploy/Dockerfile` names, with the repository's constraints, and queries
+the package index for a wheel of each package for Python 3.11 on aarch64. A package without one is
+built here from its source, and passes if its wheel is pure Python. Exits with 1 if a package fails.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCKERFILE = ROOT / "deploy" / "Dockerfile"
-# What glibc 2.36 of the image's Debian 12 runs.
+# The platform tags that glibc 2.36 of the image's Debian 12 supports.
 PLATFORMS = ["manylinux2014_aarch64", *(f"manylinux_2_{n}_aarch64" for n in range(17, 37))]
 PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
 
@@ -30,7 +30,7 @@ def installed_extras() -> list[str]:
 
 
 def resolved(extras: list[str]) -> list[str]:
-    """Return what an installation here would take, as NAME==VERSION."""
+    """Return the packages that an installation would take, as NAME==VERSION."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
         wanted = f"{ROOT}[{','.join(extras)}]"
@@ -57,7 +57,7 @@ def has_wheel(package: str) -> bool:
 
 
 def is_pure(package: str) -> bool:
-    """Whether the source of a package makes a wheel for every computer."""
+    """Whether the source of a package makes a wheel for every platform."""
     with tempfile.TemporaryDirectory() as folder:
         _run("wheel", "--quiet", "--no-deps", "--no-binary", ":all:", "-w", folder, package)
         return all(one.name.endswith("-none-any.whl") for one in Path(folder).glob("*.whl"))

@@ -1,8 +1,8 @@
-"""Whether the page in the package is what its source builds.
+"""Check that the page in the package matches its source.
 
-Run it as `python tools/check_web.py`; it leaves with 1 where the built page is stale, or where its
-packages cannot be fetched by the lock file. Without Node there is nothing to check it with: that
-is said, and is an error only in CI.
+Run it as `python tools/check_web.py`. It exits with 1 if the built page is stale, or if the page's
+packages cannot be fetched by the lock file. Without Node it says that it cannot check, which is an
+error only in CI.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ WEB, BUILT = ROOT / "web", ROOT / "src" / "grebe" / "server" / "static"
 
 
 def main() -> int:
-    """Build the page into a folder of its own and compare."""
+    """Build the page into a temporary folder and compare."""
     if shutil.which("npm") is None:
         print("The page is not checked: there is no Node here.")
         return 1 if os.environ.get("CI") else 0

@@ -1,9 +1,9 @@
-"""Make `src/grebe/io/readers/land.bin`: which cells of one degree are within a degree of land.
+"""Make `src/grebe/io/readers/land.bin`, which says of each one-degree cell whether it is near land.
 
-Source: GLOBE 1.0 (NOAA, 1999; public domain), as the package `global-land-mask` 1.0.0 carries it, a
-mask of the ocean at 30 arc seconds. Run it with that package's .npz file as argument.
+Source: GLOBE 1.0 (NOAA, 1999; public domain), a mask of the ocean at 30 arc seconds, as distributed
+in the package `global-land-mask` 1.0.0. Run it with that package's .npz file as argument.
 
-A bit is set where the cell, or one that touches it, holds any land: lakes are within land, and
+A bit is set if the cell, or one that touches it, contains any land: lakes are within land, and
 coasts and lagoons within a degree of it. Bits run from 90 N, 180 W eastwards, row by row.
 """
 

@@ -1,7 +1,7 @@
 """Make the pictures of the app for README and docs: `python tools/screenshots.py`.
 
-Needs Chromium and Playwright. A simulated survey of the demo's hectare is started, and the page is
-drawn as it is: on a desk by day, on a phone by night.
+Needs Chromium and Playwright. It starts a simulated survey of the demo's hectare and takes pictures
+of the page on a desktop and on a phone, by day and by night.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ DESK, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
 
 
 def main() -> None:
-    """Start the app in a folder of its own, sail half of the demo, and draw."""
+    """Start the app in a temporary folder, and take the pictures."""
     DOCS.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         app = subprocess.Popen(
@@ -46,7 +46,7 @@ def main() -> None:
 
 
 def draw(address: str, folder: Path) -> None:
-    """Draw every screen that the docs show."""
+    """Take a picture of every screen that the docs show; the live ones at half of the survey."""
     base = address.partition("?")[0]
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(
@@ -93,13 +93,13 @@ def draw(address: str, folder: Path) -> None:
 
 
 def night(page: Page, theme: str) -> None:
-    """Wear a theme from the next load on."""
+    """Set the theme, which may be day or night, and reload the page."""
     page.evaluate(f"localStorage.setItem('grebe-theme', '{theme}')")
     page.reload()
 
 
 def until_there(page: Page, selector: str) -> None:
-    """Wait for an element, for a minute at most."""
+    """Wait for an element, at most a minute."""
     for _ in range(300):
         if page.locator(selector).count():
             return
@@ -108,12 +108,12 @@ def until_there(page: Page, selector: str) -> None:
 
 
 def covered(page: Page) -> float:
-    """Per cent of the cells that are reached."""
+    """The share of cells that are reached [%]."""
     return float(page.locator(".meter").get_attribute("aria-valuenow") or 0)
 
 
 def ask(page: Page, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
-    """Ask the server as the page does."""
+    """Send a request to the server as the page does, and return its JSON answer."""
     return page.evaluate(
         "async ([method, path, body]) => (await fetch(path, {method, headers: {'Content-Type': "
         "'application/json', 'X-Grebe-Tab': sessionStorage.getItem('grebe-tab')}, "
@@ -123,7 +123,7 @@ def ask(page: Page, method: str, path: str, body: dict[str, Any] | None = None) 
 
 
 def picture(page: Page, name: str) -> None:
-    """Draw the page into a small file: the page has few colours."""
+    """Save a picture of the page with 256 colours, which suffice for it and keep the file small."""
     path = DOCS / f"{name}.png"
     page.screenshot(path=path)
     with Image.open(path) as image:

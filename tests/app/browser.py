@@ -1,4 +1,4 @@
-"""A browser and the app as a person has them: `grebe app` in a process, Debian's Chromium."""
+"""A browser and the app as a person uses them: `grebe app` in a process, Debian's Chromium."""
 
 from __future__ import annotations
 

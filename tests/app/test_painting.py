@@ -1,4 +1,4 @@
-"""What the map paints when it is dragged: only what comes into sight, and yet the whole picture."""
+"""A dragged map paints only what comes into view, and its picture is complete all the same."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIDE_M = 200.0
 
 @pytest.fixture
 def sailed(app):
-    """A survey with cells, a track in lanes and nothing that moves."""
+    """A survey with cells and a track in lanes, in which nothing moves."""
     path = app.folder / "painted.gpkg"
     region = region_of([(0, 0), (SIDE_M, 0), (SIDE_M, 0.7 * SIDE_M), (0, SIDE_M)])
     survey = plan_survey(region, PRESETS["spyboat"], PlanSettings(cell_m=10, pattern="rows"))
@@ -41,7 +41,7 @@ def sailed(app):
 
 
 def seen(page):
-    """The window's middle, without what stands over the map."""
+    """The middle of the window, without the panels over the map."""
     box = page.locator(".map").bounding_box()
     middle = {
         "x": box["x"] + 0.15 * box["width"], "y": box["y"] + 0.25 * box["height"],
@@ -56,7 +56,7 @@ def drag(page, right, down):
     for k in range(1, 21):
         page.mouse.move(600 + right * k / 20, 450 + down * k / 20)
         page.wait_for_timeout(10)
-    # Let go at rest: the map does not coast on.
+    # Release it at rest, so that the map does not coast.
     page.wait_for_timeout(250)
     page.mouse.up()
     page.wait_for_timeout(100)
@@ -76,7 +76,7 @@ def test_a_dragged_map_is_the_map_that_would_be_painted_whole(page, app, sailed)
     for right, down in ((-350, 160), (200, -240), (-150, -90), (420, 210)):
         drag(page, right, down)
         followed = seen(page)
-        # Another theme is painted whole, and so is this one after it.
+        # A change of theme paints everything, and so does the change back.
         page.get_by_label("Theme").select_option("night")
         page.wait_for_timeout(200)
         page.get_by_label("Theme").select_option("day")

@@ -1,4 +1,4 @@
-"""What a person does, from an empty folder to the report, as one story; and at phone size."""
+"""What a user does, from an empty folder to the report, as one story; and at phone size."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def click_at(page, x, y):
 
 
 def place(page):
-    """Where the page is: asked of itself, for the driver hears of it late."""
+    """The page's address, asked of the page itself, because the driver learns of it late."""
     return page.evaluate("location.hash")
 
 
@@ -40,7 +40,7 @@ def state(page):
 
 @pytest.fixture(scope="module")
 def planned(context, app):
-    """A survey that was planned by drawing; the page is left on its preflight."""
+    """A survey planned by drawing; the page stays on its preflight."""
     page = context.new_page()
     page.goto(f"{app.base}#/plan")
     page.get_by_label("Go to").fill("46.45, 6.55")
@@ -83,7 +83,7 @@ def test_a_survey_from_the_drawing_to_the_report(planned, app):
     page.get_by_role("button", name="Continue").click()
     until(lambda: page.get_by_role("button", name="Pause").count() == 1, "going on")
 
-    # The server is killed: the boat goes on, the page comes back and shows all.
+    # The server is killed: the boat sails on, and the page comes back and shows everything.
     before, [pid] = reached(page), app.missions()
     app.kill()
     until(lambda: page.locator(".banner").count() == 1, "that the server is gone is said")
@@ -98,10 +98,10 @@ def test_a_survey_from_the_drawing_to_the_report(planned, app):
     until(lambda: state(page) == "Stopped", "the stop")
     done = reached(page)
 
-    page.get_by_role("button", name="Go on with the survey").click()
+    page.get_by_role("button", name="Resume the survey").click()
     until(lambda: page.locator(".lines li").count() >= 4, "the doctor's lines")
     page.get_by_label("Speed of the simulation").fill("60")
-    page.get_by_role("button", name="Go on with the survey").click()
+    page.get_by_role("button", name="Resume the survey").click()
     until(lambda: "#/live/" in place(page), "the live screen: " + shown(page, ".notices"))
     until(lambda: reached(page) >= done, "going on")
     until(lambda: state(page) == "Complete", "the end of the survey", 240.0)
@@ -161,7 +161,7 @@ def test_no_screen_is_wider_than_the_window_or_hard_to_use(page, app, planned, s
 
 
 def serious(cdp):
-    """What axe finds serious; its script comes by the debugger, past the content policy."""
+    """The serious findings of axe, whose script the debugger injects past the content policy."""
 
     def run(expression):
         told = cdp.send("Runtime.evaluate", {

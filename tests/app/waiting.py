@@ -1,4 +1,4 @@
-"""Waiting for what a page or a server will do."""
+"""Waiting for a page or a server to do something."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 
 
 def until(holds, what, seconds=90.0):
-    """Wait for something; a strict content policy forbids the browser's own waiting."""
+    """Wait for a condition; a strict content policy forbids the browser's own waiting."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         found = holds()

@@ -1,4 +1,4 @@
-"""grebe adapt: a survey goes on where it pays, and what cannot be is said."""
+"""grebe adapt: a finished survey is extended, and impossible requests are refused with a reason."""
 
 from __future__ import annotations
 

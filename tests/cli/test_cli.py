@@ -1,4 +1,4 @@
-"""The command line, as a user calls it: results, exit codes, one sentence for bad input."""
+"""The command line as a user calls it: results, exit codes, one sentence for bad input."""
 
 import json
 import re
@@ -164,7 +164,7 @@ def test_a_stopped_run_keeps_its_data_and_can_be_resumed(tmp_path, sign, code):
 
 
 def _wait_for_samples(path: Path):
-    """Until the log of the running mission has grown past what opening it writes."""
+    """Wait until the running mission's write-ahead log is larger than opening the file makes it."""
     wal = path.with_name(path.name + "-wal")
     for _ in range(600):
         if wal.exists() and wal.stat().st_size > 200_000:
@@ -176,8 +176,8 @@ def _wait_for_samples(path: Path):
 @needs_tracks
 @pytest.mark.slow
 def test_the_real_track_is_imported_and_flown(tmp_path):
-    """The paper's way: survey the hull of what was measured by hand, on the same water; what was
-    measured is mapped in `tests/mapping/test_quality.py`.
+    """As in the paper: survey the hull of a hand-driven track, on the same water. The samples of
+    the track itself are mapped in `tests/mapping/test_quality.py`.
     """
     done = grebe("import", CHINA, "-o", "track.gpkg", "--json", cwd=tmp_path, check=0)
     assert json.loads(done.stdout)["left_out"] == ["Turbidity"]

@@ -1,4 +1,4 @@
-"""The library speaks of settings; only the command line knows flags."""
+"""The library names settings; only the command line knows flags."""
 
 import ast
 import importlib
@@ -15,7 +15,7 @@ from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings
 
 PACKAGE = Path(grebe.__file__).parent
-# A browser is told so too.
+# Flags passed to a browser, not to Grebe.
 FLAGS_OF_OTHERS = {"report/pdf.py"}
 
 
@@ -26,7 +26,7 @@ def literals(path):
 
 
 def test_no_sentence_of_the_library_names_a_flag():
-    """Readers of tracks are excepted nowhere: they name the setting `columns` too."""
+    """Readers of tracks are no exception: they name the setting `columns`."""
     for path in PACKAGE.rglob("*.py"):
         name = path.relative_to(PACKAGE).as_posix()
         if name.startswith("cli/") or name in FLAGS_OF_OTHERS:

@@ -1,4 +1,4 @@
-"""What grebe run says after a fleet has sailed: who waits ashore, and what is to be done."""
+"""The output of grebe run after a fleet has sailed: who waits ashore, and what to do next."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""On a full disk every command ends with one sentence, and what was there before is whole."""
+"""On a full disk every command ends with one sentence, and earlier files stay intact."""
 
 import json
 import os
@@ -20,11 +20,11 @@ GREBE = [sys.executable, "-c", "from grebe.cli.main import main; main()"]
 
 
 def on_a_disk_of(room, *words, cwd):
-    """Run a command none of whose files may hold more than so many bytes."""
+    """Run a command with a limit of `room` bytes on the size of each file that it writes."""
     return subprocess.run(
         [*GREBE, *map(str, words)],
         cwd=cwd,
-        # Python would cut its compiled modules short too, and trip over them ever after.
+        # Python would also truncate its compiled modules, and fail on them from then on.
         env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
         capture_output=True,
         text=True,
@@ -35,7 +35,7 @@ def on_a_disk_of(room, *words, cwd):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A survey with samples, and older files where the commands write theirs."""
+    """A survey with samples, and older files under the names that the commands write."""
     folder = tmp_path_factory.mktemp("full")
     path = folder / "s.gpkg"
     write_survey(path, square_survey(side_m=30.0))

@@ -1,4 +1,4 @@
-"""From the manoeuvre to a vessel that a survey can be planned with, as a user types it."""
+"""From the manoeuvre to a vessel with which a survey can be planned, as a user types it."""
 
 import json
 import tomllib

@@ -1,4 +1,4 @@
-"""What the thread that hears of signals does with the missions under way."""
+"""The thread that receives signals stops the missions under way."""
 
 import signal
 import socket
@@ -20,7 +20,9 @@ class Boat:
 
 @pytest.fixture
 def left(monkeypatch):
-    """With which codes the process would have been left, by a watcher without grace or words."""
+    """The exit codes with which a watcher would have ended the process; it has no grace period and
+    prints nothing.
+    """
     codes = []
     monkeypatch.setattr(interruption, "GRACE_S", 0.0)
     monkeypatch.setattr(interruption.os, "_exit", codes.append)

@@ -1,4 +1,4 @@
-"""A boat of the user's own, in one file, sails from the command line."""
+"""A user's own link, in one file, sails from the command line."""
 
 import json
 

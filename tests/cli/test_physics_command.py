@@ -1,4 +1,4 @@
-"""grebe physics, as it is typed: it serves until Ctrl-C and says what came of it."""
+"""grebe physics as a user types it: it serves until Ctrl-C and prints the outcome."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The options of `grebe plan` that others rely on."""
+"""The options of `grebe plan` on which other commands rely."""
 
 import json
 import shlex
@@ -64,7 +64,7 @@ def test_shape_and_cell(lake, tmp_path, shape):
 
 
 def test_the_best_angle_has_a_shorter_way_than_north(tmp_path):
-    """A strip that lies at 30 degrees to north."""
+    """The region is a strip at 30 degrees to north."""
     frame = region_of([(0, 0), (60, 0), (60, 80), (0, 80)]).frame
     strip = shapely.affinity.rotate(shapely.box(0, 0, 100, 24), 30)
     path = tmp_path / "strip.geojson"
@@ -152,7 +152,7 @@ def test_the_wanted_accuracy_chooses_the_cells(lake, tmp_path):
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
 def test_a_map_of_samples_at_that_pitch_has_the_accuracy(share):
-    """Kriging in the middle of a larger grid of that pitch gives the standard deviation."""
+    """Kriging in the middle of a larger grid of that pitch gives that standard deviation."""
     pitch = pitch_for_accuracy(100.0, share)
     ticks = pitch * (np.arange(-7, 7) + 0.5)
     places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)

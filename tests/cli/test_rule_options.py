@@ -1,4 +1,4 @@
-"""Who steers, by the command line: each rule's own defaults, and a rule in a user's file."""
+"""The controller's options: each rule's own defaults, and a rule in a user's file."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ def test_the_numbers_of_a_rule_of_one_s_own_are_set_in_its_file(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("--rule dual --thrift 1", "--thrift is no setting of the rule dual; lookahead has it."),
-        ("--alpha 2", "--alpha is no setting of the rule lookahead; single and dual have it."),
+        ("--rule dual --thrift 1", "--thrift is not a setting of the rule dual; lookahead has it."),
+        ("--alpha 2", "--alpha is not a setting of the rule lookahead; single and dual have it."),
         ("--thrift 9", "thrift is 9; give 0 to 4"),
         ("--thrift nan", "thrift is nan"),
     ],

@@ -1,4 +1,4 @@
-"""The options of a mission's safety."""
+"""The safety options of a mission."""
 
 import json
 from datetime import UTC, datetime, timedelta
@@ -52,7 +52,7 @@ def test_a_battery_that_was_changed_is_that_of_every_boat_or_of_those_that_are_n
 
 @pytest.mark.parametrize("number", ["0", "4", "otter"])
 def test_the_battery_of_no_boat_is_refused(number):
-    with pytest.raises(UsageError, match="no boat; there are 3"):
+    with pytest.raises(UsageError, match="the number of a boat; there are 3"):
         boats_changed([number], 3)
 
 
@@ -64,5 +64,5 @@ def test_a_boat_is_brought_home_and_that_is_a_success(tmp_path):
     assert ran.exit_code == 0, ran.output
     assert json.loads(ran.stdout)["ended"] == "came_home"
     with SurveyFile.open(path) as file:
-        # A later run that goes on with it is a survey again.
+        # A later run that resumes it is a survey again.
         assert "returns" not in json.loads(file.meta()["run"])

@@ -1,4 +1,4 @@
-"""grebe adapt for several boats, and for boats that come home: from the plan to the second map."""
+"""grebe adapt for several boats, and for boats in sorties: from the plan to the second map."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_what_a_fleet_sailed_goes_on_with_a_fleet(pond, tmp_path):
         new = revision.sorties[3:]
         assert [one.number for one in new] == [4, 5, 6]
         assert {one.boat for one in new} == {1, 2, 3}
-        # Each sets out from where it lies, and keeps the time.
+        # Each sets out from where it is, and keeps to the time.
         for one in new:
             assert (one.start.north_m, one.start.east_m) == pytest.approx(lie[one.boat])
             assert one.time_s <= 90.0
@@ -90,7 +90,7 @@ def test_one_boats_survey_is_followed_by_sorties_of_two(pond, tmp_path):
         assert file.survey.settings.sorties.minutes == 4
     sailed = grebe("run", path, "--resume")
     assert sailed["reached"] == sailed["targets"]
-    # It goes on so, until somebody says otherwise; a battery is for all boats or for each.
+    # The settings hold until an option changes them; a battery is for all boats or for each.
     batteries = ("--battery", "9") * 3
     refused = CliRunner().invoke(
         commands, ["adapt", str(path), *MORE, "--minutes", "3", *batteries]

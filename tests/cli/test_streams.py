@@ -1,4 +1,4 @@
-"""What is printed, where nobody may be watching: full and closed streams, and logs."""
+"""Output that nobody may be reading: full and closed streams, and logs."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_closed_standard_output_ends_nothing():
 def test_a_log_is_told_of_tenths_and_of_time_and_what_is_left():
     now = 0.0
     pace = Pace(lambda: now)
-    assert pace.is_due(100, 1000)  # what was done before counts for no pace
+    assert pace.is_due(100, 1000)  # earlier work does not count towards the pace
     assert pace.left_s(100, 1000) is None
     now = 10.0
     assert not pace.is_due(150, 1000)

@@ -1,4 +1,4 @@
-"""A user's own map under the water: two formats, and files that are none."""
+"""A user's own background map: its two formats, and files of neither."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SAID = {"name": "Shore", "attribution": "<a href='x'>© OpenStreetMap</a>"}
 
 
 def packed(path, kind=TileType.PNG):
-    """A file as the reference writer of PMTiles makes it."""
+    """A file made by the reference writer of PMTiles."""
     sheet = io.BytesIO()
     writer = Writer(sheet)
     writer.write_tile(zxy_to_tileid(*PLACE), IMAGE)
@@ -40,7 +40,7 @@ def packed(path, kind=TileType.PNG):
 
 
 def stored(path, kind="png"):
-    """A file as the specification of MBTiles describes it, whose rows count from the south."""
+    """A file after the specification of MBTiles, whose rows count from the south."""
     zoom, x, y = PLACE
     with sqlite3.connect(path) as rows:
         rows.execute("CREATE TABLE metadata (name text, value text)")

@@ -1,4 +1,4 @@
-"""What a page is told of a fleet: each boat for itself, and all of them as one survey."""
+"""The state of a fleet that a page receives: each boat by itself, and all as one survey."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from grebe.workflow.simulated import SimulatedWorld
 
 
 class Heard(Ears):
-    """The ears of a fleet's missions, of which all that is told is kept."""
+    """The ears of a fleet's missions, which store every message."""
 
     def open(self, beside):
         self.told = []
@@ -39,7 +39,7 @@ class Heard(Ears):
 
 @pytest.fixture(scope="module")
 def sailed(tmp_path_factory):
-    """The file of two boats' survey, what a page was shown before, and what it was told then."""
+    """The survey file of two boats, the snapshot before their missions, and the messages since."""
     path = tmp_path_factory.mktemp("fleet") / "f.gpkg"
     region = Region(name="pond", frame=FRAME, water=shapely.box(0, 0, 50, 50))
     wanted = PlanSettings(cell_m=10.0, fleet=FleetSettings(boats=2, apart_m=6.0))

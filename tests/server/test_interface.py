@@ -1,4 +1,4 @@
-"""The description of the interface: every request is in it, and every answer is as it says."""
+"""The description of the interface contains every request, and every answer matches it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DESCRIBED = description("0")
 
 
 def schema_of(path, method, status):
-    """The schema of an answer, with what it refers to."""
+    """The schema of an answer, with the schemas that it refers to."""
     answer = DESCRIBED["paths"][path][method.lower()]["responses"]
     found = answer[status if status in answer else "4XX"]["content"]["application/json"]["schema"]
     return {**found, "components": DESCRIBED["components"]}
@@ -29,7 +29,7 @@ def schema_of(path, method, status):
 
 @pytest.fixture(scope="module")
 def sailed(tmp_path_factory, simulated_survey):
-    """A server with a planned survey and one that was sailed; ask it by path, method and body."""
+    """A server with a planned survey and a sailed one, as a function of path, method and body."""
     folder = tmp_path_factory.mktemp("served")
     plans.keep_demo(str(folder / "demo.gpkg"))
     shutil.copy(simulated_survey[0], folder / "sailed.gpkg")

@@ -1,4 +1,4 @@
-"""From another computer: over TLS, by password, and guessing is slow."""
+"""Access from another computer: over TLS, with a password, and with slow guessing."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def certificate(tmp_path_factory):
 
 
 def refusal(*words):
-    """What the command says of its options."""
+    """The error message with which the command refuses its options."""
     result = CliRunner().invoke(command, [str(word) for word in words])
     assert isinstance(result.exception, GrebeError)
     return str(result.exception)
@@ -115,11 +115,11 @@ def test_other_computers_are_not_let_in_without_tls_name_and_password(
     chain, key = certificate
     assert "--certificate and --key" in refusal("--host", "0.0.0.0", "--dir", tmp_path)
     tls = ("--host", "0.0.0.0", "--certificate", chain, "--key", key, "--dir", tmp_path)
-    assert "by which name" in refusal(*tls)
+    assert "the name by which" in refusal(*tls)
     monkeypatch.setenv(PASSWORD_VARIABLE, "short")
     assert "12 characters" in refusal(*tls, "--name", "boat.local")
     wrong = ("--host", "0.0.0.0", "--certificate", key, "--key", chain, "--name", "x")
-    assert "no certificate and its key" in refusal(*wrong)
+    assert "not a certificate and its key" in refusal(*wrong)
     assert "other computers" in refusal("--name", "boat.local")
 
 
@@ -143,7 +143,7 @@ def test_it_is_served_over_tls_and_to_its_name_alone(tmp_path, certificate):
                 urllib.request.urlopen(f"{base}/api/options", context=trusts)
             assert refused.value.code == 401
             refused.value.close()
-            # Whoever speaks without TLS hears nothing.
+            # A client without TLS gets no answer.
             with pytest.raises((urllib.error.URLError, OSError)):
                 urllib.request.urlopen(base.replace("https", "http"))
         finally:

@@ -1,4 +1,4 @@
-"""The server: who may ask it, what it refuses, and that nothing that is sent to it breaks it."""
+"""The server: who has access, what it refuses, and that no request can break it."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ HOSTS = frozenset({"127.0.0.1:8737"})
 
 
 async def ask(app, path="/api/x", method="GET", **headers):
-    """Ask an ASGI app without a socket; return its status and headers."""
+    """Send a request to an ASGI app without a socket; return status and headers."""
     status, headers, _ = await hear(app, path, method, b"", **headers)
     return status, headers
 
 
 async def hear(app, path, method, sent, **headers):
-    """Ask with a body; return status, headers and body."""
+    """Send a request with a body; return status, headers and body."""
     heard = []
     scope = {
         "type": "http", "method": method, "path": path.partition("?")[0], "raw_path": b"",
@@ -57,7 +57,7 @@ async def hear(app, path, method, sent, **headers):
     asked = []
 
     async def receive():
-        # Whoever has asked waits: an app that listens for that end would else listen for ever.
+        # The client waits for the answer and never disconnects by itself.
         if asked:
             await asyncio.Event().wait()
         asked.append(True)
@@ -84,7 +84,7 @@ def gate(tmp_path):
 
 
 def run(coroutine):
-    """In a thread of its own: a browser's tests in the same process keep a loop running."""
+    """Run in a thread, because browser tests in the same process keep an event loop running."""
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(asyncio.run, coroutine).result()
 
@@ -334,7 +334,7 @@ def test_one_page_steers_and_all_see_which():
 
 @pytest.fixture
 def served(tmp_path):
-    """A server with one survey: ask it by (path, method, body, tab), of `path` after its id."""
+    """A server with one survey, as a function of path (after its id), method, body and tab."""
     from grebe.server.app import make_app
 
     plans.keep_demo(str(tmp_path / "demo.gpkg"))
@@ -359,7 +359,7 @@ def test_who_does_not_steer_may_stop_and_nothing_else(served):
     for command in ("pause", "continue", "return"):
         status, answer = served(f"/{command}", "POST", tab="b")
         assert (status, answer["error"]["code"]) == (409, "Conflict")
-    # It is passed on, and there is no mission to hear it.
+    # The page may stop, but there is no mission to stop.
     status, answer = served("/stop", "POST", tab="b")
     assert (status, answer["error"]["code"]) == (409, "Link")
 
@@ -412,7 +412,7 @@ def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
     watch = Watch("x", path, Lease())
     watch.state = views.snapshot("x", path)
     count = watch.state["status"]["samples"]
-    # The file was read when the mission had told the last of these already.
+    # The file was read after the mission had sent the last of these.
     for one in told[-50:]:
         watch._take_lists(one, {}, 0.0)
     assert watch.state["status"]["samples"] == count
@@ -423,7 +423,7 @@ def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
 
 @pytest.mark.slow
 def test_targets_are_known_by_their_numbers_and_not_by_their_places(simulated_survey):
-    """After a revision the order is another; a page must not mark its neighbours."""
+    """A revision changes the order; a page must not mark the neighbours of a target."""
     path, _, _ = simulated_survey
     watch = Watch("x", path, Lease())
     watch.state = views.snapshot("x", path)

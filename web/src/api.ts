@@ -2,8 +2,8 @@
  * The contract between the page and the server: every request, answer and message, with types.
  *
  * Positions are [longitude, latitude] in degrees (WGS 84), GeoJSON order; angles in radians,
- * clockwise from north; times are ISO 8601 in UTC; `t` and `*_s` are seconds. A value that is not
- * known is null, never NaN.
+ * clockwise from north; times are ISO 8601 in UTC; `t` and `*_s` are seconds. An unknown value is
+ * null, never NaN.
  */
 
 export type LonLat = [number, number];
@@ -17,8 +17,8 @@ export type SurveyState =
   | "running"
   | "paused"
   | "returning"
-  | "stopped" // by its operator: can go on
-  | "interrupted" // ended early for another reason: can go on
+  | "stopped" // by its operator: can be resumed
+  | "interrupted" // ended early for another reason: can be resumed
   | "complete"
   | "imported"; // samples without a plan
 
@@ -38,7 +38,7 @@ export interface Quantity {
   id: string;
   label: Label;
   unit: string;
-  /** Threshold of concern, if there is a customary one, and the side that is a concern. */
+  /** Threshold of concern, if there is a customary one, and the side of it that is of concern. */
   threshold: number | null;
   side: "above" | "below";
 }
@@ -107,11 +107,11 @@ export interface PlanSettings {
   vessel: string;
   start: LonLat | null;
   shore_margin_m: number;
-  /** Water that the boat keeps out of, over and above the islands of the region. */
+  /** Water that the boat keeps out of, in addition to the islands of the region. */
   no_go: MultiPolygon | null;
-  /** Towards where the water flows. */
+  /** The direction that the water flows towards. */
   current: { speed_mps: number; towards_deg: number } | null;
-  /** From where the wind blows, and with which force on the boat. */
+  /** The direction that the wind blows from, and its force on the boat. */
   wind: { force_n: number; from_deg: number } | null;
   minutes: number | null;
 }
@@ -128,7 +128,7 @@ export interface Problem {
   message: string;
 }
 
-/** Answer of POST /api/plan/preview. Where there is no plan, `problems` says why, and `targets` is empty. */
+/** Answer of POST /api/plan/preview. If there is no plan, `problems` says why and `targets` is empty. */
 export interface PlanPreview {
   targets: FeatureCollection<Polygon, { seq: number }>;
   route: LineString;
@@ -158,7 +158,7 @@ export interface SurveyDetail extends SurveySummary {
 /** GET /api/surveys/{id}/preflight?link= */
 export interface PreflightLine {
   line: Label;
-  ok: boolean | null; // null: worth knowing, neither good nor bad
+  ok: boolean | null; // null: neither good nor bad
   detail: string;
   advice: string;
 }
@@ -168,10 +168,10 @@ export interface RunRequest {
   link: string; // "simulated", or as grebe run --link
   rule?: string;
   weather?: { current: PlanSettings["current"]; wind: PlanSettings["wind"] };
-  rate: number; // simulated times faster; 1 on a real boat
-  resume?: boolean; // go on where the survey was left
-  force?: boolean; // begin anew, and forget what was measured
-  confirm?: boolean; // needed for a real boat
+  rate: number; // how many times faster than real time, simulated; 1 on a real boat
+  resume?: boolean; // continue where the survey was left
+  force?: boolean; // begin anew, and delete the measurements
+  confirm?: boolean; // required for a real boat
 }
 
 export type Command = "pause" | "continue" | "return" | "stop";
@@ -195,7 +195,7 @@ export interface Estimate {
 
 export interface Status {
   state: SurveyState;
-  /** What the boat does now, in a word of the loop: surveying, holding, returning, … */
+  /** What the boat does now, in the mission loop's words: surveying, holding, returning, … */
   doing: string;
   t: number; // seconds of the boat's time since the mission began
   time: string | null;
@@ -224,7 +224,7 @@ export interface LogLine {
 export type TrackPoint = [number, number, number, number];
 /** [t, lon, lat, values in the order of `quantities`] */
 export type SamplePoint = [number, number, number, (number | null)[]];
-/** [t, north_mps, east_mps] : towards where it flows or blows */
+/** [t, north_mps, east_mps] : the direction that it flows or blows towards */
 export interface Flow {
   north_mps: number;
   east_mps: number;
@@ -236,7 +236,7 @@ export interface Lease {
   since: string | null;
 }
 
-/** What is known of one boat of a fleet, by its number. */
+/** The state of one boat of a fleet, by its number. */
 export interface BoatState {
   boat: number;
   estimate: Estimate | null;
@@ -246,7 +246,7 @@ export interface BoatState {
   wind: Flow | null;
   track: TrackPoint[];
   samples: SamplePoint[];
-  /** Its own, of its part of the survey; empty until it is heard. */
+  /** Its own status, for its part of the survey; empty until the boat is heard. */
   status: Partial<Status>;
 }
 
@@ -269,7 +269,7 @@ export interface Snapshot {
   current: Flow | null;
   wind: Flow | null;
   status: Status;
-  /** Of a fleet; empty where there is one boat. What is a boat's is then empty beside them. */
+  /** The boats of a fleet, whose own entries beside this one are then empty; [] for one boat. */
   boats: BoatState[];
   events: LogLine[];
   lease: Lease;
@@ -291,17 +291,17 @@ export interface Delta {
   wind?: Flow | null;
   status?: Partial<Status>;
   events?: LogLine[];
-  /** Of a fleet: whose this is, and its own status; `status` is then that of all. */
+  /** For a fleet: the boat of this delta, and its own status; `status` is then the fleet's. */
   boat?: number;
   own?: Partial<Status>;
 }
 
-/** `event: map`: the map of a quantity has a new version, fetch it when it is looked at. */
+/** `event: map`: the map of a quantity has a new version; fetch it when it is shown. */
 export interface MapNotice {
   quantity: string;
   version: number;
 }
-/** `event: lease` carries a Lease; comments (`: keep`) come at least each 5 s. */
+/** `event: lease` carries a Lease; comments (`: keep`) arrive at least every 5 s. */
 
 export type MapLayer = "mean" | "sd" | "probability" | "quality";
 
@@ -317,7 +317,7 @@ export interface Grid {
   layer: MapLayer | "difference";
   nx: number;
   ny: number;
-  /** Of the grid's outer edges: south-west, south-east, north-east, north-west. */
+  /** Corners of the grid's outer edges: south-west, south-east, north-east, north-west. */
   corners: [LonLat, LonLat, LonLat, LonLat];
   values: string;
   range: [number, number] | null;
@@ -326,7 +326,7 @@ export interface Grid {
   version: number;
   method: string;
   samples: number;
-  /** A sentence on what the map may be used for, such as that it is still forming. */
+  /** A sentence about the state of the map, such as that it is still forming. */
   note: string | null;
 }
 
@@ -431,7 +431,7 @@ export const api = {
       headers: { "Content-Type": "application/octet-stream" },
       body: file,
     }),
-  /** An outline in any format that Grebe reads becomes GeoJSON, for the plan. */
+  /** Convert an outline in any format that Grebe reads to GeoJSON, for the plan. */
   outline: (file: File) =>
     ask<{ region: Area; name: string }>(`/outline?${query({ name: file.name })}`, {
       method: "POST",

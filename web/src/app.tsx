@@ -1,4 +1,4 @@
-/** The frame of all screens: where one can go, theme and language, and what there is to say. */
+/** The frame of all screens: navigation, theme and language, and messages. */
 
 import { useEffect } from "preact/hooks";
 import type { JSX } from "preact";

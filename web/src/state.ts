@@ -1,4 +1,4 @@
-/** What all screens share: where the page is, its language and theme, and what it has to say. */
+/** The state that all screens share: the present screen, language and theme, and messages. */
 
 import { computed, effect, signal } from "@preact/signals";
 import { ApiError, api, type Label, type Options } from "./api";
@@ -24,7 +24,7 @@ export const theme = signal<Theme>(
     matchMedia("(prefers-color-scheme: dark)").matches ? "night" : "day",
   ),
 );
-/** Counts changes of theme, once the page wears it: what paints on canvas paints again. */
+/** Counts changes of theme, after they take effect, so that canvases are repainted. */
 export const painted = signal(0);
 
 effect(() => {
@@ -37,7 +37,7 @@ effect(() => {
   painted.value = painted.peek() + 1;
 });
 
-/** The word in the language of the page, its {names} filled in. */
+/** The word in the language of the page, with its {names} filled in. */
 export function t(word: Word, values: Record<string, string | number> = {}): string {
   const text = words[word][language.value === "fr" ? 1 : 0];
   return text.replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ""));
@@ -67,7 +67,7 @@ export function go(screen: Screen, id: string | null = null): void {
   location.hash = `#/${screen}${id ? `/${encodeURIComponent(id)}` : ""}`;
 }
 
-/** The survey that the screens after Plan are about. */
+/** The survey that the screens after Plan show. */
 export const chosen = signal<{ id: string; name: string } | null>(null);
 
 export const options = signal<Options | null>(null);
@@ -93,7 +93,7 @@ export function dismiss(key: number): void {
   notices.value = notices.value.filter((notice) => notice.key !== key);
 }
 
-/** Say what went wrong in the server's words, or in the page's where there was no answer. */
+/** Show what went wrong, in the server's words, or in the page's if there was no answer. */
 export function complain(cause: unknown): void {
   if (cause instanceof DOMException && cause.name === "AbortError") return;
   say("error", inWords(cause));

@@ -1,4 +1,4 @@
-"""The options of a plan whose goal is the map's accuracy, and the plan that they make."""
+"""Options of `grebe plan --goal accuracy`, and the plan that they make."""
 
 from __future__ import annotations
 
@@ -24,35 +24,40 @@ accuracy_options = options.together(
         type=click.Choice(("time", "accuracy")),
         default="time",
         show_default=True,
-        help="The shortest time for the cells; or the surest map: pattern and cells are chosen for "
-        "it, with --minutes or --wh, or --sd.",
+        help="time: visit the given cells in the shortest time. accuracy: choose pattern and cells "
+        "for the most accurate map within --minutes or --wh, or for --sd in the shortest time.",
     ),
     click.option(
         "--sd",
         "sd_share",
         type=click.FloatRange(0, 1, min_open=True, max_open=True),
-        help="With --goal accuracy: the map's standard deviation over the quantity's own, in the "
-        "shortest time.",
+        help="With --goal accuracy: the map's standard deviation to reach, as a share of the "
+        "quantity's own.",
     ),
     click.option(
         "--like",
         type=options.EXISTING,
-        help="With --goal accuracy: an earlier survey whose water varies like this one's, instead "
-        "of --range.",
+        help="With --goal accuracy: take the variation of the water from this earlier survey, "
+        "instead of --range.",
     ),
-    click.option("--quantity", help="With --like: whose variation counts.  [default: the finest]"),
+    click.option(
+        "--quantity",
+        help="With --like: the quantity whose variation counts.  [default: the finest]",
+    ),
 )
 
 
 def refuse_without_goal(asked: dict[str, Any]) -> None:
-    """Refuse what is of another goal."""
+    """Raise `UsageError` for options that require --goal accuracy."""
     for name, flag in (("sd_share", "--sd"), ("like", "--like"), ("quantity", "--quantity")):
         if asked[name] is not None and asked["goal"] != "accuracy":
             raise UsageError(f"{flag} requires --goal accuracy.")
 
 
 def refuse_with_goal(asked: dict[str, Any], vessels: int) -> None:
-    """Refuse what a plan for accuracy, which is one mission of one boat, does not heed."""
+    """Raise `UsageError` for options that a plan for accuracy, which is one mission of one boat,
+    would ignore.
+    """
     if asked["goal"] != "accuracy":
         return
     given = {
@@ -68,16 +73,22 @@ def refuse_with_goal(asked: dict[str, Any], vessels: int) -> None:
         if is_given:
             raise UsageError(
                 f"--goal accuracy plans one mission of one boat and chooses pattern and cells; "
-                f"leave {flag} out."
+                f"leave out {flag}."
             )
 
 
 def cell_of(asked: dict[str, Any]) -> float | None:
-    """The cells' size of a plan for accuracy: None with a budget; any where --sd chooses it."""
+    """The cell size of a plan for accuracy [m]: None with a budget, else the default, since --sd
+    determines the size.
+    """
     if asked["cell_m"] is not None:
-        raise UsageError("--goal accuracy chooses the cells' size and --cell gives it; one alone.")
+        raise UsageError(
+            "--goal accuracy chooses the cells' size and --cell sets it; give only one of them."
+        )
     if (asked["range_m"] is None) == (asked["like"] is None):
-        raise UsageError("--goal accuracy needs to know the water: give --range or --like.")
+        raise UsageError(
+            "--goal accuracy needs to know how the water varies: give --range or --like."
+        )
     budgeted = asked["minutes"] is not None or asked["energy_wh"] is not None
     if budgeted == (asked["sd_share"] is not None):
         raise UsageError("--goal accuracy needs --minutes or --wh, or else --sd.")
@@ -94,8 +105,8 @@ def plan_surest(
     *,
     quiet: bool,
 ) -> AccuratePlan:
-    """Plan for the surest map, with progress."""
-    # Every other plan can do without the map's half of the package, which takes long to import.
+    """Plan for the most accurate map, with a progress bar."""
+    # Other plans do not need the mapping half of the package, which takes long to import.
     from grebe.workflow.accuracy import CHOICES, plan_for_accuracy, prior_of_range, prior_of_survey
 
     like: Path | None = asked["like"]
@@ -121,7 +132,7 @@ def plan_surest(
 
 
 def accuracy_numbers(chosen: AccuratePlan, picture: Path) -> dict[str, Any]:
-    """What a plan for accuracy reports beside its cells."""
+    """The numbers that a plan for accuracy prints besides those of every plan."""
     return {
         "expected_sd": round(chosen.best.share, 4),
         "chosen": chosen.best.said,

@@ -1,4 +1,4 @@
-"""grebe adapt: a survey that was sailed goes on where it pays."""
+"""grebe adapt: extend a finished survey where more readings improve its map most."""
 
 from __future__ import annotations
 
@@ -24,19 +24,23 @@ from grebe.workflow.wish import GOALS, Wish
 
 @click.command(name="adapt")
 @click.argument("file", type=options.EXISTING)
-@click.option("--quantity", required=True, help="Whose map is to become surer, by its key.")
-@click.option("--minutes", type=float, required=True, help="How much longer each boat may sail.")
+@click.option("--quantity", required=True, help="Key of the quantity whose map is to improve.")
+@click.option(
+    "--minutes", type=float, required=True, help="How much longer each boat may sail [min]."
+)
 @click.option(
     "--goal",
     type=click.Choice(GOALS),
     default="accuracy",
     show_default=True,
-    help="The map's accuracy everywhere; where the quantity crosses a threshold; where it is "
+    help="Improve the map everywhere, where the quantity crosses a threshold, or where it is "
     "highest.",
 )
-@click.option("--threshold", type=float, help="With --goal threshold: which, in its unit.")
+@click.option(
+    "--threshold", type=float, help="With --goal threshold: its value, in the quantity's unit."
+)
 @second_options
-@click.option("--preview", is_flag=True, help="Say what would be planned, and keep nothing.")
+@click.option("--preview", is_flag=True, help="Print what would be planned, and store nothing.")
 @options.json_option
 @click.pass_context
 def command(
@@ -50,11 +54,11 @@ def command(
     as_json: bool,
     **asked: Any,
 ) -> None:
-    """Plan where a survey goes on, by what it has measured, and keep that as a new revision.
+    """Plan more targets for a finished survey, based on its measurements, as a new revision.
 
-    Nothing that was planned or measured is changed. What several boats sailed goes on with several,
-    each for so many minutes; a plan in sorties with sorties. Say by --boats, --battery and so on
-    where it is to be otherwise from then on. Run it with --resume.
+    Earlier plans and measurements stay unchanged. A survey by several boats continues with several,
+    each for --minutes, and a plan in sorties continues in sorties; --boats, --battery and the like
+    change that. Sail the revision with grebe run FILE --resume.
     """
     wish = Wish(
         quantity=quantity,
@@ -86,11 +90,11 @@ def command(
 
 
 def _where_it_ended(survey_file: SurveyFile) -> Place:
-    """Where the boat was last of a survey that is sailed to its end."""
+    """The last position of the boat. Raises `PlanError` unless the survey is sailed to its end."""
     file = survey_file.path
     ends, reached = survey_file.track_ends(), survey_file.progress().reached
     if ends is None:
-        raise PlanError(f"{file} holds no mission; run it first.")
+        raise PlanError(f"{file} holds no mission yet; run it first.")
     if reached < len(survey_file.survey.targets):
         raise PlanError(
             f"{file} is not sailed to its end ({reached} of {len(survey_file.survey.targets)} "
@@ -101,7 +105,7 @@ def _where_it_ended(survey_file: SurveyFile) -> Place:
 
 
 def _alone(survey_file: SurveyFile, place: Place, wish: Wish) -> Adapted:
-    """One boat goes on with its one mission from where it is."""
+    """Extend the single mission of one boat, from where the boat is."""
     return adapted(
         survey_file.survey,
         survey_file.revision,
@@ -120,7 +124,7 @@ def _shared(
     *,
     quiet: bool,
 ) -> SecondSurvey:
-    """Several boats, or one in sorties, sail a survey more."""
+    """Plan a further survey for several boats, or for one boat in sorties."""
     searches = settings.sorties is not None
     with output.Countdown("rounds", 1, quiet=quiet) if searches else nullcontext() as bar:
         return second_survey(
@@ -130,9 +134,9 @@ def _shared(
 
 
 def _numbers(found: Adapted | SecondSurvey, wish: Wish, unit: str) -> dict[str, Any]:
-    """What is planned, for the terminal."""
+    """The numbers of the extension that the command prints."""
     unit = f" [{unit}]" if unit else ""
-    # Of a threshold and a hot spot the places count that may be it.
+    # For a threshold or a hot spot, only the places that may be one count.
     where = "" if wish.goal == "accuracy" else "_where_it_matters"
     return {
         "revision": found.revision.number,
@@ -145,7 +149,7 @@ def _numbers(found: Adapted | SecondSurvey, wish: Wish, unit: str) -> dict[str, 
 
 
 def _numbers_of_sorties(found: SecondSurvey) -> dict[str, Any]:
-    """What the sorties report of themselves that follow those of the first survey."""
+    """The numbers of the sorties that follow those of the earlier survey."""
     before = len(found.revision.sorties) - len(found.planned.revision.sorties)
     return sortie_numbers(found.planned, found.revision.sorties[before:])
 

@@ -1,4 +1,4 @@
-"""The options of a mission that goes on where it pays, once its order is sailed."""
+"""Options of `grebe run --adaptive`: sail on where readings improve a map most."""
 
 from __future__ import annotations
 
@@ -22,29 +22,31 @@ adaptive_options = options.together(
         "--adaptive",
         "adaptive_key",
         metavar="QUANTITY",
-        help="Once the order is sailed, go on where readings pay most for this quantity's map.",
+        help="After the planned targets, sail on where readings improve this quantity's map most.",
     ),
-    click.option("--more-minutes", type=float, help="With --adaptive: for so long. Needed."),
+    click.option(
+        "--more-minutes", type=float, help="With --adaptive (required): for how long [min]."
+    ),
     click.option(
         "--goal",
         type=click.Choice(GOALS),
-        help="With --adaptive: the map's accuracy everywhere, where the quantity crosses a "
-        "threshold, or where it is highest.  [default: accuracy]",
+        help="With --adaptive: improve the map everywhere, where the quantity crosses a threshold, "
+        "or where it is highest.  [default: accuracy]",
     ),
     click.option(
-        "--threshold", type=float, help="With --goal threshold: which, in the quantity's unit."
+        "--threshold", type=float, help="With --goal threshold: its value, in the quantity's unit."
     ),
     click.option(
         "--until-sd",
         type=click.FloatRange(min=0, min_open=True),
-        help="With --adaptive: end sooner, once the map's standard deviation is so small, in the "
+        help="With --adaptive: end early once the map's standard deviation is this small, in the "
         "quantity's unit.",
     ),
 )
 
 
 def wish_again(run: dict[str, Any]) -> str:
-    """The options of a mission that goes on as they were typed, for a command that is to do so."""
+    """The adaptive options as they were typed, for the next command."""
     names = {"adaptive_key": "adaptive", "more_minutes": "more-minutes", "goal": "goal"}
     names |= {"threshold": "threshold", "until_sd": "until-sd"}
     given = ((flag, run[name]) for name, flag in names.items())
@@ -52,7 +54,7 @@ def wish_again(run: dict[str, Any]) -> str:
 
 
 def wish_of(run: dict[str, Any]) -> Wish | None:
-    """What a mission goes on for; None where nothing was asked."""
+    """The goal of the adaptive part of a mission; None without --adaptive."""
     key = run["adaptive_key"]
     flags = ("--more-minutes", "--goal", "--threshold", "--until-sd")
     given = [flag for flag in flags if run[flag[2:].replace("-", "_")] is not None]
@@ -61,7 +63,7 @@ def wish_of(run: dict[str, Any]) -> Wish | None:
             raise UsageError(f"{given[0]} requires --adaptive.")
         return None
     if run["more_minutes"] is None:
-        raise UsageError("--adaptive needs --more-minutes: for how long.")
+        raise UsageError("--adaptive needs --more-minutes: how long to sail on.")
     if not run["more_minutes"] > 0:
         raise UsageError(
             f"--more-minutes {run['more_minutes']:g} is impossible; give a positive number."
@@ -78,32 +80,32 @@ def wish_of(run: dict[str, Any]) -> Wish | None:
 def onward_of(
     run: dict[str, Any], survey_file: SurveyFile, *, force: bool
 ) -> Callable[[Sailing | None], Onward] | None:
-    """What makes that which says where a mission goes on, by what its file holds by then, from who
-    else sails; None where nothing was asked.
+    """Return a function that makes the planner of the adaptive part of a mission, given the boats
+    that still sail (None if there are no others); None without --adaptive.
 
-    Refuses what its file will never hold, before anything moves.
+    Raises `UsageError` before anything moves if the survey file cannot serve the goal.
     """
     wish = wish_of(run)
     if wish is None:
         return None
     survey = survey_file.survey
     if not force and survey_file.progress().reached == len(survey.targets):
-        more = f"plan more by: grebe adapt {survey_file.path}"
+        more = f"plan more with: grebe adapt {survey_file.path}"
         raise UsageError(
             f"Every target of {survey_file.path} is reached already; "
-            + (more if survey.fleet is None else "sail it anew with --force.")
+            + (more if survey.fleet is None else "sail it again with --force.")
         )
     settings = survey.settings
     if settings is not None and settings.sorties is not None:
         raise UsageError(
-            "--adaptive is for boats that go on where they are; this plan has them come home."
+            "--adaptive sails on from where the boats are; this plan has them come home."
         )
     if wish.quantity not in survey_file.quantities:
         known = ", ".join(survey_file.quantities)
         raise UsageError(
             f"--adaptive {wish.quantity}: {survey_file.path} has no such quantity; it has {known}."
         )
-    # The map's half of the house takes a second to import: others need not wait for it.
+    # The mapping half of the package takes a second to import, which other runs can do without.
     from grebe.workflow.adaptive_run import Onward
 
     return lambda sailing: Onward(path=survey_file.path, wish=wish, sailing=sailing)

@@ -1,4 +1,4 @@
-"""grebe app: plan, watch, steer and read a survey in a browser."""
+"""grebe app: plan, watch, steer and read surveys in a browser."""
 
 from __future__ import annotations
 
@@ -29,48 +29,50 @@ PASSWORD_VARIABLE = "GREBE_PASSWORD"
     type=click.IntRange(0, 65535),
     default=DEFAULT_PORT,
     show_default=True,
-    help="Where to listen; 0 takes a free one.",
+    help="Port to listen on; 0 takes a free one.",
 )
-@click.option("--no-browser", is_flag=True, help="Print the address and open nothing.")
-@click.option("--demo", is_flag=True, help="Put the demo's survey into the folder first.")
+@click.option("--no-browser", is_flag=True, help="Print the address only; open no browser.")
+@click.option("--demo", is_flag=True, help="Put the demo survey into the folder first.")
 @click.option(
     "--dir",
     "folder",
     type=options.FOLDER,
     default=Path(),
-    help="Folder of the surveys.  [default: this one]",
+    help="Folder of the surveys.  [default: the current folder]",
 )
 @click.option(
     "--background",
     type=options.EXISTING,
     help="Your own map under the water: a .pmtiles or .mbtiles file of images.",
 )
-@click.option("--print-token", is_flag=True, help="Print the token with which scripts ask.")
-@click.option("--show", "shown", type=options.EXISTING, help="A survey of the folder to open at.")
+@click.option("--print-token", is_flag=True, help="Print the token that scripts need.")
+@click.option("--show", "shown", type=options.EXISTING, help="Survey of the folder to show first.")
 @click.option(
     "--idle-minutes",
     type=click.FloatRange(min=0.1),
-    help="End the app when no page has been open for so long.",
+    help="End the app when no page has been open for this many minutes.",
 )
 @click.option(
     "--host",
     default=HOST,
     show_default=True,
-    help="The address to listen at. Other computers can ask at 0.0.0.0, over TLS and by password.",
+    help="Address to listen on; 0.0.0.0 lets other computers in, over TLS and with a password.",
 )
 @click.option(
     "--name",
     "names",
     multiple=True,
-    help="A name by which other computers reach this one; may be given several times.",
+    help="Name by which other computers reach this one; may be repeated.",
 )
-@click.option("--certificate", type=options.EXISTING, help="For other computers: its chain (PEM).")
-@click.option("--key", type=options.EXISTING, help="For other computers: its private key (PEM).")
+@click.option(
+    "--certificate", type=options.EXISTING, help="For other computers: certificate chain (PEM)."
+)
+@click.option("--key", type=options.EXISTING, help="For other computers: private key (PEM).")
 @click.option(
     "--password-file",
     type=options.EXISTING,
-    help=f"For other computers: a file with the password.  [default: ${PASSWORD_VARIABLE}, or it "
-    "is asked for]",
+    help=f"For other computers: file with the password.  [default: ${PASSWORD_VARIABLE}, or a "
+    "prompt]",
 )
 def command(
     port: int,
@@ -83,9 +85,10 @@ def command(
     idle_minutes: float | None,
     **remote: Any,
 ) -> None:
-    """Open the app: plan, watch, steer and read surveys in a browser, on this computer alone.
+    """Open the app: plan, watch, steer and read surveys in a browser.
 
-    A survey that is under way goes on where the app is ended, and is found again.
+    By default only this computer can reach it. A mission continues when the app ends, and the app
+    finds it when it is started again.
     """
     try:
         from grebe.server.app import make_app
@@ -110,7 +113,7 @@ def command(
     reached = remote["names"][0] if remote["names"] else HOST
     at = "" if shown is None else f"#/live/{identity(shown)}"
     address = f"http{'s' if tls else ''}://{reached}:{port}/?token={keys.launch_token}{at}"
-    output.note(f"Surveys in {folder}; Ctrl-C ends the app, and no mission with it. Open:")
+    output.note(f"Surveys in {folder}; Ctrl-C ends the app, but no mission. Open:")
     click.echo(address)
     if print_token:
         click.echo(keys.bearer)
@@ -123,7 +126,7 @@ def command(
 
 
 def _serve(app: Any, door: socket.socket, tls: dict[str, Any], idle_minutes: float | None) -> None:
-    """Answer until Ctrl-C, or until nobody has looked on for so long."""
+    """Serve until Ctrl-C, or until no page has been open for `idle_minutes`."""
     import uvicorn
 
     from grebe.server.app import AFTER_PAINT_S
@@ -164,25 +167,28 @@ def _remote(
     key: Path | None,
     password_file: Path | None,
 ) -> tuple[dict[str, Any], str | None]:
-    """What uvicorn needs for TLS, and the password: both, or neither on this computer alone."""
+    """Uvicorn's TLS settings and the password; empty and None if only this computer has access."""
     if certificate is None and key is None and password_file is None and host in LOCAL:
         if names:
-            raise UsageError("A --name is for other computers: see --host.", settings=("name",))
+            raise UsageError(
+                "A --name is only for other computers; see --host.", settings=("name",)
+            )
         return {}, None
     if certificate is None or key is None:
         raise UsageError(
-            "The app is shown to other computers over TLS alone: give --certificate and --key.",
+            "Other computers reach the app over TLS only; give --certificate and --key.",
             settings=("certificate",),
         )
     if not names:
         raise UsageError(
-            "Say with --name by which name other computers reach this one.", settings=("name",)
+            "Give the name by which other computers reach this one.",
+            settings=("name",),
         )
     try:
         ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
     except (OSError, ssl.SSLError) as error:
         raise InputError(
-            f"{certificate} and {key} are no certificate and its key ({error}).",
+            f"{certificate} and {key} are not a certificate and its key ({error}).",
             settings=("certificate",),
         ) from None
     tls = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
@@ -203,7 +209,7 @@ def _password(file: Path | None) -> str:
         )
     if len(password) < LEAST_LENGTH:
         raise UsageError(
-            f"A password for access from elsewhere needs {LEAST_LENGTH} characters or more.",
+            f"A password for other computers needs at least {LEAST_LENGTH} characters.",
             settings=("password_file",),
         )
     return password
@@ -215,7 +221,7 @@ def _door(host: str, port: int) -> socket.socket:
     door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         door.bind((host, port))
-        # Whoever reads the address may ask at once, and waits until there is an answer.
+        # A browser may connect as soon as the address is printed; it then waits for the answer.
         door.listen()
     except OSError as error:
         door.close()

@@ -1,4 +1,4 @@
-"""grebe autopilot: a stand-in for a boat's autopilot, to rehearse a survey without a boat."""
+"""grebe autopilot: stand in for a boat's autopilot, to rehearse a survey without a boat."""
 
 from __future__ import annotations
 
@@ -19,16 +19,26 @@ from grebe.simulation.autopilot import AutopilotSettings
     "address",
     default="127.0.0.1:14550",
     show_default=True,
-    help="HOST:PORT that it speaks to, as a boat's own telemetry does.",
+    help="HOST:PORT to send to, as a boat's telemetry does.",
 )
-@click.option("--current", type=options.NORTH_EAST, default="0,0", help="True current [m/s].")
-@click.option("--wind", type=options.NORTH_EAST, default="0,0", help="True wind force [N].")
+@click.option(
+    "--current",
+    type=options.NORTH_EAST,
+    default="0,0",
+    help="True current, towards north and east [m/s].",
+)
+@click.option(
+    "--wind",
+    type=options.NORTH_EAST,
+    default="0,0",
+    help="True wind force, towards north and east [N].",
+)
 @click.option(
     "--speed-limit",
     type=click.FloatRange(min=0, min_open=True),
     default=2.0,
     show_default=True,
-    help="Its WP_SPEED [m/s].",
+    help="The autopilot's WP_SPEED [m/s].",
 )
 @click.option(
     "--ready",
@@ -36,7 +46,7 @@ from grebe.simulation.autopilot import AutopilotSettings
     type=click.FloatRange(min=0),
     default=38.0,
     show_default=True,
-    help="How long its position takes to become good [s].",
+    help="Time until its position estimate is good [s].",
 )
 def command(
     file: Path,
@@ -46,10 +56,10 @@ def command(
     speed_limit: float,
     ready_s: float,
 ) -> None:
-    """Stand in for the autopilot of FILE's boat, at its start, and speak MAVLink over UDP.
+    """Stand in for the autopilot of FILE's boat, at the survey's start, and speak MAVLink over UDP.
 
-    It behaves as ArduRover does where a survey depends on it. In another terminal:
-    grebe run FILE --link mavlink:udp:127.0.0.1:14550. Ctrl-C ends it.
+    It behaves like ArduRover in everything that a survey depends on. In another terminal: grebe run
+    FILE --link mavlink:udp:127.0.0.1:14550. Ctrl-C ends it.
     """
     from grebe.workflow.standin import serve_stand_in, stand_in
 

@@ -1,4 +1,4 @@
-"""grebe campaign: simulate very many missions, and say what they allow to be claimed."""
+"""grebe campaign: simulate thousands of missions and certify how often they succeed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,16 @@ from grebe.cli import options, output
 
 @click.command(name="campaign")
 @click.argument("file", type=options.EXISTING)
-@click.option("--out", type=options.FOLDER, help="Folder for the results.  [default: by FILE]")
-@click.option("--workers", type=click.IntRange(min=1), help="Processes.  [default: one a core]")
-@click.option("--dask", is_flag=True, help="Work on a Dask cluster on this computer.")
-@click.option("--scheduler", metavar="ADDRESS", help="Work on the Dask cluster of a scheduler.")
+@click.option(
+    "--out", type=options.FOLDER, help="Folder for the results.  [default: FILE without its ending]"
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    help="Number of worker processes.  [default: one per core]",
+)
+@click.option("--dask", is_flag=True, help="Use a Dask cluster on this computer.")
+@click.option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster of this scheduler.")
 @options.force_option
 @options.json_option
 def command(
@@ -26,10 +32,10 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Simulate the missions of FILE (TOML) until what it claims of them is decided.
+    """Simulate the missions of FILE (TOML) until its claim about them is decided.
 
-    Whatever ends it, the same command goes on with it. The folder gets the missions as Parquet, and
-    the certificate as a page, a picture and JSON.
+    An interrupted campaign continues when the same command is run again. The folder receives the
+    missions as Parquet, and the certificate as a page, a picture and JSON.
     """
     from grebe.campaigns.engine import engine_of
     from grebe.campaigns.page import numbers, write_report

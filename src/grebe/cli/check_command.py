@@ -1,4 +1,4 @@
-"""grebe check: quality control of what was measured."""
+"""grebe check: quality control of the samples."""
 
 from __future__ import annotations
 
@@ -17,16 +17,21 @@ from grebe.workflow.quality import check_samples
 
 @click.command(name="check")
 @click.argument("file", type=options.EXISTING)
-@click.option("--limits", "limits_file", type=options.EXISTING, help="TOML: limits of this water.")
+@click.option(
+    "--limits",
+    "limits_file",
+    type=options.EXISTING,
+    help="TOML file of the tests' limits for this water.",
+)
 @click.option(
     "--lag",
     "lags",
     multiple=True,
     metavar="KEY=DELAY[,TAU]",
-    help="Lag of a sensor [s], corrected in the maps: a delay and a time constant; 0 forgets it.",
+    help="Lag of a sensor [s], a delay and a time constant, which the maps correct; 0 removes it.",
 )
-@click.option("--sensors", help="The sensors and their calibration, for the report.")
-@click.option("--positions", help="How good the positions are, for the report.")
+@click.option("--sensors", help="Description of the sensors and their calibration, for the report.")
+@click.option("--positions", help="Description of how accurate positions are, for the report.")
 @options.json_option
 def command(
     file: Path,
@@ -36,7 +41,7 @@ def command(
     positions: str | None,
     as_json: bool,
 ) -> None:
-    """Check the samples of FILE by QARTOD's tests and store a flag beside each value."""
+    """Check the samples of FILE with QARTOD's tests and store a flag beside each value."""
     with SurveyFile.open(file) as survey_file:
         survey_file.claim()
         known = survey_file.quantities
@@ -65,7 +70,7 @@ def command(
 
 
 def _found(counts: dict[str, dict[str, tuple[int, int]]]) -> list[str]:
-    """What the tests found, in words."""
+    """The findings of the tests, in words."""
     return [
         f"{key}: {test} {suspect} suspect, {failed} failed"
         for key, tests in counts.items()

@@ -1,4 +1,4 @@
-"""grebe demo: all of it for a small region, with nothing but the package."""
+"""grebe demo: every step for a small region, with nothing but the package."""
 
 from __future__ import annotations
 
@@ -26,7 +26,11 @@ from grebe.workflow.simulated import SimulatedWorld
 
 @click.command(name="demo")
 @click.option(
-    "--out", type=options.FOLDER, default=Path("demo"), show_default=True, help="Where to."
+    "--out",
+    type=options.FOLDER,
+    default=Path("demo"),
+    show_default=True,
+    help="Folder for the results.",
 )
 @options.json_option
 def command(out: Path, as_json: bool) -> None:
@@ -50,7 +54,7 @@ def command(out: Path, as_json: bool) -> None:
             datetime.now(UTC),
             listeners=[ProgressMeter(bar.update)],
         )
-        output.note("checking and mapping what was measured")
+        output.note("checking and mapping the samples")
         check_samples(survey_file)
     data = map_survey(file)
     write_maps(data, out / "maps", read_profile(None))

@@ -1,4 +1,4 @@
-"""grebe diff: what changed between surveys of the same water."""
+"""grebe diff: map changes and trends between surveys of the same water."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from grebe.workflow.series import map_series, write_series
 @click.option(
     "--seasonal",
     is_flag=True,
-    help="Fit a wave of a year beside the trend: six surveys over two years at least.",
+    help="Also fit an annual wave; needs at least six surveys over two years.",
 )
 @options.force_option
 @options.json_option
@@ -35,11 +35,11 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Map what changed where all surveys cover the water.
+    """Map the changes between surveys, where all of them cover the water.
 
-    Of two, the second less the first: GeoTIFF and picture each. Of three and more, whose order
-    does not matter, the trend of each place with the probability of one as large by chance, and
-    series.nc with all maps.
+    Two surveys give the second minus the first, as a GeoTIFF and a picture for each quantity. Three
+    or more, in any order, give the trend at each place with the probability of one as large by
+    chance, and series.nc with all maps.
     """
     if len(surveys) == 1:
         raise UsageError("One survey is given; a change takes two, a trend three or more.")
@@ -49,12 +49,13 @@ def command(
         and (any(out.glob("*_difference.tif")) or any(out.glob("*_trend.tif")))
     ):
         raise InputError(
-            f"{out} holds changes already; give another folder, or --force.", settings=("force",)
+            f"{out} contains changes already; give another folder, or --force.",
+            settings=("force",),
         )
     if len(surveys) == 2:
         if seasonal:
             raise UsageError(
-                "Two surveys are too few to tell a season from a trend.",
+                "Two surveys are too few to distinguish a season from a trend.",
                 settings=("seasonal",),
             )
         rows = _differences(surveys[0], surveys[1], out, resolution_m)
@@ -77,13 +78,12 @@ def _differences(
     if changes.days[1] < changes.days[0]:
         output.note(f"{later} ({changes.days[1]}) is older than {earlier} ({changes.days[0]})")
     output.note(
-        "how the sensors of the two surveys differ, by calibration or place on the boat, is in the "
-        "differences, and not in how sure they are"
+        "the differences include those between the sensors of the two surveys, in calibration and "
+        "in position on the boat; their standard deviations do not"
     )
     if WATER_DEPTH in changes.by_quantity:
         output.note(
-            "water depth: the level of the water and the errors of a sounder change sooner than "
-            "the bed does"
+            "water depth: the water level and the errors of a sounder change faster than the bed"
         )
     written = write_changes(changes, out)
     rows: dict[str, dict[str, Any]] = {}
@@ -112,9 +112,7 @@ def _trends(
     _tell(series.left_out)
     years = float(np.ptp(series.spans_s)) / YEAR_S
     if not seasonal and years < LEAST_YEARS_FOR_SEASON:
-        output.note(
-            f"the surveys lie within {years:.1f} years: what looks like a trend may be the season"
-        )
+        output.note(f"the surveys span only {years:.1f} years: an apparent trend may be the season")
     written = write_series(series, out)
     return {
         key: {

@@ -1,4 +1,4 @@
-"""grebe doctor: a preflight list, each line with what to do."""
+"""grebe doctor: a preflight checklist with advice on each line."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ COLOURS = {Verdict.GOOD: "green", Verdict.DOUBTFUL: "yellow", Verdict.BAD: "red"
 
 @click.command(name="doctor")
 @click.argument("link", required=False)
-@click.option("--survey", "survey_file", type=options.EXISTING, help="The survey to be sailed.")
+@click.option("--survey", "survey_file", type=options.EXISTING, help="The survey to sail.")
 @click.option(
     "--instrument",
     "instruments",
     multiple=True,
     metavar="ADDRESS@PROFILE",
-    help="A sonde apart from the boat; may be given several times.",
+    help="A sonde that is not read through the boat's link; may be repeated.",
 )
 @options.json_option
 def command(
@@ -32,7 +32,7 @@ def command(
 ) -> None:
     """Check this computer, a survey, the boat behind LINK (mavlink:udp:HOST:PORT) and sondes.
 
-    Nothing is armed, moved or written. Exits with 7 when a line says NOT.
+    Nothing is armed, moved or written. The exit code is 7 if a line says NOT.
     """
     found: list[Check] = []
     for line in diagnose(link, survey_file, datetime.now(UTC), instruments):

@@ -1,4 +1,4 @@
-"""grebe export: hand a plan to a ground station, a GPS receiver or a map; or samples to a table."""
+"""grebe export: write a plan, or samples, for other programs."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from grebe.io.store import SurveyFile
     "path",
     type=options.OUTPUT,
     required=True,
-    help="What to write: .plan, .waypoints, .gpx, .kml or .geojson of the plan; .csv, .parquet or "
-    ".wqx.csv of the samples.",
+    help="Output file, whose ending chooses the format: .plan, .waypoints, .gpx, .kml or .geojson "
+    "for the plan; .csv, .parquet or .wqx.csv for the samples.",
 )
 @click.option(
     "--sortie",
     type=click.IntRange(min=1),
-    help="Which sortie of a plan in sorties, or which boat's part of a fleet's.",
+    help="Number of the sortie to export, or of the boat's part in a fleet's plan.",
 )
 @options.force_option
 @options.json_option
 def command(file: Path, path: Path, sortie: int | None, force: bool, as_json: bool) -> None:
-    """Write the plan, or the samples, of FILE for another program.
+    """Write the plan, or the samples, of FILE for other programs.
 
-    .plan is QGroundControl's, with the shore as a fence, .waypoints Mission Planner's. .csv and
-    .parquet (GeoParquet) hold every sample with its flags, .wqx.csv the good values as results for
-    the Water Quality Exchange.
+    .plan is for QGroundControl, with the shore as a fence, and .waypoints for Mission Planner. .csv
+    and .parquet (GeoParquet) hold every sample with its flags; .wqx.csv holds the good values, as
+    results for the Water Quality Exchange.
     """
     options.refuse_same(file, options.checked_output(path))
     if path.exists() and not force:
@@ -61,16 +61,16 @@ def command(file: Path, path: Path, sortie: int | None, force: bool, as_json: bo
 
 
 def _part(survey_file: SurveyFile, sortie: int | None) -> Survey:
-    """What is sailed in one go: the whole survey, or one sortie. Strung together, sorties would be
-    one route beyond any battery, and across the land between their ends.
+    """The part that is sailed in one go: the complete survey, or one sortie. Several sorties strung
+    together would exceed any battery and cross the land between their ends.
     """
     revision = survey_file.revision
     if sortie is not None:
         return survey_of(survey_file.survey, revision, revision.sortie(sortie))
     if len(revision.sorties) > 1:
         raise UsageError(
-            f"{survey_file.path} is planned in {len(revision.sorties)} sorties; say which one: "
-            "--sortie 1."
+            f"{survey_file.path} is planned in {len(revision.sorties)} sorties; choose one, such "
+            "as --sortie 1."
         )
     return survey_file.survey
 
@@ -85,8 +85,8 @@ def _export_samples(
         raise InputError(f"{file} has no samples to export; sail it with grebe run, or import.")
     if write is write_results and is_simulated(water):
         raise InputError(
-            f"{file} was sailed in simulation: its values are no results, and not for an exchange "
-            "of them; export a plain table, .csv or .parquet."
+            f"{file} was sailed in simulation: its values are not results for the exchange; "
+            "export a plain table, .csv or .parquet."
         )
     measured = Measured(
         samples=samples, frame=survey.frame, name=survey.name, quantities=quantities
@@ -94,7 +94,7 @@ def _export_samples(
     rows = write(measured, path)
     left_out = measured.unnamed() if write is write_results else []
     if left_out:
-        output.note(f"without a name in the exchange, and left out: {', '.join(left_out)}")
+        output.note(f"left out, as the exchange has no name for them: {', '.join(left_out)}")
     found = {"samples": len(samples), "rows": rows, "left_out": left_out, "file": str(path)}
     ahead = f"grebe map {output.quoted(file)} --out maps"
     output.result(found, as_json=as_json, next_command=ahead)

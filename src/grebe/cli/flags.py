@@ -1,4 +1,4 @@
-"""The library's settings as flags of the command line: the one place that knows both names."""
+"""The one table that maps the library's names of settings to command-line flags."""
 
 from __future__ import annotations
 
@@ -68,6 +68,6 @@ FLAGS = {
 
 
 def sentence(error: GrebeError) -> str:
-    """An error's sentence, with the flags that set what it names."""
+    """An error's message, followed by the flags of the settings that it names."""
     flags = ", ".join(FLAGS[name] for name in error.settings)
     return f"{error} ({flags})" if flags else str(error)

@@ -1,4 +1,4 @@
-"""grebe run of a survey that was planned for several boats: all of them at once."""
+"""grebe run for a survey planned for several boats: all of them sail at once."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ SIMULATED = "sim:"
 
 @dataclass
 class FleetMeter:
-    """Shows how far all boats together are, of the survey's `targets`."""
+    """Shows the progress of all boats together towards the survey's `targets`."""
 
     bar: output.MissionBar
     targets: int
     _of: dict[int, Progress] = field(default_factory=dict[int, Progress])
 
     def listeners(self, boat: int) -> Sequence[Listener]:
-        """What listens to one boat's mission."""
+        """The listeners of one boat's mission."""
         return [
             ProgressMeter(lambda progress: self._update(boat, progress)),
             Alarm(lambda text: output.note(f"boat {boat}: {text}")),
@@ -58,7 +58,7 @@ class FleetMeter:
         self.bar.update(
             Progress(
                 reached=sum(one.reached for one in each),
-                # Not all boats may have set out yet.
+                # Boats that have not set out yet report no targets.
                 targets=max(self.targets, sum(one.targets for one in each)),
                 boat_time_s=max(one.boat_time_s for one in each),
                 samples=sum(one.samples for one in each),
@@ -68,8 +68,8 @@ class FleetMeter:
 
 @dataclass
 class Attendants:
-    """Who hears of the boats and may order them: the terminal's `meter`, what is `closing` areas to
-    each boat, and the app's `ears`.
+    """Everything that listens to the boats' missions or gives them orders: the terminal's `meter`,
+    the `closing` of areas to each boat, and the app's `ears`.
     """
 
     meter: FleetMeter
@@ -77,13 +77,13 @@ class Attendants:
     ears: Ears | None
 
     def of(self, boat: int) -> list[Listener]:
-        """What listens to one boat's mission."""
+        """The listeners of one boat's mission."""
         told = [] if self.ears is None else [partial(self.ears.hear, boat=boat)]
         closes = [self.closing[boat]] if boat in self.closing else []
         return [*self.meter.listeners(boat), *told, *closes]
 
     def take(self, boat: int, mission: Mission) -> None:
-        """Be handed a mission before it begins."""
+        """Attach to a mission before it begins."""
         heed_mission(mission)
         if self.ears is not None:
             self.ears.obeys(mission, boat)
@@ -91,7 +91,7 @@ class Attendants:
             self.closing[boat].begin(mission)
 
     def beside(self, boat_at: Callable[[Departure], BoatLink]) -> Callable[[Departure], BoatLink]:
-        """The same boat, of whose link the app is told."""
+        """The same link, which also reports to the app."""
         return boat_at if self.ears is None else self.ears.beside(boat_at)
 
 
@@ -113,9 +113,12 @@ def run_fleet(
     ears: Ears | None,
     changed: Collection[int],
 ) -> FleetReport:
-    """Sail a fleet's survey; `urls` are one link for all boats, or one for each, `benches` the
-    instruments of some; `closures` makes what closes areas to one of its missions, `extends` what
-    says where it goes on; `ears` are the app's; `changed` are the boats whose batteries are new.
+    """Sail a fleet's survey and check the quality of its samples.
+
+    `urls`: one link for all boats, or one for each. `benches`: the instruments of some boats.
+    `closures` makes the closed areas of one mission (None: nothing is closed). `extends` makes the
+    function that plans the adaptive part of a mission. `ears`: the app's. `changed`: the boats
+    whose batteries were changed.
     """
     rule, solver, world = how
     fleet = survey_file.survey.fleet
@@ -154,18 +157,18 @@ def run_fleet(
 
 
 def _links_of(urls: Sequence[str], boats: int) -> list[str]:
-    """The link of each boat; one for all is the simulated world's alone."""
+    """The link of each boat; only the simulated world serves all boats with one link."""
     if len(urls) == 1 and urls[0] == SIMULATED:
         return [SIMULATED] * boats
     if len(urls) == 1:
         raise UsageError(f"Give a --link for each of the {boats} boats, in their order.")
     if len(urls) != boats:
-        raise UsageError(f"{boats} boats need {boats} --link, in their order.")
+        raise UsageError(f"{boats} boats need {boats} --link options, in their order.")
     return list(urls)
 
 
 def fleet_numbers(report: FleetReport) -> dict[str, Any]:
-    """What a fleet's run reports of itself."""
+    """The numbers printed after a fleet's run."""
     return {
         "reached": report.reached,
         "targets": report.targets,
@@ -182,18 +185,18 @@ def fleet_numbers(report: FleetReport) -> dict[str, Any]:
 
 
 def next_command(report: FleetReport, file: object) -> str:
-    """What is to be done after a fleet's run."""
+    """The next command after a fleet's run."""
     path = output.quoted(file)
     return f"grebe run {path} --resume" if report.goes_on else f"grebe map {path} --out maps"
 
 
 def explain(report: FleetReport, file: object) -> None:
-    """Say who waits ashore, and leave with the reason where targets are left for any other."""
+    """Print which boats wait ashore; raise an error if targets are left for any other reason."""
     if report.ashore:
         who = " and ".join(map(str, report.ashore))
         output.note(
             f"at their harbours, and not setting out again by themselves: boat {who}; see to their "
-            "batteries, and go on"
+            "batteries, then resume"
         )
     if report.complete or report.goes_on:
         return

@@ -1,4 +1,4 @@
-"""grebe identify: know a boat from a drive, and drive the manoeuvre for it."""
+"""grebe identify: fit a boat's model to a recorded drive, and drive the manoeuvre for it."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ USUAL_VESSEL = "spyboat"
     "--output",
     "path",
     type=options.OUTPUT,
-    help="The vessel, TOML; with --manoeuvre the log of the drive, CSV.",
+    help="Output file: the vessel (TOML), or with --manoeuvre the log of the drive (CSV).",
 )
 @click.option(
     "--vessel",
-    help=f"What is believed of the boat: a TOML file, or one of {', '.join(sorted(PRESETS))}.  "
-    f"[default: {USUAL_VESSEL}; with --manoeuvre that of the survey]",
+    help=f"First estimate of the boat: a TOML file, or one of {', '.join(sorted(PRESETS))}.  "
+    f"[default: {USUAL_VESSEL}; with --manoeuvre the survey's]",
 )
-@click.option("--name", help="Of the vessel.  [default: the log's]")
+@click.option("--name", help="Name of the vessel.  [default: the log's]")
 @click.option(
     "--bollard",
     "bollard_n",
@@ -55,7 +55,7 @@ USUAL_VESSEL = "spyboat"
     type=float,
     default=10.0,
     show_default=True,
-    help="How long each piece of the drive is predicted by the fit [s].",
+    help="Length of the pieces of the drive that the fit predicts [s].",
 )
 @click.option(
     "--manoeuvre",
@@ -63,13 +63,19 @@ USUAL_VESSEL = "spyboat"
     help="Drive a short manoeuvre in the water of the survey FILE and log it.",
 )
 @click.option(
-    "--link", "url", default="sim:", show_default=True, help="With --manoeuvre: which boat."
+    "--link",
+    "url",
+    default="sim:",
+    show_default=True,
+    help="With --manoeuvre: the boat, as for grebe run.",
 )
-@click.option("--radius", "radius_m", type=float, help="Of the manoeuvre's circle [m].")
-@click.option("--speed-limit", "speed_max_mps", type=float, help="Of the manoeuvre [m/s].")
+@click.option("--radius", "radius_m", type=float, help="Radius of the manoeuvre's circle [m].")
+@click.option(
+    "--speed-limit", "speed_max_mps", type=float, help="Highest speed of the manoeuvre [m/s]."
+)
 @click.option(
     "--seconds", "duration_s", type=click.FloatRange(90, 1800), default=180.0, show_default=True,
-    help="How long the manoeuvre takes.",
+    help="Duration of the manoeuvre.",
 )  # fmt: skip
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
 @click.option(
@@ -77,17 +83,18 @@ USUAL_VESSEL = "spyboat"
     type=click.FloatRange(0, 1, max_open=True),
     default=0.0,
     show_default=True,
-    help="Share by which a simulated boat may differ from what is believed of it.",
+    help="Share by which the simulated boat may differ from the first estimate.",
 )
 @click.option(
     "--noise",
     type=click.FloatRange(min=0),
     default=0.0,
     show_default=True,
-    help="Of a simulated boat's velocities [m/s]; positions are ten times as noisy in metres.",
+    help="Standard deviation of the simulated boat's velocities [m/s]; that of positions is ten "
+    "times as large in metres.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True,
-              help="Of the simulated boat.")  # fmt: skip
+              help="Seed of the simulated boat.")  # fmt: skip
 @options.force_option
 @options.json_option
 def command(
@@ -102,18 +109,18 @@ def command(
     as_json: bool,
     **drive: Any,
 ) -> None:
-    """Know a boat from FILE: a drive with commands, as CSV, a survey file, or ArduPilot's .tlog or
-    .bin.
+    """Fit a boat's model to FILE, a drive with its commands: CSV, a survey file, or ArduPilot's
+    .tlog or .bin.
 
-    Fits masses, drags, the thrust curve, lag and latency, with standard errors, and tries them on
-    parts of the drive that the fit has not seen. Writes a vessel for grebe plan --vessel, and a
+    Fits masses, drags, the thrust curve, lag and latency, with standard errors, and tests them on
+    parts of the drive that the fit has not seen. Writes a vessel for grebe plan --vessel and a
     picture beside it.
     """
     ending = ".csv" if manoeuvre else ".toml"
     to = options.checked_output(path or file.with_suffix(ending))
     options.refuse_same(file, to)
     if to.suffix.lower() != ending:
-        raise UsageError(f"{to}: what is written here ends in {ending}.")
+        raise UsageError(f"{to}: the name of the output must end in {ending}.")
     if manoeuvre:
         _drive(file, to, vessel, force=force, as_json=as_json, **drive)
         return
@@ -202,7 +209,7 @@ def _numbers(found: Identification, *, as_json: bool) -> dict[str, Any]:
         )
     )
     rows[f"{check.horizon_s:g} s ahead, held out"] = after
-    rows["the same, as believed before"] = before
+    rows["the same, by the first estimate"] = before
     return rows
 
 
@@ -218,5 +225,5 @@ def _row(one: Told) -> dict[str, Any]:
 
 def _text(one: Told) -> str:
     before = "" if one.before is None or one.of_the_day else f", before {one.before:.4g}"
-    doubt = "" if one.is_told or one.of_the_day else " (not told)"
+    doubt = "" if one.is_told or one.of_the_day else " (not determined)"
     return f"{one.text}{before}{doubt}"

@@ -15,21 +15,29 @@ from grebe.io.readers.clock import EARLIEST_S, LATEST_S
 from grebe.workflow.joining import ClockOffset
 from grebe.workflow.tracks import ImportedTrack, import_track
 
-# Of a quantity of which less is good it is said which tests flagged the rest.
+# The failed tests of a quantity are printed if its share of good values is below this.
 MOSTLY_GOOD = 0.8
 
 
 @click.command(name="import")
 @click.argument("track", type=options.EXISTING)
 @click.option("-o", "--output", "path", type=options.OUTPUT, required=True, help="Survey file.")
-@click.option("--with", "sonde", type=options.EXISTING, help="Sonde's file, joined by the clock.")
-@click.option("--zone", help="Zone of times that name none, such as Europe/Paris.  [default: UTC]")
-@click.option("--profile", help="What the logger's file holds: a TOML file, or a name (catabot).")
+@click.option(
+    "--with", "sonde", type=options.EXISTING, help="The sonde's file, joined to the track by time."
+)
+@click.option(
+    "--zone", help="Time zone of times that name none, such as Europe/Paris.  [default: UTC]"
+)
+@click.option(
+    "--profile",
+    help="Description of the logger's file: a TOML file, or the name of a known one (catabot).",
+)
 @click.option(
     "--clock-offset",
     "clock_offset_s",
     type=float,
-    help="Seconds that the sonde's clock is ahead of the track's.  [default: what the data tell]",
+    help="Time by which the sonde's clock is ahead of the track's [s].  [default: estimated from "
+    "the data]",
 )
 @options.column_options
 @options.quantities_option
@@ -51,8 +59,8 @@ def command(
 ) -> None:
     """Import the data of TRACK; its convex hull becomes the region.
 
-    TRACK is a logger's table, a GPX, an ArduPilot .tlog or .bin, a Sea-Bird .cnv, or sentences of
-    NMEA.
+    TRACK is a logger's table, a GPX file, an ArduPilot .tlog or .bin, a Sea-Bird .cnv, or NMEA
+    sentences.
     """
     options.refuse_same(track, options.checked_output(path))
     done = import_track(
@@ -95,7 +103,7 @@ def command(
 
 
 def _span_text(done: ImportedTrack) -> str:
-    """From when to when the samples are, as a reader would notice a wrong day, month or zone by."""
+    """The times of the first and the last sample, which show a wrong day, month or time zone."""
     times = done.raw.times
     known = [] if times is None else times[np.isfinite(times)].tolist()
     if not known or min(known) < EARLIEST_S or max(known) > LATEST_S:
@@ -105,7 +113,7 @@ def _span_text(done: ImportedTrack) -> str:
 
 
 def _flagged(done: ImportedTrack) -> list[str]:
-    """Which tests flagged much of a quantity."""
+    """For each quantity with many flagged values, the tests that flagged them."""
     said: list[str] = []
     for key, tests in done.quality.counts.items():
         flags = done.quality.flags[key]
@@ -119,13 +127,13 @@ def _flagged(done: ImportedTrack) -> list[str]:
 
 
 def _time_notes(done: ImportedTrack) -> list[str]:
-    """Times that no survey has are those of a logger whose clock was not set, or count on."""
+    """A note if no survey can have these times: the clock was not set, or it is a counter."""
     times = done.raw.times
     if times is None or EARLIEST_S < float(times[0]) < LATEST_S:
         return []
     return [
-        f"the times begin at {times[0]:g} s after 1970: they do not say when; give dates and "
-        "times, or seconds since 1970"
+        f"the times begin at {times[0]:g} s after 1970, so the day of the survey is unknown; give "
+        "dates and times, or seconds since 1970"
     ]
 
 
@@ -133,8 +141,8 @@ def _offset_text(told: ClockOffset | None, given: float | None) -> str:
     if told is not None:
         return (
             f"the sonde's clock is {told.seconds:+d} s ahead, told by {told.key} in both files "
-            f"(correlation {told.correlation:.2f}): made up for"
+            f"(correlation {told.correlation:.2f}): corrected"
         )
     if given is not None:
-        return f"the sonde's clock was said to be {given:+g} s ahead"
-    return "the data cannot tell the clocks apart: taken as the same"
+        return f"the sonde's clock is taken as {given:+g} s ahead, as given"
+    return "the data do not determine the offset between the clocks: taken as zero"

@@ -1,4 +1,4 @@
-"""grebe instruments: the sondes that Grebe can read, what one says, and a pretend one."""
+"""grebe instruments: list the sondes that Grebe can read, watch one, or simulate one."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from grebe.links.base import Reading
     type=click.FloatRange(min=0, min_open=True),
     help="How long to listen.  [default: until Ctrl-C]",
 )
-@click.option("--pretend", metavar="PROFILE", help="Be a sonde of this kind, to rehearse.")
+@click.option("--pretend", metavar="PROFILE", help="Simulate a sonde of this kind, to rehearse.")
 @click.option(
-    "--to", "address", help="HOST:PORT that the pretend sonde sends to, instead of a serial line."
+    "--to", "address", help="With --pretend: HOST:PORT to send to, instead of a serial line."
 )
 @options.json_option
 def command(
@@ -31,13 +31,13 @@ def command(
     address: str | None,
     as_json: bool,
 ) -> None:
-    """List the instruments that Grebe can read; watch one at ADDRESS (serial:DEVICE[:BAUD],
-    udp:HOST:PORT, tcp:HOST:PORT, file:PATH); or pretend to be one.
+    """List the instruments that Grebe can read, watch one, or simulate one.
 
-    A PROFILE is one of the list, or a TOML file of your own.
+    ADDRESS is serial:DEVICE[:BAUD], udp:HOST:PORT, tcp:HOST:PORT or file:PATH. PROFILE is one of
+    the list, or a TOML file of your own.
     """
     if instrument and pretend:
-        raise UsageError("An instrument is watched, or one is pretended: give one of them.")
+        raise UsageError("Give either an instrument to watch or --pretend, not both.")
     if pretend:
         _pretend(pretend, address, seconds)
     elif instrument:
@@ -60,7 +60,7 @@ def _list(*, as_json: bool) -> None:
     width = max(map(len, profiles))
     for name, one in profiles.items():
         click.echo(f"  {name:<{width}}  {one.title}")
-    click.echo("next: grebe instruments serial:/dev/ttyUSB0@PROFILE")
+    click.echo("Next: grebe instruments serial:/dev/ttyUSB0@PROFILE")
 
 
 def _watch(instrument: str, seconds: float | None, *, as_json: bool) -> None:
@@ -83,7 +83,7 @@ def _pretend(profile: str, address: str | None, seconds: float | None) -> None:
     voice = voice_of(profile_named(profile))
     sonde = PretendUdp(voice, address) if address else PretendSerial(voice)
     where = f"udp:{address}" if address else f"serial:{getattr(sonde, 'device', '')}:9600:8N1"
-    output.note(f"A pretend sonde speaks; read it with: grebe instruments {where}@{profile}")
+    output.note(f"A simulated sonde is sending; read it with: grebe instruments {where}@{profile}")
     try:
         time.sleep(seconds if seconds is not None else 1e9)
     finally:

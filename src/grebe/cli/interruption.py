@@ -1,12 +1,12 @@
 """Ctrl-C and SIGTERM end every command within a second, whatever it is doing.
 
-Python hears a signal between two of its own instructions, and a compiled kernel may run for
-minutes. So a second thread hears of the signal too. It leaves the command the time to end in good
-order, and then ends the process. No record is hurt by that: a survey file's journal is made for
-sudden death, and of files that are being written only the unfinished parts are removed.
+Python handles a signal only between two of its own instructions, and a compiled kernel may run for
+minutes. So a second thread receives the signal too. It gives the command time to end in good order,
+and then ends the process. This harms no record: a survey file's journal is made for sudden death,
+and of files being written only the unfinished parts are removed.
 
-A boat does not wait for any of that: its thrust is taken away as soon as the signal is heard, by
-the second thread, also while a step is solved or an estimate is waited for.
+A boat does not wait for any of this. The second thread takes its thrust away as soon as the signal
+arrives, even while a step is being solved or an estimate is awaited.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from grebe.cli import output
 from grebe.core.errors import StoppedError
 from grebe.io.atomic_write import forget_parts
 
-# What a command has to end in good order [s].
+# Time that a command has to end in good order [s].
 GRACE_S = 0.8
 INTERRUPTED = "interrupted; what was recorded is kept."
 STOPPED = "stopped by the operator; what was recorded is kept."
@@ -32,14 +32,14 @@ ENDS = {signal.SIGINT: (INTERRUPTED, 130), signal.SIGTERM: (STOPPED, StoppedErro
 
 
 class Stops(Protocol):
-    """A mission, as far as signals are concerned."""
+    """The part of a mission that signals act on."""
 
     def stop(self, why: str) -> None:
         """Take the thrust away at once."""
         ...
 
     def come_home(self, why: str) -> None:
-        """Ask for the way home."""
+        """Call the boat home."""
         ...
 
 
@@ -47,7 +47,7 @@ _MISSIONS: list[Stops] = []
 
 
 def heed_mission(mission: Stops) -> None:
-    """Let the signals that end the process stop this mission too, and SIGUSR1 call it home."""
+    """Make the signals that end the process stop this mission too, and SIGUSR1 call it home."""
     _MISSIONS.append(mission)
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGUSR1, lambda *_: _call_home())
@@ -59,7 +59,9 @@ def _call_home() -> None:
 
 
 def heed_signals() -> None:
-    """Let SIGINT raise `KeyboardInterrupt` and SIGTERM `StoppedError`, and see that they end it."""
+    """Make SIGINT raise `KeyboardInterrupt` and SIGTERM `StoppedError`; both then end the process
+    for certain.
+    """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, _stop)
     heard, told = socket.socketpair()
@@ -70,7 +72,7 @@ def heed_signals() -> None:
 
 
 def ignore_hangup() -> None:
-    """Go on where the terminal closes: a boat is under way. Ctrl-C and SIGTERM end it still."""
+    """Continue if the terminal closes, for a boat is under way. Ctrl-C and SIGTERM still end it."""
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
 
@@ -79,13 +81,13 @@ def _stop(signum: int, frame: FrameType | None) -> None:
 
 
 def _watch(heard: socket.socket, told: socket.socket) -> None:
-    """Wait for a signal that ends the process; `told` is held, or it would be closed."""
+    """Wait for a signal that ends the process. Holding `told` keeps that socket open."""
     number = 0
     while told.fileno() >= 0 and number not in ENDS:
         number = heard.recv(1)[0]
     sentence, code = ENDS[signal.Signals(number)]
     for mission in _MISSIONS:
-        # A line that is broken must not keep the next boat from being stopped.
+        # A broken link must not keep the next boat from being stopped.
         with suppress(Exception):
             mission.stop(sentence)
     time.sleep(GRACE_S)

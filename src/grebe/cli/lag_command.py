@@ -1,4 +1,4 @@
-"""grebe lag: estimate the sensors' lag where one line was run twice."""
+"""grebe lag: estimate sensor lags from two runs along the same line."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from grebe.workflow.lags import compare_runs
 @click.argument("second", type=options.EXISTING)
 @options.json_option
 def command(first: Path, second: Path, as_json: bool) -> None:
-    """Compare two runs of one line, FIRST and SECOND, at different speeds or directions.
+    """Compare FIRST and SECOND, two runs along the same line at different speeds or directions.
 
-    For each quantity the delay and time constant that bring the runs closest, and whether
-    that is worth a correction: no lag explains what the water itself did between the runs.
+    Prints, for each quantity, the delay and the time constant that bring the runs closest, and
+    whether a correction is worthwhile: no lag explains how the water changed between the runs.
     """
     found, quantities = compare_runs(first, second)
     advised = " ".join(
@@ -46,7 +46,7 @@ def _numbers(one: LagEstimate) -> dict[str, Any]:
 
 
 def _row(quantity: Quantity, one: LagEstimate) -> tuple[str, str]:
-    """The quantity's name, and what was found of it in its unit."""
+    """The quantity's label, and its result in its own unit."""
     unit = f" {quantity.unit}" if quantity.unit else ""
     verdict = "worth correcting" if one.advised else "not worth correcting"
     return quantity.label, (

@@ -1,4 +1,4 @@
-"""grebe run --live: the app, in a process of its own, looks on at a mission of this terminal."""
+"""grebe run --live: the app, in a process of its own, shows the mission of this terminal."""
 
 from __future__ import annotations
 
@@ -18,17 +18,16 @@ from grebe.io.store import SurveyFile
 if TYPE_CHECKING:
     from grebe.server.mission_socket import Ears
 
-# The app stays for those who look at what was measured, and ends when nobody does any more.
+# The app outlives the mission, and ends once no page has been open for this long.
 IDLE_MINUTES = 10.0
 
 
 @contextmanager
 def live_view(survey_file: SurveyFile, *, wanted: bool) -> Generator[Ears | None]:
-    """Let the app look on at a mission, or a fleet's, where it is wanted, and say where it is
-    opened.
+    """Show a mission, or those of a fleet, in the app if `wanted`, and print the app's address.
 
-    The mission waits for none of that: it sails whether or not the app comes up, and on when it
-    goes. Raises `UsageError` where the app is not installed.
+    The mission does not depend on the app: it sails whether or not the app starts, and continues
+    when the app ends. Raises `UsageError` if the app is not installed.
     """
     if not wanted:
         yield None

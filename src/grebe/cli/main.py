@@ -1,4 +1,4 @@
-"""The command line: `grebe` and its commands, each loaded only when it is called."""
+"""The `grebe` command group. Each command's module is imported only when the command is called."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ from grebe.core.errors import GrebeError, InputError
 from grebe.workflow.collector import leave_all, uncollected
 
 COMMANDS = {
-    "app": "plan, watch, steer and read a survey in a browser",
-    "demo": "region, plan, simulated mission, maps and report in under a minute",
+    "app": "plan, watch, steer and read surveys in a browser",
+    "demo": "plan, simulate, map and report a small survey in under a minute",
     "plan": "mesh a region into target sets and put them in order",
-    "export": "hand a plan to a ground station, a GPS receiver or a map",
+    "export": "write a plan, or samples, for other programs",
     "run": "steer a boat through every target set of a survey",
-    "identify": "know a boat from a drive: masses, drags, thrusters, with standard errors",
-    "doctor": "check the computer, the survey and the boat before they go out",
-    "instruments": "the sondes that can be read: list them, watch one, pretend to be one",
+    "identify": "fit a boat's model to a recorded drive, with standard errors",
+    "doctor": "check the computer, the survey and the boat before departure",
+    "instruments": "list the sondes that Grebe can read, watch one, or simulate one",
     "autopilot": "stand in for a boat's autopilot, to rehearse without a boat",
-    "physics": "be the water and the hull under ArduPilot's real firmware",
+    "physics": "simulate the hull and the water for ArduPilot's real firmware",
     "check": "flag suspect and failed samples by QARTOD's tests",
-    "lag": "estimate the sensors' lag where one line was run twice",
-    "adapt": "let a survey that was sailed go on where it pays",
-    "map": "draw the maps of what was measured",
-    "diff": "map what changed between surveys of the same water, and its trend",
+    "lag": "estimate sensor lags from two runs along the same line",
+    "adapt": "extend a finished survey where more readings improve its map most",
+    "map": "draw maps of the measurements",
+    "diff": "map changes and trends between surveys of the same water",
     "report": "write one self-contained HTML page about a survey",
-    "campaign": "simulate very many missions, and say what may be claimed of the next",
+    "campaign": "simulate thousands of missions and certify how often they succeed",
     "import": "turn a hand-driven track into a survey file",
-    "paper": "reproduce the paper's figures, beside the numbers they must show",
-    "show": "say what a survey file holds",
+    "paper": "reproduce the paper's figures and check their numbers",
+    "show": "summarise a survey file",
 }
 
 WELCOME = """\
 Grebe surveys a lake with an unmanned boat and comes back with maps of its water.
-  grebe demo                          see all of it, in under a minute
+  grebe demo                          try everything in simulation, in under a minute
   grebe plan LAKE.geojson -o S.gpkg   plan a survey of a region (or of a track's hull)
   grebe run S.gpkg                    steer the boat through every target set
   grebe map S.gpkg --out maps         draw the maps; grebe report S.gpkg writes a page
-  grebe --help                        all commands and what they take"""
+  grebe --help                        list all commands"""
 
 
 class LazyGroup(click.Group):
     """A group that imports a command's module only when that command is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the commands in the order of the work."""
+        """Return the commands in the order in which a survey uses them."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -85,7 +85,7 @@ def _is_interruption(error: BaseException | None) -> bool:
 
 
 def main() -> None:
-    """Run the command line and leave with the design's exit codes."""
+    """Run the command line and exit with the error's own exit code."""
     output.make_streams_safe()
     heed_signals()
     try:
@@ -100,13 +100,13 @@ def main() -> None:
         output.fail(INTERRUPTED)
         sys.exit(130)
     except SystemError as error:
-        # An interruption within compiled code comes wrapped in one.
+        # Compiled code wraps an interruption in a SystemError.
         if not _is_interruption(error):
             raise
         output.fail(INTERRUPTED)
         sys.exit(130)
     except OSError as error:
-        # What cannot open a file names it, and every writer of one does: what is left is stdout.
+        # Errors of files carry the file's name. One without a name comes from stdout.
         what = error.filename or "standard output cannot be written"
         output.give_up_stdout()
         output.fail(f"{what}: {error.strerror or error}.")

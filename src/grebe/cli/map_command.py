@@ -1,4 +1,4 @@
-"""grebe map: draw the maps of what was measured."""
+"""grebe map: draw maps of the measurements."""
 
 from __future__ import annotations
 
@@ -39,17 +39,25 @@ from grebe.workflow.maps import (
 @click.option(
     "--workers",
     type=click.IntRange(min=1),
-    help="Processes that share the quantities, or with --many the surveys.  [default: one a core]",
+    help="Processes that share the quantities, or with --many the surveys.  [default: one per "
+    "core]",
 )
-@click.option("--scheduler", metavar="ADDRESS", help="For --many: a Dask cluster's scheduler.")
+@click.option("--scheduler", metavar="ADDRESS", help="With --many: a Dask cluster's scheduler.")
 @mapping_options
-@click.option("--draws", type=click.IntRange(0, 1000), default=0, help="Conditional simulations.")
-@click.option("--profile", type=options.EXISTING, help="TOML: thresholds.  [default: fresh water]")
+@click.option(
+    "--draws",
+    type=click.IntRange(0, 1000),
+    default=0,
+    help="Number of conditional simulations to add.",
+)
+@click.option(
+    "--profile", type=options.EXISTING, help="TOML file of thresholds.  [default: fresh water]"
+)
 @click.option(
     "--credits",
     "credits_file",
     type=options.EXISTING,
-    help="TOML: who made the survey, and on what terms, for the files' metadata.",
+    help="TOML file for the maps' metadata: who made the survey, and on what terms.",
 )
 @options.force_option
 @options.json_option
@@ -65,15 +73,19 @@ def command(
     as_json: bool,
     **asked: Any,
 ) -> None:
-    """Map every quantity of FILE: map.nc (CF NetCDF), contours.gpkg, and a Cloud Optimized
-    GeoTIFF and a picture each; with --every movie.nc besides.
+    """Map every quantity of FILE.
 
-    With --many each FILE is mapped to a folder of its own name; what is mapped already is passed
-    over, so that the same command goes on where it was cut off.
+    Writes map.nc (CF NetCDF), contours.gpkg and, for each quantity, a Cloud Optimized GeoTIFF and a
+    picture; with --every also movie.nc.
+
+    With --many each FILE is mapped to a folder of its own name. Surveys that are mapped already are
+    skipped, so an interrupted command continues when it is run again.
     """
     if many:
         if asked["inflows"] or asked["depth"] is not None:
-            raise UsageError("Inflows and a raster of depths are one lake's own; map it by itself.")
+            raise UsageError(
+                "--inflow and --depth belong to one lake; map that survey without --many."
+            )
         task = MapTask(
             out=out,
             settings=settings_with(asked, linear if asked["drift"] else None),
@@ -91,7 +103,7 @@ def command(
             settings=("many",),
         )
     if (out / NETCDF_NAME).exists() and not force:
-        raise InputError(f"{out} holds maps already; give another folder, or --force.")
+        raise InputError(f"{out} contains maps already; give another folder, or --force.")
     with filled_folder(out):
         _map_one(files[0], out, asked | {"workers": workers}, asked_again(ctx), as_json=as_json)
 

@@ -1,4 +1,4 @@
-"""The options of how maps are made, for every command that makes them."""
+"""The mapping options, shared by every command that makes maps."""
 
 from __future__ import annotations
 
@@ -45,71 +45,75 @@ mapping_options = options.together(
     click.option(
         "--method",
         type=click.Choice(tuple(METHODS)),
-        help="How to interpolate.  [default: by the shore]",
+        help="Interpolation method.  [default: spde where land comes between the readings and the "
+        "map, else kriging]",
     ),
     click.option(
         "--variogram",
         type=click.Choice(tuple(COVARIANCE_FITS)),
-        help="The covariance of place alone: rough or smooth by its posterior under priors, by "
-        "restricted likelihood alone (reml), or as the variogram has it (wls).  [default: the mean "
-        "of a rough one and of a smooth one that knows of passes]",
+        help="Fit one covariance that depends on place only: rough or smooth by its posterior "
+        "under priors, reml by restricted likelihood alone, wls by the variogram.  [default: the "
+        "mean of two maps, by a rough covariance and by a smooth one that allows for differences "
+        "between passes]",
     ),
     click.option(
         "--moment",
         type=options.MOMENT,
-        help="Map the water of one moment of the survey (ISO 8601, or middle): what changed "
-        "everywhere meanwhile, and the sensors' lag, are estimated and taken out.  [default: each "
-        "place as it was measured]",
+        help="Map the water at one time of the survey (ISO 8601, or middle): changes that all the "
+        "water shares, and sensor lags, are estimated and removed.  [default: each place as it was "
+        "measured]",
     ),
     click.option(
         "--every",
         "every_s",
         type=options.Minutes(),
-        help="Besides a movie of what changed: a map every so many minutes of the survey. The "
-        "other maps are of its middle then, or of --moment.",
+        help="Also make a movie, with one map for every MINUTES of the survey. The other maps then "
+        "show its middle, or --moment.",
     ),
     click.option(
         "--together",
         metavar="KEY,KEY...",
         callback=_keys,
-        help="Map these quantities each by the readings of the others too (cokriging): a few "
-        "of one by the many of another that goes with it.",
+        help="Map these quantities together (cokriging): one with few readings also uses the many "
+        "readings of another that varies with it.",
     ),
     click.option(
         "--scale",
         type=click.Choice(tuple(SCALES)),
         help="Map the quantity itself, or its logarithm with asymmetric intervals.  [default: the "
-        "logarithm of what is positive and skewed]",
+        "logarithm if the values are positive and skewed]",
     ),
-    click.option("--drift", type=click.Choice(("linear",)), help="What the mean depends on."),
+    click.option(
+        "--drift", type=click.Choice(("linear",)), help="Let the mean be a plane across the lake."
+    ),
     click.option(
         "--inflow",
         "inflows",
         type=options.LON_LAT,
         multiple=True,
-        help="An inflow from whose distance the mean depends; may be given several times.",
+        help="Let the mean depend on the distance to this inflow; may be repeated.",
     ),
     click.option(
         "--depth",
         type=options.EXISTING,
-        help="Raster of depths on which the mean depends (GeoTIFF).",
+        help="Let the mean depend on the depth, from this raster (GeoTIFF).",
     ),
     click.option(
         "--shore-depth-sd",
         "shore_depth_sd_m",
         type=float,
-        help="Take the depth of the water as zero along the shore, within this standard deviation "
-        "[m].",
+        help="For the map of water depth: take the depth along the shore as zero, with this "
+        "standard deviation [m].",
     ),
     click.option(
         "--estimator",
         type=click.Choice(ESTIMATORS),
         default="matheron",
         show_default=True,
-        help="Of the variogram; cressie and dowd bear outliers.",
+        help="Estimator of the variogram; cressie and dowd are robust to outliers.",
     ),
 )
-# What a command that follows is told again, by the names of the options' values.
+# The options that the next command repeats, by the names of their values.
 REPEATED = {
     "resolution_m": "--resolution",
     "method": "--method",
@@ -127,13 +131,13 @@ REPEATED = {
 
 
 def map_settings(asked: dict[str, Any], survey: Survey) -> MapSettings:
-    """How the maps of a survey are made, by what was asked for."""
+    """The settings with which the options map a survey."""
     drift = _drift(survey, asked["drift"], asked["inflows"], asked["depth"])
     return settings_with(asked, drift)
 
 
 def asked_again(ctx: click.Context) -> str:
-    """The options that were given, as they are written for the next command."""
+    """The options that were typed, as text for the next command."""
     words: list[str] = []
     for name, flag in REPEATED.items():
         if ctx.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
@@ -157,7 +161,7 @@ def _as_written(name: str, value: Any) -> str:
 
 
 def settings_with(asked: dict[str, Any], drift: DriftFunction | None) -> MapSettings:
-    """The methods by their names in the table, with the settings that are given."""
+    """The settings given by the options, with a `drift` that is read already."""
     _refuse_beside_together(asked)
     method, variogram = asked["method"], asked["variogram"]
     more: dict[str, Any] = {
@@ -179,8 +183,8 @@ def settings_with(asked: dict[str, Any], drift: DriftFunction | None) -> MapSett
 
 
 def _refuse_beside_together(asked: dict[str, Any]) -> None:
-    """Refuse what cokriging does not heed: it has one mean for all places and covariances of its
-    own.
+    """Raise `UsageError` for options that cokriging would ignore, because it has one mean for all
+    places and covariances of its own.
     """
     if not asked["together"]:
         return
@@ -196,7 +200,7 @@ def _refuse_beside_together(asked: dict[str, Any]) -> None:
         if is_given:
             raise UsageError(
                 f"--together is cokriging, with one mean for all places and covariances of its "
-                f"own: it does not heed {flag}; leave that out, or map without --together."
+                f"own: it ignores {flag}; leave that out, or map without --together."
             )
 
 

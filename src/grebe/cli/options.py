@@ -30,7 +30,7 @@ class Pair(click.ParamType):
         self._separator = separator
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """Return what the help shows."""
+        """Return the placeholder that the help shows."""
         return self.name
 
     def convert(
@@ -45,7 +45,7 @@ class Pair(click.ParamType):
         except ValueError:
             self.fail(f"{value!r} is not of the form {self.name}.", param, ctx)
         if not (math.isfinite(first) and math.isfinite(second)):
-            self.fail(f"{value!r} holds something that is not a finite number.", param, ctx)
+            self.fail(f"{value!r} contains a number that is not finite.", param, ctx)
         return first, second
 
 
@@ -68,7 +68,7 @@ class Minutes(click.ParamType):
 
 
 class Moment(click.ParamType):
-    """A moment in ISO 8601, UTC where it names no zone, as unix seconds; or the word middle."""
+    """A time in ISO 8601 as unix seconds, UTC unless it names a zone; or the word middle."""
 
     name = "TIME|middle"
 
@@ -81,7 +81,7 @@ class Moment(click.ParamType):
         try:
             moment = datetime.fromisoformat(str(value))
         except ValueError:
-            self.fail(f"{value!r} is neither a moment such as 2026-05-01T12:00Z nor 'middle'.")
+            self.fail(f"{value!r} is neither a time such as 2026-05-01T12:00Z nor 'middle'.")
         return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
@@ -92,7 +92,7 @@ SPEED_WINDOW = Pair("LO", "HI", ":")
 
 
 def weather_of(current: tuple[float, float], wind: tuple[float, float]) -> Weather:
-    """The weather of --current and --wind, both (north, east)."""
+    """The weather given by --current [m/s] and --wind [N], both (north, east)."""
     return Weather(
         current_north_mps=current[0],
         current_east_mps=current[1],
@@ -102,20 +102,22 @@ def weather_of(current: tuple[float, float], wind: tuple[float, float]) -> Weath
 
 
 def place_text(frame: LocalFrame) -> str:
-    """Where a survey is: who swapped longitude and latitude sees it here."""
+    """A survey's latitude and longitude as text, in which a reader notices swapped coordinates."""
     return f"{frame.origin_lat_deg:.5f} N, {frame.origin_lon_deg:.5f} E"
 
 
 def refuse_same(given: Path | None, output: Path) -> None:
-    """Refuse to write over what is being read, even where --force would allow it."""
+    """Refuse to overwrite the input file, even with --force."""
     if given is not None and given.exists() and output.exists() and given.samefile(output):
-        raise InputError(f"{output} is what is being read; give the output another name.")
+        raise InputError(f"{output} is the file being read; give the output another name.")
 
 
 def checked_output(path: Path) -> Path:
-    """Return a path that can be written to, as far as that can be told before the work."""
+    """Return the path after checking, before any work, that its folder exists and that it is not a
+    folder itself.
+    """
     if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}; make it first.")
+        raise InputError(f"{path}: there is no folder {path.parent}; create it first.")
     if path.is_dir():
         raise InputError(f"{path} is a folder; give the name of a file.")
     return path
@@ -124,11 +126,11 @@ def checked_output(path: Path) -> Path:
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print the result as one JSON object."
 )
-force_option = click.option("--force", is_flag=True, help="Replace what is there already.")
+force_option = click.option("--force", is_flag=True, help="Overwrite existing output.")
 
 
 def together(*several: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Add several options, in the order in which help is to show them."""
+    """Combine several options into one decorator; the help shows them in this order."""
 
     def added(command: Any) -> Any:
         for option in reversed(several):
@@ -142,7 +144,8 @@ quantities_option = click.option(
     "--quantities",
     "quantities_file",
     type=EXISTING,
-    help="TOML: more quantities.  [default: quantities.toml beside the survey, if it is there]",
+    help="TOML file that defines more quantities.  [default: quantities.toml beside the survey, "
+    "if it exists]",
 )
 
 
@@ -155,16 +158,17 @@ def column_options(command: Any) -> Any:
         "columns",
         multiple=True,
         metavar="KEY=NAME",
-        help="Column of a CSV track: time, date beside it, lat, lon or the key of a quantity.",
+        help="Column of a CSV track: KEY is time, date (if separate), lat, lon or the key of a "
+        "quantity.",
     )(command)
     return click.option(
         "--header-from",
         type=EXISTING,
-        help="Take the columns' names from the first row of this file.",
+        help="Take the column names from the first row of this file.",
     )(command)
 
 
-# The columns that have an option of their own, and what they hold.
+# Columns with an option of their own: the key of each, and what it holds.
 COLUMNS = {
     "lat": ("lat", "latitude [deg]"),
     "lon": ("lon", "longitude [deg]"),
@@ -178,8 +182,8 @@ COLUMNS = {
 
 
 def track_columns(pairs: tuple[str, ...], named: dict[str, Any]) -> TrackColumns:
-    """The columns of a track by key, from --column KEY=NAME and the options of their own, which
-    are looked for among all that was `named`.
+    """A track's column names by key, from the --column KEY=NAME `pairs` and from the options such
+    as --lat-column in `named`.
     """
     columns = {
         key: named[f"{option}_column"]

@@ -1,4 +1,4 @@
-"""What every command prints: results on stdout, progress and notes on stderr."""
+"""Output of the commands: results go to stdout, progress and notes to stderr."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from grebe.mission.telling.statistics import Progress as MissionProgress
 
 TIP = "Next: "
-# Where there is no terminal for a bar, the longest time between two lines [s].
+# Longest time between two progress lines when stderr is no terminal [s].
 LONGEST_SILENCE_S = 30.0
 
 
 def make_streams_safe() -> None:
-    """Open what is closed of the standard streams, and let nobody who watches end the work.
+    """Reopen closed standard streams, and keep a blocked or broken stderr from ending the work.
 
-    A closed one would be the next file opened, and what is printed would go into that file.
+    The next file opened would take the number of a closed stream, and the output would go into it.
     """
     for number in range(3):
         try:
@@ -38,8 +38,8 @@ def make_streams_safe() -> None:
 
 
 def give_up_stdout() -> None:
-    """Drop what cannot be written to standard output any more: Python would try once more when it
-    ends, and complain in its own words.
+    """Discard output that stdout no longer accepts. Otherwise Python would try again at exit and
+    print its own error message.
     """
     try:
         sys.stdout.flush()
@@ -48,23 +48,25 @@ def give_up_stdout() -> None:
 
 
 def last_words() -> None:
-    """Let what was said come out before the process is ended by force."""
+    """Write out pending messages before the process is killed."""
     if isinstance(sys.stderr, Unwatched):
         sys.stderr.drain(LAST_WORDS_S)
 
 
 def note(text: str) -> None:
-    """Tell the user something that is not the result."""
+    """Print a message that is not part of the result."""
     click.echo(text, err=True)
 
 
 def fail(text: str) -> None:
-    """Tell the user why the command ends."""
+    """Print why the command ends."""
     click.echo(f"grebe: {text}", err=True)
 
 
 def confirmation(*, yes: bool) -> Callable[[str], bool]:
-    """How the operator is asked before a real boat is armed: a word is typed, not a key hit."""
+    """Return the function that asks the operator before a real boat is armed. The operator has to
+    type a word, since hitting a key would not be enough; `yes` skips the question.
+    """
 
     def confirm(text: str) -> bool:
         note(text)
@@ -74,18 +76,18 @@ def confirmation(*, yes: bool) -> Callable[[str], bool]:
 
 
 def compile_once() -> None:
-    """Compile the controller where that is still to be done, and say why it takes a while."""
+    """Compile the controller unless it is compiled already, and say why it takes a while."""
     from grebe.core.kernels import is_compiled
 
     if not is_compiled():
         from grebe.workflow.kernel_cache import compile_controller
 
-        note("compiling the controller, once: about a minute")
+        note("compiling the controller, once: this takes about a minute")
         compile_controller()
 
 
 def quoted(path: object) -> str:
-    """A path as a shell reads it, of a command that is to be copied."""
+    """A path quoted for a shell, for a command that the user may copy."""
     return shlex.quote(str(path))
 
 
@@ -105,7 +107,7 @@ def result(values: Mapping[str, Any], *, as_json: bool, next_command: str) -> No
 
 
 class Pace:
-    """When a line of progress is due, and how long the rest takes at the pace so far."""
+    """Decides when a progress line is due, and extrapolates the time left."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -114,7 +116,9 @@ class Pace:
         self._tenth = -1
 
     def is_due(self, done: float, total: float) -> bool:
-        """Whether a tenth of the work is done since the last line, or much time has passed."""
+        """Whether the work has entered another tenth since the last line, or that line is
+        `LONGEST_SILENCE_S` old.
+        """
         if self._done_before is None:
             self._done_before = done
         tenth = int(10 * done // max(total, 1))
@@ -124,7 +128,7 @@ class Pace:
         return True
 
     def left_s(self, done: float, total: float) -> float | None:
-        """Wall time that is left [s]; None while nothing is known of the pace."""
+        """Wall time left [s]; None while the pace is unknown, and at the end."""
         fresh = done - (self._done_before or 0.0)
         if fresh <= 0 or done >= total:
             return None
@@ -132,14 +136,14 @@ class Pace:
 
 
 def duration_text(seconds: float) -> str:
-    """A time as a person says it."""
+    """A duration in seconds, minutes or hours, whichever suits its length."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 class _Bar:
-    """A bar on a terminal, lines in a log, nothing where it is to be quiet."""
+    """A bar on a terminal, lines elsewhere, nothing if quiet."""
 
     def __init__(self, columns: str, what: str, total: float, *, quiet: bool) -> None:
         from rich.console import Console
@@ -187,7 +191,7 @@ class MissionBar(_Bar):
         self._before: MissionProgress | None = None
 
     def update(self, progress: MissionProgress) -> None:
-        """Show how far the mission is."""
+        """Show the mission's progress."""
         self._before = self._before or progress
         boat_s = progress.boat_time_s - self._before.boat_time_s
         fresh = progress.reached - self._before.reached
@@ -198,11 +202,11 @@ class MissionBar(_Bar):
 
 
 class Countdown(_Bar):
-    """A progress bar for work in equal parts, with an estimate of what is left."""
+    """A progress bar for work in equal parts, with an estimate of the time left."""
 
     def __init__(self, what: str, total: int, *, quiet: bool) -> None:
         super().__init__("left:", what, total, quiet=quiet)
 
     def update(self, done: int, total: int) -> None:
-        """Show how many parts are done."""
+        """Show that `done` of `total` parts are done."""
         self._show(done, total)

@@ -1,4 +1,4 @@
-"""grebe paper: reproduce the paper's figures, each beside the numbers that it must show."""
+"""grebe paper: reproduce the paper's figures and check their numbers."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ CLAIM = "claim"
     type=click.IntRange(1, 1000),
     default=30,
     show_default=True,
-    help="Waters that the claim is tried on.",
+    help="Number of simulated waters on which the claim is tested.",
 )
 @click.option(
     "--printed-sign",
     is_flag=True,
-    help="Fly Figs. 1, 2 and 7 to 9 with the last row of Eq. (9) as it is printed, and not with "
-    "Fossen's sign.",
+    help="Use the last row of Eq. (9) as printed, instead of Fossen's sign, for Figs. 1, 2 and 7 "
+    "to 9.",
 )
 @click.option(
     "--header-from",
     type=options.EXISTING,
-    help="Take the names of the track's columns from the first row of this file.",
+    help="Take the track's column names from the first row of this file.",
 )
 @options.json_option
 def command(
@@ -64,11 +64,11 @@ def command(
     header_from: Path | None,
     as_json: bool,
 ) -> None:
-    """Reproduce FIGURES of the paper (by default all that need no --track): fly, draw, check.
+    """Simulate, draw and check FIGURES of the paper (by default all that need no --track).
 
-    The paper prints no coordinates of its sets and its region, and its data are not public;
-    ours are stand-ins. `claim` measures whether a planned survey makes a better map than one
-    that was driven by hand.
+    The paper gives no coordinates of its sets and its region, and its data are not public; Grebe
+    uses stand-ins. `claim` measures whether a planned survey gives a better map than one driven by
+    hand.
     """
     wanted = figures or (FLOWN if track is None else (*FLOWN, *BY_HAND))
     if track is None and set(wanted) & {*BY_HAND, CLAIM}:
@@ -90,7 +90,7 @@ def command(
                               default=str))  # fmt: skip
     missed = [one.figure for one in made if not one.holds]
     if missed:
-        raise IncompleteError(f"{', '.join(missed)}: not everything that must show does.")
+        raise IncompleteError(f"{', '.join(missed)}: not all checks hold.")
 
 
 def _reproduced(

@@ -1,4 +1,4 @@
-"""grebe physics: our hull, current and wind below ArduPilot's real firmware."""
+"""grebe physics: simulate Grebe's hull, current and wind for ArduPilot's real firmware."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from grebe.workflow.physics import Rehearsal, boat_of, serve_physics
 
 
 class Servos(options.Pair):
-    """Two numbers of outputs: PORT,STARBOARD."""
+    """The numbers of two outputs: PORT,STARBOARD."""
 
     def __init__(self) -> None:
         super().__init__("PORT", "STARBOARD")
@@ -32,24 +32,34 @@ class Servos(options.Pair):
 
 @click.command(name="physics")
 @click.option("--vessel", "name", help=f"The hull: {', '.join(PRESETS)}.  [default: the survey's]")
-@click.option("--survey", "file", type=options.EXISTING, help="Take hull and start from a plan.")
 @click.option(
-    "--current", type=options.NORTH_EAST, default="0,0", show_default=True, help="Current [m/s]."
+    "--survey", "file", type=options.EXISTING, help="Take hull and start from this survey."
 )
 @click.option(
-    "--wind", type=options.NORTH_EAST, default="0,0", show_default=True, help="Wind force [N]."
+    "--current",
+    type=options.NORTH_EAST,
+    default="0,0",
+    show_default=True,
+    help="Current, towards north and east [m/s].",
+)
+@click.option(
+    "--wind",
+    type=options.NORTH_EAST,
+    default="0,0",
+    show_default=True,
+    help="Wind force, towards north and east [N].",
 )
 @click.option(
     "--origin",
     type=options.LON_LAT,
-    help="Where the boat lies: the firmware's home.  [default: the survey's start]",
+    help="Where the boat is at first, and the firmware's home.  [default: the survey's start]",
 )
-@click.option("--heading", "heading_deg", type=float, help="Of the boat at first [deg].")
+@click.option("--heading", "heading_deg", type=float, help="Heading of the boat at first [deg].")
 @click.option(
     "--rate",
     "rate_hz",
     type=float,
-    help="Steps a second.  [default: as many as the firmware asks for, SIM_RATE_HZ]",
+    help="Simulation steps per second.  [default: the firmware's SIM_RATE_HZ]",
 )
 @click.option(
     "--servos",
@@ -58,7 +68,7 @@ class Servos(options.Pair):
     show_default=True,
     help="Outputs of the port and the starboard thruster (functions 73 and 74).",
 )
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=PORT, show_default=True, help="UDP port."
 )
@@ -73,12 +83,12 @@ def command(
     as_json: bool,
     **how: Any,
 ) -> None:
-    """Be the physics under ArduPilot's firmware, until Ctrl-C.
+    """Simulate hull and water for ArduPilot's firmware, until Ctrl-C.
 
-    Start the firmware beside it as the first lines say; it then sails this hull as if on water.
+    Start the firmware as the first lines of output say; it then sails this hull as if on water.
     """
     if name is None and file is None:
-        raise UsageError("Which boat? Give a vessel, or a survey to take it from.")
+        raise UsageError("No boat is given; give --vessel, or --survey to take it from.")
     vessel = None if name is None else vessel_named(name)
     if file is not None:
         with SurveyFile.open(file) as survey_file:

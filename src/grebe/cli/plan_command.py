@@ -48,79 +48,80 @@ DEFAULT_MARGIN_M = 1.0
     type=click.Choice(SHAPES),
     default="square",
     show_default=True,
-    help="Of the cells; all have the area of the square.",
+    help="Shape of the cells; each has the area of the square.",
 )
 @click.option(
     "--core",
     type=float,
     default=1.0,
     show_default=True,
-    help="Share of each cell, about its middle, that the boat must have been in; less than 1 keeps "
-    "it from cutting corners.",
+    help="Size of the part around each cell's middle that the boat must enter, as a share of the "
+    "cell; less than 1 keeps it from cutting corners.",
 )
 @click.option(
     "--pattern",
     type=click.Choice(PATTERNS),
     default="free",
     show_default=True,
-    help="The order that takes the shortest time, or lanes along rows or columns.",
+    help="Order of the cells: free takes the shortest time; the others are lanes along rows or "
+    "columns.",
 )
 @click.option(
     "--angle",
     default="0",
     show_default=True,
     metavar="DEG|auto",
-    help="Direction of the rows, clockwise from north; auto looks for the shortest way.",
+    help="Direction of the rows, clockwise from north; auto searches for the shortest route.",
 )
 @click.option(
     "--shore-margin",
     "shore_margin_m",
     type=float,
-    help="Distance kept from the shore [m].  [default: 1; 0 for the hull of a track]",
+    help="Distance to keep from the shore [m].  [default: 1; 0 for the hull of a track]",
 )
 @click.option(
     "--no-go",
     type=options.EXISTING,
     multiple=True,
-    help="File of polygons to stay out of; may be given several times.",
+    help="File of polygons to stay out of; may be repeated.",
 )
-@click.option("--return", "returns", is_flag=True, help="Come back to the start.")
+@click.option("--return", "returns", is_flag=True, help="Return to the start at the end.")
 @click.option(
     "--current",
     type=options.NORTH_EAST,
     default="0,0",
     show_default=True,
-    help="Current that the plan reckons with [m/s].",
+    help="Current that the plan assumes, towards north and east [m/s].",
 )
 @click.option(
     "--wind",
     type=options.NORTH_EAST,
     default="0,0",
     show_default=True,
-    help="Wind force on the boat that the plan reckons with [N].",
+    help="Wind force on the boat that the plan assumes, towards north and east [N].",
 )
 @click.option(
     "--range",
     "range_m",
     type=float,
-    help="Choose the cells' size for a quantity whose variogram has this practical range [m].",
+    help="Choose the cell size for a quantity whose variogram has this practical range [m].",
 )
 @click.option(
     "--accuracy",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     default=0.5,
     show_default=True,
-    help="With --range: the map's standard deviation over the quantity's own.",
+    help="With --range: the map's standard deviation as a share of the quantity's own.",
 )
 @click.option(
     "--coast-tolerance",
     "coast_tolerance_m",
     type=float,
-    help="Draw a coast of many vertices with fewer, on the water's side and within this [m].  "
-    "[default: a tenth of a cell beyond 10,000 vertices]",
+    help="Simplify the coastline by up to this distance, towards the water only [m].  "
+    "[default: a tenth of a cell, beyond 10,000 vertices]",
 )
-@click.option("--minutes", type=float, help="Choose the cells' size for this time.")
-@click.option("--wh", "energy_wh", type=float, help="Choose the cells' size for this energy [Wh].")
+@click.option("--minutes", type=float, help="Choose the cell size to fit this time [min].")
+@click.option("--wh", "energy_wh", type=float, help="Choose the cell size to fit this energy [Wh].")
 @click.option(
     "--speed",
     type=options.SPEED_WINDOW,
@@ -134,17 +135,19 @@ DEFAULT_MARGIN_M = 1.0
     default=("spyboat",),
     multiple=True,
     show_default=True,
-    help=f"One of {', '.join(sorted(PRESETS))}, or a TOML file of your own; of a fleet of unlike "
-    "boats once for each.",
+    help=f"The boat: {', '.join(sorted(PRESETS))}, or a TOML file of your own; for a fleet of "
+    "different boats, once for each.",
 )
 @click.option(
     "--start",
     "starts",
     type=options.LON_LAT,
     multiple=True,
-    help="Where the boat starts [deg]; of a fleet once for each boat.",
+    help="Where the boat starts [deg]; for a fleet, once for each boat.",
 )
-@click.option("--feature", metavar="NAME|N", help="Which of several lakes in REGION.")
+@click.option(
+    "--feature", metavar="NAME|N", help="Which lake of REGION to survey, if it holds several."
+)
 @accuracy_options
 @sortie_options
 @options.column_options
@@ -169,8 +172,8 @@ def command(
     """Plan a survey of REGION: GeoJSON, KML, KMZ, GPX, a Shapefile, a GeoPackage, or a CSV track
     whose convex hull is the region.
 
-    Writes the survey file and a picture of the plan beside it. The boat keeps to the water:
-    it goes around land by transit sets, within corridors that the file holds.
+    Writes the survey file and, beside it, a picture of the plan. The boat stays on the water:
+    transit sets lead it around land, within corridors that the file holds.
     """
     options.refuse_same(region, options.checked_output(path))
     boats = [vessel_of(one) for one in vessels]
@@ -218,7 +221,7 @@ def _settings(
     vessels: Sequence[Vessel],
     region: Path,
 ) -> PlanSettings:
-    """The plan's settings by what was asked for."""
+    """The plan's settings from the options."""
     minutes, energy_wh = asked["minutes"], asked["energy_wh"]
     low, high = asked["speed"]
     return PlanSettings(
@@ -243,7 +246,7 @@ def _settings(
 
 
 def _cell_m(asked: dict[str, Any]) -> float | None:
-    """The cells' size: given, or for a map of that accuracy; None where a budget chooses it."""
+    """The cell size [m]: as given, or for a map of --accuracy; None if a budget chooses it."""
     if asked["goal"] == "accuracy":
         return cell_of(asked)
     cell_m, range_m, accuracy = asked["cell_m"], asked["range_m"], asked["accuracy"]
@@ -251,7 +254,7 @@ def _cell_m(asked: dict[str, Any]) -> float | None:
     if range_m is None:
         return DEFAULT_CELL_M if cell_m is None and budgeted is None else cell_m
     if cell_m is not None:
-        raise UsageError("--range chooses the cells' size and --cell gives it; one of them.")
+        raise UsageError("--range chooses the cell size and --cell sets it; give one of them.")
     if not 0 < range_m < math.inf:
         raise UsageError(f"--range {range_m:g}: a range is a positive number of metres.")
     from grebe.mapping.design import pitch_for_accuracy
@@ -260,7 +263,9 @@ def _cell_m(asked: dict[str, Any]) -> float | None:
 
 
 def _margin_m(given_m: float | None, region: Path) -> float:
-    """The shore margin: a track's hull has no shore."""
+    """The shore margin [m]: as given, or the default, which is 0 for a track's hull, as that has no
+    shore.
+    """
     if given_m is not None:
         return given_m
     return 0.0 if region.suffix.lower() == ".csv" else DEFAULT_MARGIN_M
@@ -277,7 +282,7 @@ def _angle_deg(text: str) -> float | None:
 
 
 def plan_numbers(planned: Planned) -> dict[str, Any]:
-    """Return what a plan reports of itself."""
+    """Return the numbers of a plan that the command prints."""
     survey, outcome, check = planned.survey, planned.outcome, planned.check
     numbers: dict[str, Any] = {
         "name": survey.name,
@@ -299,6 +304,6 @@ def plan_numbers(planned: Planned) -> dict[str, Any]:
     }
     if isinstance(planned, PlannedSorties):
         numbers |= sortie_numbers(planned)
-        # These are of one way through all cells, and several ways need not be as long.
+        # These hold for one route through all cells; several routes may be shorter together.
         del numbers["lower_bound_m"], numbers["gap"]
     return numbers

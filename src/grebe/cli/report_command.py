@@ -24,13 +24,23 @@ from grebe.workflow.maps import helpers_for
 
 @click.command(name="report")
 @click.argument("file", type=options.EXISTING)
-@click.option("-o", "--output", "path", type=options.OUTPUT, help="HTML page [FILE.html].")
+@click.option(
+    "-o", "--output", "path", type=options.OUTPUT, help="HTML page.  [default: FILE.html]"
+)
 @mapping_options
 @click.option(
-    "--language", type=click.Choice(LANGUAGES), default="en", show_default=True, help="Of the page."
+    "--language",
+    type=click.Choice(LANGUAGES),
+    default="en",
+    show_default=True,
+    help="Language of the page.",
 )
-@click.option("--profile", type=options.EXISTING, help="TOML: thresholds.  [default: fresh water]")
-@click.option("--pdf", is_flag=True, help="Print the page to a PDF beside it, by a browser.")
+@click.option(
+    "--profile", type=options.EXISTING, help="TOML file of thresholds.  [default: fresh water]"
+)
+@click.option(
+    "--pdf", is_flag=True, help="Also print a PDF beside the page, with an installed browser."
+)
 @options.force_option
 @options.json_option
 @no_long_pauses()
@@ -44,11 +54,11 @@ def command(
     as_json: bool,
     **asked: Any,
 ) -> None:
-    """Write one self-contained HTML page about FILE, with its maps made as grebe map makes them."""
+    """Write one self-contained HTML page about FILE, with the maps that grebe map makes."""
     path = path or file.with_suffix(".html")
     options.refuse_same(file, options.checked_output(path))
     if path.suffix.lower() == ".pdf":
-        raise InputError(f"{path}: the page is HTML; name it so, --pdf prints it beside it.")
+        raise InputError(f"{path}: give the page a name in .html; --pdf prints it beside it.")
     for made in (path, *([path.with_suffix(".pdf")] if pdf else [])):
         if made.exists() and not force:
             raise InputError(f"{made} exists already; give another name with -o, or --force.")

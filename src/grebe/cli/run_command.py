@@ -61,10 +61,10 @@ from grebe.workflow.sorties import kept_by_plan, sortie_states
     "urls",
     multiple=True,
     default=("sim:",),
-    help="Which boat: sim: is the simulated one, mavlink:udp:HOST:PORT (or tcp:, serial:) one "
-    "with an autopilot, nmea:udp:HOST:PORT?out=udp:HOST:PORT (or nmea:serial:DEVICE@BAUD) one that "
-    "speaks NMEA, replay:FILE[?speed=10|max] a recorded one, python:FILE.py one of your own; of a "
-    "fleet once for each boat.  [default: sim:]",
+    help="The boat: sim: is simulated, mavlink:udp:HOST:PORT (or tcp:, serial:) has an autopilot, "
+    "nmea:udp:HOST:PORT?out=udp:HOST:PORT (or nmea:serial:DEVICE@BAUD) speaks NMEA, "
+    "replay:FILE[?speed=10|max] replays a recorded mission, python:FILE.py is a link of your own. "
+    "For a fleet, once for each boat.  [default: sim:]",
 )
 @rule_options
 @world_options
@@ -72,7 +72,7 @@ from grebe.workflow.sorties import kept_by_plan, sortie_states
     "--sample-in-sets-only",
     "in_sets_only",
     is_flag=True,
-    help="Keep readings within target sets alone, as in the paper.  "
+    help="Keep only the readings within target sets, as in the paper.  "
     "[default: every second within the speed window]",
 )
 @click.option(
@@ -80,38 +80,39 @@ from grebe.workflow.sorties import kept_by_plan, sortie_states
     "instruments",
     multiple=True,
     metavar="ADDRESS@PROFILE",
-    help="A sonde apart from the boat, such as serial:/dev/ttyUSB0@ysi-exo, of a fleet's boat with "
-    "its number, 2=ADDRESS@PROFILE; may be given several times.  (grebe instruments lists the "
-    "profiles)",
+    help="A sonde that is not read through the boat's link, such as serial:/dev/ttyUSB0@ysi-exo; "
+    "for a boat of a fleet, with its number: 2=ADDRESS@PROFILE. May be repeated; grebe instruments "
+    "lists the profiles.",
 )
 @safety_options
 @options.quantities_option
 @click.option(
     "--sortie",
     type=click.IntRange(min=1),
-    help="Which sortie of a plan in sorties.  [default: the first that is not done]",
+    help="Number of the sortie to sail, if the plan has several.  [default: the first that is not "
+    "done]",
 )
 @click.option(
     "--replan",
     "replans",
     is_flag=True,
-    help="Plan the rest anew, while the boat sails, where a target is not reached in time (it is "
-    "left out), the current is another than was planned with, or a sortie is late (its last "
-    "targets are put off to one of their own).",
+    help="Plan the rest anew, while the boat sails, if a target is not reached in time (it is left "
+    "out), if the current differs from the planned one, or if a sortie is late (its last targets "
+    "are moved to a sortie of their own).",
 )
 @click.option(
     "--closed",
     type=click.Path(dir_okay=False, resolve_path=True),
     metavar="FILE",
-    help="Keep out of the areas in this file, as of --no-go, which is read again whenever it "
-    "changes while the boat sails: what they take of the plan is left out, and the rest planned "
+    help="Keep out of the areas in this file of polygons, as for --no-go. It is read again when it "
+    "changes while the boat sails; closed parts of the plan are left out, and the rest is planned "
     "anew.",
 )
 @adaptive_options
-@click.option("--live", is_flag=True, help="Open the app on this mission, and print its address.")
+@click.option("--live", is_flag=True, help="Show the mission in the app, and print its address.")
 @click.option("--yes", is_flag=True, help="Arm a real boat without asking, for scripts.")
-@click.option("--resume", is_flag=True, help="Go on where the recorded mission ends.")
-@click.option("--preview", is_flag=True, help="Say what would be done, and do nothing.")
+@click.option("--resume", is_flag=True, help="Continue where the recorded mission ended.")
+@click.option("--preview", is_flag=True, help="Print what would be done, and do nothing.")
 @options.force_option
 @options.json_option
 @click.pass_context
@@ -130,12 +131,14 @@ def command(
 ) -> None:
     """Steer the boat through every target set of FILE and record what it measures.
 
-    With --resume, options that are not given again are taken from the run that is resumed. A
-    terminal that closes does not end the mission; Ctrl-C and SIGTERM do.
+    With --resume, options that are not given keep their values from the resumed run. Closing the
+    terminal does not end the mission; Ctrl-C and SIGTERM do.
     """
     now, goes_on = datetime.now(UTC), resume or run["returns"]
     if goes_on and force:
-        raise UsageError("--resume and --return go on, --force begins anew; give one of them.")
+        raise UsageError(
+            "--resume and --return continue a mission, --force begins anew; give one of them."
+        )
     _judge(urls, instruments, run, now)
     if preview:
         show_preview(file, sortie, run, now, resume=goes_on, force=force, as_json=as_json)
@@ -168,7 +171,7 @@ def command(
         file, ahead = survey_file.path, _what_follows(survey_file)
         moved = survey_file.count("track") > 0 and report.reached > before
     came_home = run["returns"] and report.ended is EndReason.CAME_HOME
-    # What to do about a mission that has targets left is said below.
+    # If targets are left, _explain says what to do next.
     over = report.complete or came_home
     output.result(report.numbers(), as_json=as_json, next_command=ahead if over else "")
     if not report.complete and not came_home:
@@ -176,25 +179,25 @@ def command(
 
 
 def _what_follows(survey_file: SurveyFile) -> str:
-    """The next command: another run where there are sorties left, else the map."""
+    """The next command: another run if sorties are left, else the map."""
     path = output.quoted(survey_file.path)
     left = [one for one in sortie_states(survey_file) if not one.is_flown]
     return f"grebe run {path}" if left else f"grebe map {path} --out maps"
 
 
 def _keep(run: dict[str, Any], survey_file: SurveyFile) -> None:
-    """Keep the options of a run for the one that resumes it."""
+    """Store the options of a run for the one that resumes it."""
     kept = {name: value for name, value in run.items() if name not in (*ONCE, "fresh", "changed")}
     survey_file.set_meta("run", json.dumps(kept, default=str))
     if run["closed"] is not None and not Path(run["closed"]).exists():
-        output.note(f"{run['closed']} is not there yet; it is looked for while the boat sails")
+        output.note(f"{run['closed']} does not exist yet; it is looked for while the boat sails")
 
 
 @contextmanager
 def _claimed(file: Path, instruments: tuple[str, ...], sortie: int | None) -> Generator[SurveyFile]:
-    """A survey's file that nobody else writes, and the controller compiled: in this order, for the
-    second takes half a minute that need not be spent where the first cannot be had, or where it is
-    not said whose the instruments are.
+    """Claim a survey file for writing, then compile the controller. Compiling takes half a minute
+    and comes last, so that a file already in use, or an instrument that names no valid boat, is
+    reported at once.
     """
     with SurveyFile.open(file) as survey_file:
         fleet = survey_file.survey.fleet if sortie is None else None
@@ -211,19 +214,19 @@ def _claimed(file: Path, instruments: tuple[str, ...], sortie: int | None) -> Ge
 def _judge(
     urls: tuple[str, ...], instruments: tuple[str, ...], run: dict[str, Any], now: datetime
 ) -> None:
-    """Judge what was typed, before the file is opened."""
+    """Check the options before the file is opened."""
     for url in urls:
         boat_named(url)
     safety_of(run, now)
     if wish_of(run) is not None and run["closed"] is not None:
-        raise UsageError("--adaptive goes where it pays, closed or not; leave --closed out.")
+        raise UsageError("--adaptive does not respect closed areas; leave out --closed.")
     _settings(run)
     for one in instruments:
         instrument_named(boat_and_instrument(one)[1])
 
 
 def _declare(survey_file: SurveyFile, own: Quantities, benches: Mapping[int | None, Bench]) -> None:
-    """Let the file hold a column of each quantity that is going to be measured."""
+    """Add a column to the file for each quantity that will be measured."""
     if own:
         survey_file.claim()
         survey_file.declare(own)
@@ -241,7 +244,7 @@ def _run(
     live: bool,
     **how: Any,
 ) -> MissionReport:
-    """Sail as `run` has it, and check what was measured."""
+    """Sail with the options `run`, and check the quality of the samples."""
     rule, solver, world = _settings(run)
     departure = prepare(
         survey_file, now, resume=how["resume"], force=how["force"], sortie=how["sortie"]
@@ -285,7 +288,7 @@ def _run(
 def _only(urls: tuple[str, ...]) -> str:
     url, *others = urls
     if others:
-        raise UsageError("One boat takes one --link; several are for a fleet.")
+        raise UsageError("One boat takes one --link; only a fleet takes several.")
     return url
 
 
@@ -302,7 +305,7 @@ def _sail_fleet(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Sail all boats of a fleet as `run` has it, and say what came of it."""
+    """Sail all boats of a fleet with the options `run`, and print the outcome."""
     settings = _mission_settings(run, now)
     onward = onward_of(run, survey_file, force=force)
     with live_view(survey_file, wanted=live) as ears:
@@ -318,8 +321,8 @@ def _sail_fleet(
 
 
 def _mission_settings(run: dict[str, Any], now: datetime) -> MissionSettings:
-    """The settings as they were typed: what the plan's sorties are made for is not in them yet."""
-    # A battery that is named now is the one that is in the boat now, and full.
+    """The settings given by the options, before the plan's battery and sortie time are added."""
+    # --battery-wh, if typed now, describes the battery that is in the boat now, and full.
     used = 0.0 if run["fresh"] else None
     return MissionSettings(
         sampling=InSets() if run["in_sets_only"] else InWindow(),
@@ -330,8 +333,8 @@ def _mission_settings(run: dict[str, Any], now: datetime) -> MissionSettings:
 def _settings_for(
     run: dict[str, Any], now: datetime, survey: Survey, spent: Spent
 ) -> MissionSettings:
-    """The settings of one boat, which has `spent` so much of the plan's battery and time; a battery
-    that is named now has its time before it as well.
+    """The settings of one boat that has `spent` part of the plan's energy and time. A battery given
+    or changed now starts full and with all of its time.
     """
     settings = _mission_settings(run, now)
     if run["changed"]:
@@ -341,21 +344,21 @@ def _settings_for(
 
 
 def _closures_of(run: dict[str, Any], survey_file: SurveyFile) -> Closures | None:
-    """What closes areas to a mission; None where nothing does."""
+    """The areas that --closed closes to a mission; None without that option."""
     if run["closed"] is None:
         return None
     return Closures(path=Path(run["closed"]), survey=survey_file.survey, say=output.note)
 
 
 def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:
-    """Leave with the reason why targets are left."""
+    """Raise the error that says why targets are left, with advice."""
     advice = f"go on with: grebe run {file} --resume"
     if report.ended in (EndReason.LINK_LOST, EndReason.BLIND):
         raise LinkError(f"{report.message}; {advice}")
     if report.ended is EndReason.STOPPED:
         raise StoppedError(f"{report.message}; {advice}")
     if not moved and report.ended is EndReason.TARGET_GIVEN_UP:
-        advice = "going on reaches no more: plan anew with a larger --shore-margin or --cell"
+        advice = "resuming would reach no more: plan again with a larger --shore-margin or --cell"
     missed = report.targets - report.reached
     raise IncompleteError(
         f"{missed} of {report.targets} target sets were not reached ({report.message}); {advice}"
@@ -363,12 +366,12 @@ def _explain(report: MissionReport, file: Path, *, moved: bool) -> NoReturn:
 
 
 def _settings(run: dict[str, Any]) -> tuple[Rule, SolverBuilder, SimulatedWorld]:
-    """Turn the options of a run into its rule, its solver and the world's settings."""
+    """Turn the options of a run into its rule, its solver and the simulated world."""
     return *rule_of(run), world_of(run)
 
 
 def _as_before(ctx: click.Context, run: dict[str, Any], recorded: str) -> dict[str, Any]:
-    """The recorded options of a run, but for those that were typed now."""
+    """The options of the recorded run, overridden by those typed now."""
     typed = {name: value for name, value in run.items() if _typed(ctx, name)}
     found = run | json.loads(recorded) | typed
     refuse_foreign(found["rule"], typed)

@@ -1,4 +1,4 @@
-"""What `grebe run` would do, and which sortie sets out."""
+"""What `grebe run` would do, and notes on the sortie that sets out."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from grebe.workflow.preview import fleet_preview, preview_of, way_home_of
 
 
 def say_which(departure: Departure, survey_file: SurveyFile) -> None:
-    """Which sortie sets out."""
+    """Print which sortie sets out."""
     one = departure.sortie
     if one is not None:
         lon, lat = survey_file.survey.frame.to_wgs84(departure.state[:2]).tolist()
@@ -27,19 +27,19 @@ def say_which(departure: Departure, survey_file: SurveyFile) -> None:
 
 
 def say_spent(departure: Departure) -> None:
-    """What the battery of a sortie's boat has given already."""
+    """Print how much energy and time a sortie's boat has spent already."""
     survey, spent, one = departure.survey, departure.spent, departure.sortie
     if spent.energy_wh >= 1 and survey.settings is not None and survey.settings.sorties is not None:
         whose = survey.whose(one.boat) if one is not None else ""
         output.note(
             f"{whose or 'the boat'} has spent {spent.energy_wh:.0f} Wh and "
-            f"{spent.seconds / 60:.0f} min since its harbour, which count; where the battery was "
-            "changed, say so by --battery-changed"
+            f"{spent.seconds / 60:.0f} min since its harbour, which count; if the battery has been "
+            "changed, give --battery-changed"
         )
 
 
 def _again(run: dict[str, Any]) -> str:
-    """What was typed of who steers and of going on."""
+    """The options of the controller and of --adaptive, as they were typed."""
     return typed_again(run) + wish_again(run)
 
 
@@ -53,7 +53,7 @@ def show_preview(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Say what a run would do, and what to type for it."""
+    """Print what a run would do, and the command for it."""
     with SurveyFile.open(file) as survey_file:
         fleet = survey_file.survey.fleet if sortie is None and not force else None
         if fleet is not None and not run["returns"]:

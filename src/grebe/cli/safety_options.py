@@ -1,4 +1,4 @@
-"""The options of a mission's safety, and the settings that they make."""
+"""The safety options of a mission, and the settings that they make."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from grebe.cli import options
 from grebe.core.errors import UsageError
 from grebe.mission.safety.settings import CAREFUL, SafetySettings
 
-# Options of a single run, which a resumed mission does not inherit: nobody arms a boat for later.
+# Options that a resumed mission does not inherit: nobody agrees to arm a boat in advance.
 ONCE = ("returns", "yes", "battery_changed")
-# What --battery-changed says without a number.
+# The value of --battery-changed without a number.
 ALL = "all"
-ASKED = "the operator has asked for the way home"
+ASKED = "the operator has called the boat home"
 
 
 safety_options = options.together(
     click.option(
         "--home",
         type=options.LON_LAT,
-        help="Where the boat comes home to.  [default: the survey's start]",
+        help="Where the boat returns to.  [default: the survey's start]",
     ),
     click.option(
         "--max-minutes",
         type=click.FloatRange(min=0, min_open=True),
-        help="The boat must be home after so many minutes.",
+        help="The boat must be home after this many minutes.",
     ),
-    click.option("--until", metavar="HH:MM", help="The boat must be home by then, in UTC."),
+    click.option("--until", metavar="HH:MM", help="The boat must be home by this time (UTC)."),
     click.option(
         "--battery-reserve",
         type=click.FloatRange(0, 1, max_open=True),
         default=CAREFUL.battery_reserve,
         show_default=True,
-        help="Share of the battery that must be left at home.",
+        help="Share of the battery that must be left when the boat is home.",
     ),
     click.option(
         "--battery-wh",
         type=click.FloatRange(min=0, min_open=True),
-        help="What the battery holds, for a boat that does not say what is left [Wh].",
+        help="Capacity of the battery, for a boat that does not report its charge [Wh].",
     ),
     click.option(
         "--battery-changed",
@@ -50,13 +50,13 @@ safety_options = options.together(
         flag_value=ALL,
         multiple=True,
         metavar="[BOAT]",
-        help="With --resume: the battery was changed since, and is full; of a fleet every boat's, "
-        "or that of the boat of this number.",
+        help="With --resume: a full battery has been put in since; for a fleet, in every boat, or "
+        "in the boat of this number.",
     ),
     click.option(
         "--no-fence",
         is_flag=True,
-        help="Do not brake the boat where it could not stop inside the survey's water any more.",
+        help="Turn off the fence, which brakes the boat in time to stop inside the survey's water.",
     ),
     click.option(
         "--sonde-silence",
@@ -65,19 +65,19 @@ safety_options = options.together(
         default=CAREFUL.mute_s,
         show_default=True,
         metavar="SECONDS",
-        help="Hold the place once an --instrument has been silent for so long; inf: never.",
+        help="Hold position once an --instrument has been silent for this long; inf: never.",
     ),
     click.option(
         "--return",
         "returns",
         is_flag=True,
-        help="Bring the boat home from where its recorded mission ends, and do nothing else.",
+        help="Bring the boat home from where its recorded mission ended, and do nothing else.",
     ),
 )
 
 
 def safety_of(run: dict[str, Any], now: datetime) -> SafetySettings:
-    """The settings of a run's options, at an instant."""
+    """The safety settings given by a run's options at the time `now`."""
     minutes, home = run.get("max_minutes"), run.get("home")
     until = run.get("until")
     return SafetySettings(
@@ -93,7 +93,7 @@ def safety_of(run: dict[str, Any], now: datetime) -> SafetySettings:
 
 
 def boats_changed(given: Collection[str], boats: int) -> frozenset[int]:
-    """The boats, of so many, whose batteries were changed."""
+    """The numbers of the boats whose batteries were changed, in a fleet of `boats`."""
     changed: set[int] = set()
     for one in given:
         if one == ALL:
@@ -102,14 +102,14 @@ def boats_changed(given: Collection[str], boats: int) -> frozenset[int]:
             changed.add(int(one))
         else:
             raise UsageError(
-                f"--battery-changed {one} is the number of no boat; there "
+                f"--battery-changed {one} is not the number of a boat; there "
                 f"{'is one' if boats == 1 else f'are {boats}'}."
             )
     return frozenset(changed)
 
 
 def next_instant(clock: str, now: datetime) -> datetime:
-    """The next instant after `now` at which a clock in UTC shows HH:MM."""
+    """The next time after `now` at which a UTC clock shows HH:MM."""
     try:
         time = datetime.strptime(clock, "%H:%M").replace(tzinfo=UTC)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Which boats sail the survey that follows another one, and how far each may go."""
+"""Options for the boats of a follow-up survey, and for how far each may go."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ second_options = options.together(
         "--vessel",
         "vessels",
         multiple=True,
-        help="Of a fleet of unlike boats once for each.  [default: as planned]",
+        help="The boat; for a fleet of different boats, once for each.  [default: as planned]",
     ),
     click.option(
         "--start",
         "starts",
         type=options.LON_LAT,
         multiple=True,
-        help="Where the boats of a fleet set out, once for each.  [default: where they lie; of "
-        "boats that have not sailed yet, where their parts begin]",
+        help="Where a boat of a fleet sets out; give it once for each.  [default: where it is now; "
+        "for boats that have not sailed yet, where their parts begin]",
     ),
 )
 
@@ -38,13 +38,13 @@ second_options = options.together(
 def settings_as_asked(
     asked: dict[str, Any], before: PlanSettings, boats: int | None
 ) -> PlanSettings:
-    """The settings of the survey that follows: as before, but for what was asked; `boats` is None
-    where their number was not.
+    """The settings of the follow-up survey: those `before`, overridden by the options. `boats` is
+    None if --boats was not given.
     """
     fleet = _fleet(asked, before.fleet, boats)
     sorties = _sorties(asked, before.sorties)
     if fleet is not None and asked["harbours"] and not asked["starts"]:
-        # The boats' own starts were their harbours: now they have others.
+        # The boats' starts served as harbours; --harbour replaces them.
         fleet = replace(fleet, starts=())
     return replace(before, fleet=fleet, sorties=sorties)
 
@@ -77,8 +77,8 @@ def _sorties(asked: dict[str, Any], before: SortieSettings | None) -> SortieSett
 def where_they_lie(
     survey_file: SurveyFile, settings: PlanSettings, starts: tuple[tuple[float, float], ...]
 ) -> list[Place]:
-    """Where boats without a harbour set out: at the `starts` that were given, or where their tracks
-    end; none where one of them has not sailed yet.
+    """Where boats without a harbour set out: at the given `starts`, or else where their tracks end.
+    Empty for a plan in sorties, and if one of the boats has not sailed yet.
     """
     survey = survey_file.survey
     if settings.sorties is not None:

@@ -1,4 +1,4 @@
-"""grebe show: say what a survey file holds."""
+"""grebe show: summarise a survey file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from grebe.workflow.sorties import SortieState, sortie_states
 @click.argument("file", type=options.EXISTING)
 @options.json_option
 def command(file: Path, as_json: bool) -> None:
-    """Say what FILE holds."""
+    """Summarise FILE: its plan, its progress and its samples."""
     with SurveyFile.open(file) as survey_file:
         survey, meta = survey_file.survey, survey_file.meta()
         progress = survey_file.progress()
@@ -42,7 +42,7 @@ def command(file: Path, as_json: bool) -> None:
 
 
 def _vessels(survey: Survey) -> str | None:
-    """The vessel of the survey, or those of its boats where they are not alike."""
+    """The survey's vessel, or all vessels if the boats differ."""
     boats = survey.fleet.boats if survey.fleet else 1
     of_boats = [survey.vessel_of(boat) for boat in range(1, boats + 1)]
     names = [one.name for one in of_boats if one is not None]
@@ -50,7 +50,7 @@ def _vessels(survey: Survey) -> str | None:
 
 
 def _sortie(state: SortieState, survey: Survey) -> str:
-    """A sortie in words: how far it is, whose, and whence it sets out."""
+    """A sortie in words: its progress, its boat, and where it sets out."""
     one = state.sortie
     lon, lat = survey.frame.to_wgs84((one.start.north_m, one.start.east_m)).tolist()
     whose = survey.whose(one.boat)

@@ -1,4 +1,4 @@
-"""What a plan in sorties, or for several boats, reports of itself."""
+"""The numbers printed for a plan in sorties or for several boats."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def sortie_numbers(
     planned: PlannedSorties, kept_as: Sequence[Sortie] | None = None
 ) -> dict[str, Any]:
-    """Return the sorties, what each boat takes, and what an independent check has found. Where the
-    plan follows another one in a file its sorties are `kept_as` others, of other numbers.
+    """Return the sorties, the time of each boat, and the result of an independent check. `kept_as`
+    are the sorties as the file numbers them, if the plan follows an earlier one there.
     """
     numbers: dict[str, Any] = {
         "sorties": [
@@ -37,17 +37,19 @@ def sortie_numbers(
 
 
 def _proved(checks: Sequence[SortieCheck]) -> dict[str, Any]:
-    """What the independent check of the sorties has found."""
+    """The result of the independent check of the sorties."""
     if not checks:
         return {}
     left_min = min(one.least_left_s for one in checks) / 60
     failed = [str(one.number) for one in checks if not one.holds]
     text = f"not proved for {', '.join(failed)}" if failed else "proved for every sortie"
-    return {"home_in_time": f"{text}; at least {left_min:.1f} min to spare beside the reserve"}
+    return {
+        "home_in_time": f"{text}; at least {left_min:.1f} min to spare in addition to the reserve"
+    }
 
 
 def _boat(planned: PlannedSorties, one: BoatTime) -> str:
-    """What a boat of a fleet is predicted to do, in words."""
+    """The prediction for one boat of a fleet, in words."""
     sailed = f"{one.under_way_s / 60:.0f} min under way, sorties: {one.sorties}"
     moved = f", changes of harbour: {one.moves}" if one.moves else ""
     return f"{planned.survey.whose(one.boat)}: {sailed}{moved}"

@@ -1,4 +1,4 @@
-"""The options that cut a plan into sorties or share it out, and the settings that they make."""
+"""Options that divide a plan into sorties or among boats, and the settings that they make."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ sortie_options = options.together(
         "sortie_battery_wh",
         type=click.FloatRange(min=0, min_open=True),
         multiple=True,
-        help="Cut the survey into sorties, each on one battery of so much [Wh]; of a fleet of "
-        "unlike boats once for each.",
+        help="Divide the survey into sorties, each on one battery of this capacity [Wh]; for a "
+        "fleet of different boats, once for each.",
     ),
     click.option(
         "--sortie-minutes",
         type=click.FloatRange(min=0, min_open=True),
         multiple=True,
-        help="Cut the survey into sorties, each of so many minutes at most; of a fleet of unlike "
-        "boats once for each.",
+        help="Divide the survey into sorties of at most this length [min]; for a fleet of "
+        "different boats, once for each.",
     ),
     click.option(
         "--reserve",
         type=click.FloatRange(0, 1, max_open=True),
-        help="Share of the battery or the minutes that a sortie leaves.  [default: 0.2]",
+        help="Share of the battery or the minutes that a sortie leaves unused.  [default: 0.2]",
     ),
     click.option(
         "--harbour",
         "harbours",
         type=options.LON_LAT,
         multiple=True,
-        help="Where sorties begin and end; may be given several times.  [default: the start]",
+        help="Where sorties begin and end; may be repeated.  [default: the start]",
     ),
-    click.option("--boats", type=int, default=1, help="Share the survey out among so many boats."),
+    click.option("--boats", type=int, default=1, help="Number of boats that share the survey."),
     click.option(
         "--apart",
         "apart_m",
         type=float,
-        help="How far apart the boats of a fleet keep [m].  [default: 8]",
+        help="Distance that the boats of a fleet keep from each other [m].  [default: 8]",
     ),
 )
 
@@ -58,8 +58,8 @@ def sortie_settings(
     reserve: float | None,
     harbours: tuple[tuple[float, float], ...],
 ) -> SortieSettings | None:
-    """The settings of the options; None where the survey is one mission. One battery, or one number
-    of minutes, is for all boats.
+    """The sortie settings given by the options; None if the survey is one mission. A single value
+    of --battery or --sortie-minutes applies to all boats.
     """
     if not (batteries_wh or minutes):
         if harbours or reserve is not None:
@@ -87,11 +87,11 @@ def fleet_settings(
     starts: tuple[tuple[float, float], ...],
     vessels: Sequence[Vessel],
 ) -> FleetSettings | None:
-    """The settings of the options; None where one boat sails."""
+    """The fleet settings given by the options; None for one boat."""
     if boats == 1:
         if apart_m is not None or len(starts) > 1 or len(vessels) > 1:
             raise UsageError(
-                "--apart, several --start and several --vessel are of fleets; give --boats too."
+                "--apart, several --start and several --vessel are for fleets; give --boats too."
             )
         return None
     unlike = tuple(vessels) if len(vessels) > 1 else ()

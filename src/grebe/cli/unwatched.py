@@ -1,8 +1,8 @@
-"""A text stream that nobody may be watching.
+"""A text stream that works even if nobody reads it.
 
 A terminal may close, the disk of a log may be full, a reader at the end of a pipe may stop reading,
 and Ctrl-S holds a terminal for as long as somebody is at lunch. None of that may stop a mission:
-what is written is handed to a thread, which alone waits for whoever reads.
+texts go to a separate thread, and only that thread waits for the reader.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import threading
 from collections import deque
 from typing import Any, TextIO
 
-# How long one who writes waits for the reader, so that lines come in their order [s]: the first
-# time, and not again until the reader has caught up.
+# How long a flush waits for the reader, so that lines of both streams stay in order [s]. A reader
+# who kept it waiting gets no more time until everything is written.
 PATIENCE_S = 0.05
-# At the end the last words, why a command failed among them, get so long [s].
+# Time at exit for the last texts, such as the reason why a command failed [s].
 LAST_WORDS_S = 0.5
-# What nobody reads is dropped, the oldest first: memory stays in bounds.
+# Longest queue of unread texts; the oldest are dropped, which bounds the memory.
 MOST_TEXTS = 1000
 
 
 class Unwatched:
-    """A stream that never blocks for long and never fails: what cannot be written is dropped."""
+    """A stream that never blocks for long and never fails; it drops texts that it cannot write."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -38,9 +38,9 @@ class Unwatched:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Hand a text to the thread that writes.
+        """Hand a text to the writing thread.
 
-        Anything else raises `TypeError`, by which others know a text stream from a binary one.
+        Anything but text raises `TypeError`, by which callers distinguish text from binary streams.
         """
         if not isinstance(text, str):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise TypeError(f"a text stream takes texts, not {type(text).__name__}")
@@ -55,12 +55,12 @@ class Unwatched:
         return len(text)
 
     def flush(self) -> None:
-        """Wait a moment until all is written, but not for a reader who kept us waiting before."""
+        """Wait up to `PATIENCE_S` until all is written; do not wait if the last flush timed out."""
         if not self._stalled:
             self._stalled = not self.drain(PATIENCE_S)
 
     def drain(self, timeout_s: float) -> bool:
-        """Wait until all is written, and tell whether it is."""
+        """Wait up to `timeout_s` until all is written, and return whether it is."""
         with self._changed:
             return self._changed.wait_for(lambda: self._idle, timeout_s)
 

@@ -1,4 +1,4 @@
-"""The options of the simulated world: its weather, its boat's differences, its water."""
+"""Options of the simulated world: its weather, its boat's deviations from the model, its water."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ world_options = options.together(
         type=click.IntRange(min=0),
         default=1,
         show_default=True,
-        help="Of the simulated water.",
+        help="Seed of the simulated water.",
     ),
     click.option(
         "--current",
         type=options.NORTH_EAST,
         default="0,0",
         show_default=True,
-        help="True current [m/s]; the controller is not told.",
+        help="True current, towards north and east [m/s]; the controller does not know it.",
     ),
     click.option(
         "--wind",
         type=options.NORTH_EAST,
         default="0,0",
         show_default=True,
-        help="True wind force [N]; the controller is not told.",
+        help="True wind force, towards north and east [N]; the controller does not know it.",
     ),
     click.option(
         "--mismatch",
@@ -57,13 +57,13 @@ world_options = options.together(
     click.option(
         "--water",
         type=options.EXISTING,
-        help="CSV track or survey file on whose samples the simulated water is conditioned.",
+        help="CSV track or survey file; the simulated water is conditioned on its samples.",
     ),
 )
 
 
 def world_of(run: dict[str, Any]) -> SimulatedWorld:
-    """The world that was asked for."""
+    """The simulated world given by the options."""
     return SimulatedWorld(
         weather=options.weather_of(run["current"], run["wind"]),
         mismatch=run["mismatch"],

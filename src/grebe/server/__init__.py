@@ -1,5 +1,5 @@
 """The live app: a local server, the page that it serves, and the missions that it starts.
 
-The server holds nothing that a boat needs: a mission is a process of its own (`boat`), which goes
-on where server and browser end, and is found again through a file beside its survey.
+The server holds nothing that a boat needs. A mission is a process of its own (`boat`): it continues
+when server and browser end, and a new server finds it through a file beside its survey.
 """

@@ -1,4 +1,4 @@
-"""The server: who answers what the page and scripts ask for."""
+"""The server application: the handlers of all requests from the page and from scripts."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ REPORT_HEADERS = {
     "frame-ancestors 'self'",
     "cache-control": "no-store",
 }
-# A tile does not change as long as the server stands.
+# A tile does not change while the server runs.
 TILE_HEADERS = {"cache-control": "private, max-age=86400"}
 
-# What is made ready for later waits until the first page has been drawn [s].
+# Preparations for later work wait this long, until the first page has been drawn [s].
 AFTER_PAINT_S = 3.0
 
 
 @dataclass
 class App:
-    """What the routes share."""
+    """The state that the handlers share, and one handler per request."""
 
     fleet: Fleet
     surveys: Library
@@ -54,7 +54,7 @@ class App:
     background: Background | None = None
 
     async def description(self, _: Request) -> Response:
-        """What can be asked, for programs."""
+        """The description of the interface, for programs."""
         return JSONResponse(endpoints.description(version("grebe")))
 
     async def tile(self, request: Request) -> Response:
@@ -74,7 +74,7 @@ class App:
     # Surveys.
 
     async def options(self, _: Request) -> Response:
-        """What can be chosen, with limits and defaults."""
+        """The choices of the app, with limits and defaults."""
         return JSONResponse(choices.options(self.background))
 
     async def list(self, _: Request) -> Response:
@@ -85,7 +85,7 @@ class App:
         return JSONResponse(found)
 
     async def one(self, request: Request) -> Response:
-        """All about a survey."""
+        """The details of a survey."""
         survey_id = request.path_params["id"]
         path = self.surveys.path(survey_id)
         found = await run_in_threadpool(views.detail, survey_id, path)
@@ -93,7 +93,7 @@ class App:
         return JSONResponse(found)
 
     async def remove(self, request: Request) -> Response:
-        """The end of a survey."""
+        """Delete a survey."""
         survey_id = request.path_params["id"]
         path = self.surveys.path(survey_id)
         watch = self.fleet.watch(survey_id)
@@ -110,21 +110,21 @@ class App:
         return FileResponse(path, filename=path.name, media_type="application/geopackage+sqlite3")
 
     async def upload(self, request: Request) -> Response:
-        """Keep a file from outside as a survey."""
+        """Store an uploaded file as a survey."""
         async with requests.uploaded(request, self.surveys.folder) as path:
             to = self.surveys.free_path(Path(request.query_params["name"]).stem)
             await self.plans.run("receive", str(path), str(to))
         return await self._summary(to)
 
     async def outline(self, request: Request) -> Response:
-        """The water of a file of outlines."""
+        """The water in an uploaded file of outlines."""
         async with requests.uploaded(request, self.surveys.folder) as path:
             found = await self.plans.run("outline", str(path))
         found["name"] = Path(request.query_params["name"]).stem[:80]
         return JSONResponse(found)
 
     async def demo(self, _: Request) -> Response:
-        """A new survey of the demo's hectare."""
+        """Make a new survey of the demo's hectare."""
         to = self.surveys.free_path("demo")
         await self.plans.run("keep_demo", str(to))
         return await self._summary(to)
@@ -137,11 +137,11 @@ class App:
     # Plans.
 
     async def preview(self, request: Request) -> Response:
-        """What a survey would be."""
+        """Plan a survey without storing it."""
         return JSONResponse(await self.plans.run("preview", await requests.body_of(request)))
 
     async def keep(self, request: Request) -> Response:
-        """Plan a survey and keep it."""
+        """Plan a survey and store it."""
         given = await requests.body_of(request)
         to = self.surveys.free_path(str(given.get("name", "survey")))
         await self.plans.run("keep", given, str(to))
@@ -150,13 +150,13 @@ class App:
     # Missions.
 
     async def preflight(self, request: Request) -> Response:
-        """The lines of the doctor."""
+        """The doctor's checks."""
         path = self.surveys.path(request.path_params["id"])
         link = request.query_params.get("link", "simulated")
         return JSONResponse(await run_in_threadpool(choices.preflight, path, link))
 
     async def run(self, request: Request) -> Response:
-        """Begin a mission, or go on with one."""
+        """Begin a mission, or resume one."""
         given = await requests.body_of(request)
         watch = self.fleet.watch(request.path_params["id"])
         voyage = voyage_asked(given)
@@ -171,7 +171,7 @@ class App:
         return JSONResponse(watch.snapshot(tab)["status"], status_code=201)
 
     async def order(self, request: Request) -> Response:
-        """Pause, go on, come home; stop, which is every page's right."""
+        """Pause, continue, return home or stop a mission; every page may stop it."""
         watch = self.fleet.watch(request.path_params["id"])
         tab = requests.tab_of(request)
         command = request.url.path.rpartition("/")[2]
@@ -185,7 +185,7 @@ class App:
             raise ConflictError("Another page steers; take over before you command the boat.")
 
     async def lease(self, request: Request) -> Response:
-        """Take or leave the right to steer."""
+        """Take or release the right to steer."""
         given, tab = await requests.body_of(request), requests.tab_of(request)
         if given.get("take") is True:
             self.fleet.lease.take(tab)
@@ -195,7 +195,7 @@ class App:
         return JSONResponse(self.fleet.lease.seen_by(tab))
 
     async def events(self, request: Request) -> Response:
-        """The stream of a survey: a snapshot, then what changes."""
+        """The event stream of a survey: a snapshot, then the changes."""
         watch = self.fleet.watch(request.path_params["id"])
         tab = Tab(name=requests.tab_of(request))
         headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
@@ -238,7 +238,7 @@ class App:
         return JSONResponse(await self.maps.run("profile", path, quantity, line, forming=forming))
 
     async def difference(self, request: Request) -> Response:
-        """What changed between two surveys."""
+        """The difference between two surveys."""
         path = self.surveys.path(request.path_params["id"])
         other = self.surveys.path(request.query_params.get("other", ""))
         quantity = request.query_params.get("quantity", "")
@@ -259,7 +259,7 @@ class App:
         return JSONResponse({"made": datetime.now(UTC).isoformat()}, status_code=201)
 
     async def report(self, request: Request) -> Response:
-        """The report that was made."""
+        """The report, if it has been made."""
         page = self.surveys.path(request.path_params["id"]).with_suffix(".html")
         if not page.exists():
             raise UnknownSurveyError("The report of this survey has not been made yet.")
@@ -267,7 +267,7 @@ class App:
 
 
 class _Zipped:
-    """Compress answers, but never a stream of events."""
+    """Compresses answers, except streams of events."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._plain = app
@@ -301,7 +301,7 @@ def _routes(app: App) -> list[Route | Mount]:
 def make_app(
     folder: Path, keys: Keys, hosts: frozenset[str], background: Background | None = None
 ) -> ASGIApp:
-    """The whole server for a folder of surveys; it answers to `hosts` alone."""
+    """The complete server for a folder of surveys; it answers only requests to one of `hosts`."""
     surveys = Library(folder)
     app = App(
         fleet=Fleet(surveys),

@@ -1,4 +1,4 @@
-"""A user's own map under the water: raster tiles out of one file, PMTiles or MBTiles, offline."""
+"""A user's own background map: raster tiles from one PMTiles or MBTiles file, offline."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pmtiles.tile import MagicNumberNotFound, SpecVersionUnsupported, TileType
 
 from grebe.core.errors import InputError
 
-# What a browser shows without help; tiles of vectors are drawn by a program of their own.
+# The formats that a browser shows by itself; vector tiles would need a renderer.
 IMAGES = {"png": "image/png", "jpg": "image/jpeg", "jpeg": "image/jpeg", "webp": "image/webp"}
 DEEPEST = 30
 TEXT_MOST = 300
@@ -24,7 +24,7 @@ TEXT_MOST = 300
 
 @dataclass(frozen=True, kw_only=True)
 class About:
-    """What a file of tiles says of itself; `bounds` are west, south, east, north [deg]."""
+    """The description that a tile file carries; `bounds` are west, south, east, north [deg]."""
 
     name: str
     min_zoom: int
@@ -39,18 +39,18 @@ class Background(Protocol):
 
     @property
     def about(self) -> About:
-        """What the file says of itself."""
+        """The description that the file carries."""
         ...
 
     def tile(self, zoom: int, x: int, y: int) -> bytes | None:
-        """One image, or None where the file has none."""
+        """One image, or None if the file has none there."""
         ...
 
 
 def open_background(path: Path) -> Background:
-    """Open a file of tiles by its ending.
+    """Open a tile file, whose ending gives its kind.
 
-    Raises `InputError` for a file that is none, is damaged, or holds vectors.
+    Raises `InputError` if the file is of another kind, is damaged, or holds vector tiles.
     """
     kinds = {".pmtiles": PackedTiles, ".mbtiles": StoredTiles}
     kind = kinds.get(path.suffix.lower())
@@ -130,7 +130,9 @@ class StoredTiles:
 
 
 def _reading(path: Path, work: Any) -> Any:
-    """Do what reads a part of the file; whatever is wrong in it becomes one sentence."""
+    """Return the result of `work`, which reads a part of the file; any failure becomes an
+    `InputError`.
+    """
     try:
         return work()
     except (MagicNumberNotFound, SpecVersionUnsupported):
@@ -165,7 +167,7 @@ def _about(
 
 
 def _plain(text: str) -> str:
-    """The words of an attribution, which is often written as HTML, without its tags."""
+    """An attribution, which is often HTML, without its tags."""
     kept: list[str] = []
     inside = False
     for sign in text:
@@ -177,7 +179,7 @@ def _plain(text: str) -> str:
 
 
 def shown(background: Background | None) -> dict[str, Any] | None:
-    """A background in the words of the page."""
+    """A background as the page expects it."""
     if background is None:
         return None
     told = asdict(background.about)

@@ -1,4 +1,4 @@
-"""A mission in a process of its own, so that neither a page nor the server can touch the boat.
+"""A mission in a process of its own, so that no failure of a page or the server affects the boat.
 
 python -m grebe.server.boat SURVEY.gpkg '{"link": "sim:", "rate": 10}'
 """
@@ -28,7 +28,7 @@ from grebe.workflow.steering_names import rule_named
 
 
 class Paced(PassingLink):
-    """A simulated boat that waits for the clock, `rate` of its seconds to each of ours."""
+    """A simulated boat that runs `rate` times as fast as the clock."""
 
     def __init__(self, link: BoatLink, rate: float) -> None:
         super().__init__(link)
@@ -37,12 +37,12 @@ class Paced(PassingLink):
         self._before_s = 0.0
 
     def observe(self) -> Observation:
-        """Return the next estimate, when it is due by the clock."""
+        """Return the next estimate once it is due by the clock."""
         seen = self._link.observe()
         now = time.monotonic()
         passed_s = (seen.time_s - self._before_s) / self._rate
         self._before_s = seen.time_s
-        # What was lost to a slow step is made good, but not more than a second of it.
+        # Time lost to slow steps is made up for, up to one second of it.
         self._due = now if self._due is None else max(self._due + passed_s, now - 1.0)
         if self._due > now:
             time.sleep(self._due - now)
@@ -50,7 +50,7 @@ class Paced(PassingLink):
 
 
 def sail(path: Path, voyage: Voyage) -> None:
-    """Sail a survey and keep what is measured; raises what `run_survey` raises."""
+    """Sail a survey and record its measurements; raises the errors of `run_survey`."""
     compile_controller()
     north, east, force_north, force_east = voyage.weather
     weather = Weather(
@@ -82,7 +82,7 @@ def sail(path: Path, voyage: Voyage) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Sail as the arguments say; return the exit code."""
+    """Sail the voyage that the command-line arguments describe, and return the exit code."""
     path, given = Path(arguments[0]), json.loads(arguments[1])
     given["weather"] = tuple(given.get("weather", (0.0, 0.0, 0.0, 0.0)))
     try:

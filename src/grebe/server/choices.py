@@ -1,4 +1,4 @@
-"""What can be chosen in the app: settings of a plan, how a survey is sailed, and the preflight."""
+"""The choices of the app for planning and sailing a survey, and the preflight checks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from grebe.server.background import Background, shown
 
 
 def options(background: Background | None) -> dict[str, Any]:
-    """All that can be chosen, with limits and defaults."""
+    """All choices, with limits and defaults."""
 
     def setting(unit: str, default: float, low: float, high: float) -> dict[str, Any]:
         return {"unit": unit, "default": default, "min": low, "max": high}
@@ -54,7 +54,7 @@ def options(background: Background | None) -> dict[str, Any]:
 
 
 def preflight(path: Path, link: str) -> list[dict[str, Any]]:
-    """The lines of the doctor for a survey and a boat."""
+    """The doctor's checks of a survey and a boat."""
     from grebe.workflow.doctor import diagnose
 
     marks = {"ok": True, "look": None, "NOT": False}

@@ -1,5 +1,5 @@
-"""Every request that the server answers, in one table: the routes and their description are both
-made from it, so that neither can lack what the other has.
+"""The table of all requests that the server answers. The routes and their description are both made
+from it, so they always agree.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ Method = Literal["GET", "POST", "DELETE"]
 FILE = "application/octet-stream"
 JSON = "application/json"
 ERRORS = (
-    "400 a setting that cannot be, 401 no token and no cookie, 403 from another site or by another "
-    "name, 404 what is not there, 409 not now or not by this page, 413 too much, 415 another type "
-    "of body, 422 what was sent cannot be used."
+    "400 a setting is impossible, 401 no token and no cookie, 403 from another site or to another "
+    "host name, 404 not found, 409 not now or not by this page, 413 too large, 415 another type "
+    "of body, 422 the content cannot be used."
 )
 
 
 class Query(NamedTuple):
-    """A value in the address; `kind` is its type in JSON."""
+    """A query parameter; `kind` is its type in JSON."""
 
     name: str
     what: str
@@ -33,8 +33,8 @@ class Query(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Endpoint:
-    """One request: `name` is the method of `App` that answers it; `answer` a type of `answers`, or
-    the media type of what is no JSON, or None for nothing; `body` likewise.
+    """One request. `name` is the method of `App` that answers it. `answer` and `body` are each a
+    type of `responses`, a media type if not JSON, or None if empty.
     """
 
     method: Method
@@ -47,7 +47,7 @@ class Endpoint:
     status: int = 200
 
 
-NAME = Query("name", "the name of the file that is sent, with its ending")
+NAME = Query("name", "the name of the uploaded file, with its ending")
 QUANTITY = Query("quantity", "the id of a quantity")
 ONE = "/api/surveys/{id}"
 
@@ -64,7 +64,7 @@ def _get(path: str, name: str, what: str, answer: Any, *query: Query) -> Endpoin
 
 ENDPOINTS: tuple[Endpoint, ...] = (
     _get("/api/openapi.json", "description", "This description.", dict[str, Any]),
-    _get("/api/options", "options", "What can be chosen.", responses.Options),
+    _get("/api/options", "options", "The choices, with limits and defaults.", responses.Options),
     _get(
         "/api/surveys", "list", "The surveys of the folder, newest first.", list[responses.Summary]
     ),
@@ -72,7 +72,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         method="POST",
         path="/api/surveys",
         name="upload",
-        what="Keep a survey file, or a table of samples, that is sent.",
+        what="Upload a survey file or a table of samples, and store it as a survey.",
         body=FILE,
         answer=responses.Summary,
         query=(NAME,),
@@ -82,61 +82,84 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         method="POST",
         path="/api/outline",
         name="outline",
-        what="The water of a file of outlines that is sent, as GeoJSON.",
+        what="Upload a file of outlines, and return its water as GeoJSON.",
         body=FILE,
         answer=responses.Outline,
         query=(NAME,),
     ),
     _post(
-        "/api/demo", "demo", "A new survey of a hectare.", responses.Empty, responses.Summary, 201
+        "/api/demo",
+        "demo",
+        "Make a new survey of one hectare.",
+        responses.Empty,
+        responses.Summary,
+        201,
     ),
     _post(
         "/api/plan/preview",
         "preview",
-        "What a survey would be: cells, way, length, time, energy; or the problems.",
+        "Plan without storing: cells, route, length, time and energy, or the problems.",
         responses.PlanRequest,
         responses.Preview,
     ),
-    _post("/api/plan", "keep", "Plan and keep it.", responses.PlanRequest, responses.Summary, 201),
+    _post(
+        "/api/plan",
+        "keep",
+        "Plan a survey and store it.",
+        responses.PlanRequest,
+        responses.Summary,
+        201,
+    ),
     _post(
         "/api/lease",
         "lease",
-        "Take or leave the right to steer.",
+        "Take or release the right to steer.",
         responses.LeaseRequest,
         responses.LeaseShown,
     ),
     _get(
         "/api/background/{zoom}/{x}/{y}",
         "tile",
-        "A tile of the user's own map; 204 where it has none.",
+        "A tile of the user's own map; 204 if it has none there.",
         "image/*",
     ),
-    _get(ONE, "one", "All about a survey.", responses.Detail),
+    _get(ONE, "one", "The details of a survey.", responses.Detail),
     Endpoint(
-        method="DELETE", path=ONE, name="remove", what="Delete it; 409 under way.", status=204
+        method="DELETE",
+        path=ONE,
+        name="remove",
+        what="Delete the survey; 409 while it is under way.",
+        status=204,
     ),
     _get(f"{ONE}/file", "file", "The survey file.", "application/geopackage+sqlite3"),
     _get(
         f"{ONE}/preflight",
         "preflight",
-        "The lines of the doctor.",
+        "The doctor's checks of the survey and a boat.",
         list[responses.PreflightLine],
         Query("link", "a boat's address, such as mavlink:udp:0.0.0.0:14550", required=False),
     ),
-    _post(f"{ONE}/run", "run", "Begin or go on.", responses.RunRequest, responses.Status, 201),
+    _post(
+        f"{ONE}/run",
+        "run",
+        "Begin a mission, or resume one.",
+        responses.RunRequest,
+        responses.Status,
+        201,
+    ),
     *(
         _post(f"{ONE}/{order}", "order", what, responses.Empty, responses.Status)
         for order, what in (
             ("pause", "Hold station."),
-            ("continue", "Go on after a pause."),
-            ("return", "Come home."),
-            ("stop", "Stop; everybody's right, without the lease."),
+            ("continue", "Continue after a pause."),
+            ("return", "Return home."),
+            ("stop", "Stop the boat; this needs no lease."),
         )
     ),
     _get(
         f"{ONE}/events",
         "events",
-        "Server-sent events: snapshot, then delta, map and lease; Last-Event-ID is heeded.",
+        "Server-sent events: snapshot, then delta, map and lease; honours Last-Event-ID.",
         "text/event-stream",
         Query("tab", "the name of the page or script that listens", required=False),
     ),
@@ -170,7 +193,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
     _get(
         f"{ONE}/map/diff",
         "difference",
-        "This survey less another one.",
+        "This survey minus another one.",
         responses.Grid,
         QUANTITY,
         Query("other", "the id of the other survey"),
@@ -184,7 +207,7 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         responses.ReportMade,
         201,
     ),
-    _get(f"{ONE}/report", "report", "The report that was made.", "text/html"),
+    _get(f"{ONE}/report", "report", "The report, if it has been made.", "text/html"),
 )
 
 
@@ -204,7 +227,7 @@ def description(version: str) -> dict[str, Any]:
         "info": {
             "title": "Grebe",
             "version": version,
-            "description": "Plan, watch, steer and read surveys of a lake; as grebe app serves it.",
+            "description": "Plan, watch, steer and read surveys of a lake; served by grebe app.",
         },
         "paths": paths,
         "components": {

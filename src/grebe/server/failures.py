@@ -1,4 +1,4 @@
-"""Answers to what cannot be answered: one sentence, and the status that fits it."""
+"""Error responses: one sentence, and the HTTP status that fits it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from grebe.server.library import UnknownSurveyError
 
 
 class NoMapError(InputError):
-    """There is no map of that, or no water there."""
+    """There is no such map, or no water at that place."""
 
 
 class ConflictError(GrebeError):
-    """Not now, or not by this page."""
+    """The request is not allowed now, or not from this page."""
 
 
 STATUS = {
@@ -30,7 +30,7 @@ STATUS = {
 
 
 async def failed(_: Request, error: Exception) -> Response:
-    """Say what was wrong with a request."""
+    """The response that says what was wrong with a request."""
     status = next((code for kind, code in STATUS.items() if isinstance(error, kind)), 400)
     if isinstance(error, GrebeError) and status == 400 and not isinstance(error, UsageError):
         status = 422
@@ -44,7 +44,7 @@ async def failed(_: Request, error: Exception) -> Response:
 
 
 async def missing(_: Request, error: Exception) -> Response:
-    """Say that there is nothing at an address."""
+    """The response for an address or a method that does not exist."""
     status = getattr(error, "status_code", 404)
     message = getattr(error, "detail", "") or "There is nothing here."
     return JSONResponse({"error": {"code": str(status), "message": message}}, status_code=status)

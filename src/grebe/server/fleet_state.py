@@ -1,24 +1,24 @@
-"""What the boats of a fleet tell, each for itself, and what their survey is told of as one."""
+"""The state of a fleet: that of each boat, and one for the whole survey."""
 
 from __future__ import annotations
 
 from typing import Any
 
-# What is known of one boat as it is now, and not only in the file.
+# The entries of a boat's state that come from the live boat, not from the file.
 LIVE = ("estimate", "thrusts", "horizon", "current", "wind", "status")
-# Where boats do different things, the first of these is the survey's state.
+# If boats are in different states, the survey's state is the first of these.
 STATES = ("running", "returning", "paused", "interrupted", "stopped", "complete")
 
 
 def part_of(state: dict[str, Any], boat: int | None) -> dict[str, Any]:
-    """Return what is known of a boat: a fleet's by its number, or all of it where there is one."""
+    """Return the state of a fleet's boat by its number; the whole state if `boat` is None."""
     if boat is None:
         return state
     return next(one for one in state["boats"] if one["boat"] == boat)
 
 
 def carried_on(old: dict[str, Any], new: dict[str, Any]) -> None:
-    """Keep in a state that was read anew what no file holds of boats that are heard."""
+    """Copy the live entries of each boat from the old state into one just read from the file."""
     was = {one["boat"]: one for one in old.get("boats", ())}
     for one in new["boats"]:
         if one["boat"] in was:
@@ -26,8 +26,8 @@ def carried_on(old: dict[str, Any], new: dict[str, Any]) -> None:
 
 
 def together(boats: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the status of a fleet from those of its boats that have been heard: how long the
-    slowest still takes, and the oldest word.
+    """Return the status of a fleet from those of the boats heard so far. Times are the largest of
+    any boat: to the end of the slowest, and since the oldest message.
     """
     heard = [one["status"] for one in boats if one["status"].get("state")]
     states = {one["state"] for one in heard}

@@ -1,4 +1,6 @@
-"""An app that was opened for one mission ends by itself, a while after the last page was left."""
+"""Detection of an idle app, so that one opened for a single mission can end by itself, a while
+after the last page was left.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 
 class Idle:
-    """Stands before an app and knows since when nobody has asked it anything."""
+    """Wraps an app and measures how long no request has been open."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -16,7 +18,7 @@ class Idle:
         self._left = time.monotonic()
 
     def minutes(self) -> float:
-        """For how long there has been no page; a stream that is open is one."""
+        """Minutes since the last request ended; 0 while one is open, such as a page's stream."""
         return 0.0 if self._open else (time.monotonic() - self._left) / 60.0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -1,4 +1,4 @@
-"""The surveys of one folder, by ids that say nothing of paths."""
+"""The surveys of one folder, by ids that do not reveal paths."""
 
 from __future__ import annotations
 
@@ -44,21 +44,21 @@ class Library:
         return {identity(path): path for path in sorted(self.folder.glob(f"*{SUFFIX}"))}
 
     def path(self, survey_id: str) -> Path:
-        """The file of an id; `UnknownSurveyError` for none."""
+        """The file of an id; raises `UnknownSurveyError` if there is none."""
         path = self.paths().get(survey_id)
         if path is None:
             raise UnknownSurveyError("There is no such survey; it may have been deleted.")
         return path
 
     def summaries(self) -> list[dict[str, Any]]:
-        """What the list of surveys shows, the newest first; unreadable files are left out."""
+        """The entries of the list of surveys, newest first, without unreadable files."""
         found: list[dict[str, Any]] = []
         paths = self.paths()
         for survey_id, path in paths.items():
             with suppress(GrebeError, OSError):
                 found.append(self.summary(survey_id, path))
         often = Counter(one["name"] for one in found)
-        # Surveys of one water are told apart by their files.
+        # Surveys of the same name are distinguished by their file names.
         found = [
             {**one, "name": f"{one['name']} ({paths[one['id']].stem})"}
             if often[one["name"]] > 1
@@ -68,7 +68,7 @@ class Library:
         return sorted(found, key=lambda one: one["created"], reverse=True)
 
     def summary(self, survey_id: str, path: Path) -> dict[str, Any]:
-        """One line of the list, read again only where the file has changed."""
+        """One entry of the list, read again only if the file has changed."""
         stamp = (_changed(path), _changed(path.with_name(path.name + "-wal")))
         known = self._known.get(survey_id)
         if known is None or known[0] != stamp:
@@ -78,7 +78,7 @@ class Library:
         return dict(known[1])
 
     def free_path(self, name: str) -> Path:
-        """A path for a new survey of a name, of which letters and digits alone are taken."""
+        """A path for a new survey, named after the letters and digits of `name`."""
         plain = re.sub(r"[^\w-]+", "-", name, flags=re.UNICODE).strip("-_")[:60] or "survey"
         for count in range(1, 10_000):
             path = self.folder / f"{plain}{'' if count == 1 else f'-{count}'}{SUFFIX}"
@@ -87,7 +87,7 @@ class Library:
         raise InputError(f"There are too many surveys named {name!r}.")
 
     def remove(self, path: Path) -> None:
-        """Delete a survey and what lies beside it."""
+        """Delete a survey and the files that belong to it."""
         for suffix in ("", "-wal", "-shm", ".live", ".log"):
             path.with_name(path.name + suffix).unlink(missing_ok=True)
         for suffix in (".html", ".png"):
@@ -107,7 +107,7 @@ def _changed(path: Path) -> float:
 
 
 def summary_of(file: SurveyFile) -> dict[str, Any]:
-    """What the list of surveys says of one."""
+    """A survey's entry in the list, without its id."""
     survey, meta = file.survey, file.meta()
     return {
         "name": meta.get("app_name") or survey.name,
@@ -121,7 +121,7 @@ def summary_of(file: SurveyFile) -> dict[str, Any]:
 
 
 def state_of(file: SurveyFile) -> str:
-    """What a file says of its mission, as long as nobody sails it."""
+    """The state of a survey according to its file, if no mission is under way."""
     if not file.survey.targets:
         return "imported"
     for event in reversed(file.events()):

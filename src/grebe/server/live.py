@@ -1,8 +1,8 @@
-"""Missions under way, and the tabs that look on: a snapshot, then what changed.
+"""Missions under way, and the tabs that watch them: each gets a snapshot, then the changes.
 
-A tab that is too slow for what it is told gets a new snapshot instead of a queue. The state of a
-survey is read from its file and kept up to date by what the mission's own process says; when
-either is gone, the other has it.
+A tab that is too slow for the changes gets a new snapshot instead of a growing queue. The state of
+a survey is read from its file and kept up to date by the messages of the mission's own process;
+when either is gone, the other still has it.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from grebe.server.mission_socket import live_path
 from grebe.server.tabs import Lease, Message, Past, Tab, message
 
 KEEP_S = 5.0
-# A mission that was started is waited for so long: the first one compiles its controller [s].
+# Longest wait for a new mission; the first one compiles its controller [s].
 START_S = 180.0
-# The page is told of a new map at most so often [s].
+# Shortest time between two announcements of a new map to the page [s].
 MAP_EACH_S = 5.0
 TRACK_KEPT, SAMPLES_KEPT = 20_000, 3_000
-# Who steers is told to each tab in its own words.
+# A placeholder without text: each tab's own lease message is made when it is sent.
 LEASE = Message("lease", b"")
 UNDER_WAY = ("running", "paused", "returning")
 
 
 class Watch:
-    """One survey: its state, its tabs, and the line to its mission while there is one."""
+    """One survey: its state, its tabs, and the connection to its mission while there is one."""
 
     def __init__(self, survey_id: str, path: Path, lease: Lease) -> None:
         self.survey_id, self.path, self.lease = survey_id, path, lease
@@ -56,11 +56,11 @@ class Watch:
 
     @property
     def under_way(self) -> bool:
-        """Whether the line to a mission stands."""
+        """Whether a mission is connected."""
         return self._writer is not None
 
     async def ready(self) -> None:
-        """Connect to the mission where there is one, and read the file where nothing is known."""
+        """Connect to the mission, if there is one; read the file if there is none, or no state."""
         async with self._lock:
             if self._writer is None:
                 await self._connect()
@@ -99,7 +99,7 @@ class Watch:
         except (OSError, ValueError):
             pass
         self._writer = None
-        # What the mission wrote last is in the file now.
+        # The mission has written everything once its .live file is gone.
         for _ in range(50):
             if not live_path(self.path).exists():
                 break
@@ -120,7 +120,7 @@ class Watch:
             tab.tell(told)
 
     def _take(self, told: dict[str, Any]) -> None:
-        """Take in what a mission says, or one of a fleet's boats, and pass it on."""
+        """Apply a message of a mission, or of one boat of a fleet, and pass it on to the tabs."""
         state = self.state
         if state["begins"] is None:
             state["begins"] = told["time"]
@@ -153,7 +153,7 @@ class Watch:
             delta["track"] = [[point[0] - zero, *point[1:]] for point in track]
         shown = {quantity["id"] for quantity in state["quantities"]}
         places = [i for i, key in enumerate(state["order"]) if key in shown]
-        # What was told while the file was read is in both.
+        # Samples sent while the file was being read are also in the file.
         samples: list[Any] = [
             [at, lon, lat, [values[i] for i in places]]
             for at, lon, lat, values in told.get("samples", ())
@@ -170,8 +170,8 @@ class Watch:
             delta["events"] = [_since(event, zero) for event in told["events"]]
 
     def _take_targets(self, told: dict[str, Any], *, counts: bool) -> list[Any]:
-        """The targets that have changed, as they are now; a boat of a fleet says how many of its
-        own are reached, and the survey `counts` those that were not known to be.
+        """Apply the changes of targets and return them as [number, state]. A boat of a fleet counts
+        only its own targets, so with `counts` the survey's count is updated here.
         """
         reached: set[int] = {seq for seq, word in told["targets"] if word == "reached"}
         changes: list[Any] = [
@@ -180,7 +180,7 @@ class Watch:
         ]
         changes = [one for one in changes if one[1] == "reached" or one[0] not in reached]
         targets = self._by_number()
-        # What was told while the file was read, where one is reached that was still on its way.
+        # A message from before the file was read must not undo a target that the file has reached.
         known = {seq for seq, target in targets.items() if target["state"] == "reached"}
         changes = [one for one in changes if one[0] not in known]
         for seq, word in changes:
@@ -194,7 +194,7 @@ class Watch:
         return self._by_number().get(seq, {}).get("state") == "current"
 
     def _by_number(self) -> dict[int, dict[str, Any]]:
-        """The targets by their numbers: after a revision these are not their places."""
+        """The targets by their numbers, which after a revision differ from their positions."""
         return {one["seq"]: one for one in self.state["targets"]}
 
     def _tell_map(self) -> None:
@@ -206,7 +206,7 @@ class Watch:
         self._tell("map", {"quantity": "", "version": self.map_version})
 
     def snapshot(self, tab: str) -> dict[str, Any]:
-        """All that there is to know, for a tab."""
+        """The complete state, as sent to a tab."""
         state = self.state
         zero = state["begins"] or 0.0
         last = max([state["last"], *(one["last"] for one in state["boats"])])
@@ -220,7 +220,7 @@ class Watch:
         }
 
     async def order(self, command: str) -> None:
-        """Pass an order on; `LinkError` where nobody hears it."""
+        """Pass an order on to the mission; raises `LinkError` if none is under way."""
         await self.ready()
         if self._writer is None:
             raise LinkError("This survey is not under way; there is nobody to obey.")
@@ -228,7 +228,7 @@ class Watch:
         await self._writer.drain()
 
     async def begin(self, voyage: Voyage) -> None:
-        """Start a mission in a process of its own, and wait until it can be heard."""
+        """Start a mission in a process of its own, and wait until it is connected."""
         await self.ready()
         await self._ended()
         live_path(self.path).unlink(missing_ok=True)
@@ -251,14 +251,14 @@ class Watch:
             if loop.time() > end:
                 raise LinkError("The mission did not begin within three minutes.")
             await asyncio.sleep(0.05)
-        # Read before anything is heard: a listener must never find an empty state.
+        # Read the file before connecting, so that no listener finds an empty state.
         await self._read()
         await self.ready()
         self.state["status"] |= {"rate": voyage.rate, "link": voyage.link}
         self._tell_all_anew()
 
     async def _ended(self) -> None:
-        """Wait for a mission that is over to put its file away; refuse where one is under way."""
+        """Wait until a finished mission disconnects; raise `InputError` if one is under way."""
         for _ in range(200):
             if not self.under_way:
                 return
@@ -268,8 +268,9 @@ class Watch:
         raise InputError("This survey is under way already.")
 
     async def stream(self, tab: Tab, last: str = "") -> AsyncGenerator[bytes]:
-        """The messages of a tab, as server-sent events: all that there is to know, then what
-        changes; after `last`, the number of a message that it had, only what it missed.
+        """The messages to a tab as server-sent events: a snapshot, then the changes. If `last`, the
+        number of the last message that it received, is given, the messages since then replace the
+        snapshot, as long as they are all kept.
         """
         await self.ready()
         self.tabs.append(tab)
@@ -305,7 +306,7 @@ class Watch:
         return message("lease", self.lease.seen_by(tab.name))
 
     async def _look_again(self, tab: Tab) -> None:
-        """A mission that was begun by somebody else is found."""
+        """Connect to a mission that was started outside the app, if there is one."""
         if live_path(self.path).exists():
             await self.ready()
             if self.under_way:
@@ -313,7 +314,7 @@ class Watch:
 
 
 def _told_since(one: dict[str, Any], zero: float) -> dict[str, Any]:
-    """What is known of a boat, or of all, in seconds since the mission began."""
+    """The public part of a state, with times in seconds since the mission began (`zero`)."""
     hidden = ("begins", "last", "sampled", "order")
     return {
         **{key: value for key, value in one.items() if key not in hidden},
@@ -327,7 +328,7 @@ def _since(event: dict[str, Any], zero: float) -> dict[str, Any]:
 
 
 class Fleet:
-    """The watches of all surveys, and who steers."""
+    """The watches of all surveys, and the lease that says who steers."""
 
     def __init__(self, surveys: library.Library) -> None:
         self.surveys = surveys
@@ -343,11 +344,11 @@ class Fleet:
         return watch
 
     def forget(self, survey_id: str) -> None:
-        """A survey is deleted."""
+        """Drop the watch of a deleted survey."""
         self._watches.pop(survey_id, None)
 
     def state(self, survey_id: str) -> str | None:
-        """The state of a mission under way; None for one that is not watched."""
+        """The state of a mission under way; None if there is none, or if it is not watched."""
         watch = self._watches.get(survey_id)
         if watch is None or not watch.under_way or not watch.state:
             return None

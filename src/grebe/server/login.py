@@ -1,4 +1,4 @@
-"""A password for those who come from another computer: the form, and a limit to guessing."""
+"""The password for other computers: its form, and a limit on guessing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from starlette.types import Receive
 
 LEAST_LENGTH = 12
 FORM_MOST = 2000
-# A wrong password is answered after so long [s], one guess after another, and so many may wait.
+# Delay of the answer to a wrong password [s]; guesses are answered one after another. At most so
+# many may wait.
 WRONG_S = 1.0
 MOST_WAITING = 20
 
@@ -33,7 +34,7 @@ WRONG = "<p role=alert>This is not the password. · Mot de passe incorrect.</p>"
 
 
 class Password:
-    """The password of a server; guesses are answered one at a time, and wrong ones slowly."""
+    """The password of a server. It answers one guess at a time, and wrong ones slowly."""
 
     def __init__(self, password: str) -> None:
         self._digest = _digest(password)
@@ -41,7 +42,7 @@ class Password:
         self._waiting = 0
 
     async def opens(self, guess: str) -> bool | None:
-        """Whether it is the one; None where too many wait for an answer already."""
+        """Whether the guess is right; None if too many guesses are waiting already."""
         if self._waiting >= MOST_WAITING:
             return None
         self._waiting += 1
@@ -60,12 +61,12 @@ def _digest(password: str) -> bytes:
 
 
 def page(*, wrong: bool) -> bytes:
-    """The form in which the password is asked for."""
+    """The HTML page with the password form."""
     return PAGE.format(style=STYLE, said=WRONG if wrong else "").encode()
 
 
 async def password_of(receive: Receive) -> str:
-    """The password of a form that is sent; empty where there is none, or too much."""
+    """The password in a submitted form; empty if there is none, or if the form is too large."""
     body = bytearray()
     more = True
     while more:

@@ -1,7 +1,7 @@
-"""Maps as the page asks for them, made in a process of their own and kept as long as they hold.
+"""Maps for the page, made in a process of their own and cached while their survey is unchanged.
 
-The map of a survey under way takes in what was measured since it was asked for last, and is fitted
-anew only when the readings have become half as many more.
+The map of a survey under way takes in the readings since its last request. It is fitted anew only
+when the number of readings has grown by half.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from grebe.server.failures import NoMapError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A map that is still forming has about so many nodes, a finished one the default.
+# Approximate number of nodes of a map that is still forming; a finished one has the default.
 FORMING_NODES = 2_500
-# It is fitted anew when it has so many times the readings of its fit.
+# A forming map is fitted anew when its readings reach this multiple of those of its fit.
 FIT_AGAIN = 1.5
 KEPT, FORMING_KEPT = 24, 8
 PROFILE_POINTS = 200
@@ -47,7 +47,7 @@ PROFILE_POINTS = 200
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """A map, the frame that it lies in, and the flags (n,) of its samples with their places."""
+    """A map, its local frame, and the positions (n, 2) and flags (n,) of its samples."""
 
     map: QuantityMap
     frame: LocalFrame
@@ -57,8 +57,8 @@ class Made:
 
 @dataclass(kw_only=True)
 class Forming:
-    """A map that takes in readings: `fitted` is how it was at its fit, from the first `rows` of
-    the file; `taken` rows are in it now.
+    """A map that takes in readings: `fitted` is the map at its fit, from the first `rows` of the
+    file; `taken` rows are in it now.
     """
 
     fitted: QuantityMap
@@ -68,13 +68,13 @@ class Forming:
     taken: int
 
     def holds(self, count: int) -> bool:
-        """Whether a file of so many rows is the same one, without too much that is new."""
+        """Whether a file of `count` rows extends the rows taken in, without needing a new fit."""
         return self.taken <= count < FIT_AGAIN * self.rows
 
     def take_in(
         self, positions: NDArray[np.float64], values: NDArray[Any], flags: NDArray[np.int64]
     ) -> None:
-        """Take in the rows that are new."""
+        """Take in the new rows."""
         new = slice(self.taken, None)
         good = np.isfinite(values[new]) & np.isin(flags[new], Flag.USABLE)
         at, read = positions[new][good], values[new][good]
@@ -89,7 +89,7 @@ class Forming:
         )
 
     def now(self) -> QuantityMap:
-        """The map of all that was taken in."""
+        """The map of all readings taken in."""
         one, nodes = self.fitted, self.fitted.grid.nodes
         factors = replace(one.calibration, way=self.readings.positions)
         sd = np.hypot(factors.factor(nodes) * self.field.node_sd, one.micro_sd)
@@ -108,7 +108,7 @@ _FORMING: OrderedDict[tuple[str, str], Forming] = OrderedDict()
 
 
 def _made(path: str, quantity: str, *, forming: bool) -> Made:
-    """The map of a quantity, brought up to date where the file has changed."""
+    """The map of a quantity, updated if the file has changed."""
     key = (path, quantity, forming, *_stamps(path))
     if key in _KEPT:
         _KEPT.move_to_end(key)
@@ -140,7 +140,7 @@ def _forming(
     values: NDArray[Any],
     flags: NDArray[np.int64],
 ) -> QuantityMap:
-    """The map of a survey under way: what is new is taken in, or all of it is fitted anew."""
+    """The map of a survey under way, with new readings taken in or fitted anew."""
     key = (path, quantity.key)
     kept = _FORMING.get(key)
     if kept is not None and kept.holds(len(values)):
@@ -175,7 +175,7 @@ def _stamps(path: str) -> tuple[float, ...]:
 def grid(
     path: str, quantity: str, layer: str, threshold: float | None, side: str, *, forming: bool
 ) -> dict[str, Any]:
-    """A layer of a map as the page paints it."""
+    """A layer of a map, in the form that the page paints."""
     made = _made(path, quantity, forming=forming)
     one = made.map
     unit = one.quantity.unit
@@ -304,7 +304,7 @@ def profile(
 
 
 def difference(path: str, other: str, quantity: str) -> dict[str, Any]:
-    """This survey less another one, where both have water."""
+    """This survey minus another one, where both have water."""
     from grebe.workflow.differences import compare_surveys
 
     changes = compare_surveys(Path(other), Path(path))
@@ -322,13 +322,13 @@ def difference(path: str, other: str, quantity: str) -> dict[str, Any]:
 
 
 def warm() -> None:
-    """Import what maps need, before somebody waits for one."""
+    """Import the modules that maps need, before the first map is requested."""
     for name in ("scipy.spatial", "grebe.mapping.methods.choice", "grebe.report.data"):
         importlib.import_module(name)
 
 
 def report(path: str, language: str) -> None:
-    """Write the page of a survey beside it."""
+    """Write the report of a survey beside its file."""
     from grebe.report.data import gather
     from grebe.report.page import write_report
 

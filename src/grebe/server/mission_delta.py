@@ -1,4 +1,4 @@
-"""What a mission says, gathered into what changed since it was told last."""
+"""The events of a mission, gathered into the changes since the last message to its listeners."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from grebe.links.base import BoatLink
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# The track on the page has a point each so many seconds of the boat's time.
+# Spacing of the track's points on the page, in the boat's time [s].
 TRACK_EACH_S = 1.0
 
 STATES = {
@@ -48,15 +48,16 @@ ENDS = {
 
 
 def number(value: float | None) -> float | None:
-    """A number that JSON can say; None for what is none."""
+    """A finite number for JSON; None for anything else."""
     return None if value is None or not math.isfinite(value) else float(value)
 
 
 class Telling:
-    """Listens to a mission; `take` returns what changed since the last `take`, None for nothing.
+    """Listens to a mission; `take` returns the changes since the last `take`, or None.
 
     Times are unix seconds, positions degrees; `quantities` is the order of a sample's values.
-    `heard` is when the oldest of what is told was heard, by the clock of the mission's computer.
+    `heard` in the changes is when the oldest event among them arrived, by the clock of the
+    mission's computer.
     """
 
     def __init__(self, survey: Survey, quantities: Sequence[str]) -> None:
@@ -72,7 +73,7 @@ class Telling:
         self._reached_at_start = 0
 
     def take(self) -> dict[str, Any] | None:
-        """Return what changed, and begin anew."""
+        """Return the changes and start collecting new ones; None if there are none."""
         with self._lock:
             changed, self._changed = self._changed, {}
             if not changed:
@@ -104,7 +105,7 @@ class Telling:
                 self._began = event.time.timestamp()
                 self._reached_at_start = event.reached
                 self._status |= {"reached": event.reached, "targets": event.targets}
-                # A boat that has done its part may set out again for what another has left.
+                # A boat that has done its part may set out again for another boat's targets.
                 self._status |= {"state": "running", "doing": "surveying"}
             case Estimate():
                 self._estimate(event)
@@ -196,5 +197,5 @@ class Telling:
 
 
 def iso(moment: datetime) -> str:
-    """A moment as the page reads it."""
+    """A time in ISO 8601, as the page reads it."""
     return moment.isoformat().replace("+00:00", "Z")

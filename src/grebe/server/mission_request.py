@@ -1,4 +1,4 @@
-"""How a survey is to be sailed, as a page or a script asks for it."""
+"""Requests of a page or a script to sail a survey."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from grebe.workflow.own_files import OWN
 
 @dataclass(frozen=True, kw_only=True)
 class Voyage:
-    """How a survey is to be sailed: over which `link`, by which `rule`; simulated water with
-    `weather`, `rate` times as fast as the clock; `resume` goes on, `force` begins anew.
+    """How to sail a survey: the `link` to the boat and the controller's `rule`. For simulated boats
+    also the `weather`, a current [m/s] and a wind force [N] towards north and east, and the `rate`,
+    a multiple of the clock's speed. `resume` continues a mission, `force` begins anew.
     """
 
     link: str = "sim:"
@@ -27,7 +28,7 @@ class Voyage:
 
 
 def voyage_asked(given: dict[str, Any]) -> Voyage:
-    """Read a voyage from what was sent; `UsageError` says what is wrong with it."""
+    """Read a voyage from a request; raises `UsageError` if something in it is wrong."""
     link = given.get("link", "simulated")
     rate = given.get("rate", 1.0)
     if not isinstance(link, str) or len(link) > 200:
@@ -54,7 +55,9 @@ def voyage_asked(given: dict[str, Any]) -> Voyage:
 
 
 def weather(given: dict[str, Any]) -> Weather:
-    """The weather of a request: a current [m/s] towards, a wind's force [N] from a direction."""
+    """The weather of a request, which gives the direction that the current [m/s] flows towards and
+    the direction that the wind, by its force [N], blows from.
+    """
     north, east = _vector(given.get("current"), "current", "speed_mps", "towards_deg")
     from_north, from_east = _vector(given.get("wind"), "wind", "force_n", "from_deg")
     return Weather(

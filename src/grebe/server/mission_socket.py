@@ -1,10 +1,9 @@
-"""What a mission has for those who look on: it says what happens to whoever connects on this
-computer, and hears what they order.
+"""The socket through which clients on this computer watch a mission and give it orders.
 
-Beside the survey lies `SURVEY.gpkg.live` while it sails: the port on 127.0.0.1 and the key with
-which a client begins. Each line to the client is a JSON object of what changed, at most ten a
-second; each line from it is a command. A client that does not read is dropped: none can hold the
-boat up.
+While a survey is sailed, the file `SURVEY.gpkg.live` beside it holds the port on 127.0.0.1 and the
+key that a client must send first. Each line to a client is a JSON object of changes, at most ten a
+second; each line from a client is a command. A client that does not read is dropped, so none can
+delay the boat.
 """
 
 from __future__ import annotations
@@ -30,22 +29,22 @@ if TYPE_CHECKING:
     from grebe.mission.departure import Departure
     from grebe.mission.loop import Mission
 
-# What happens is told this often [s].
+# Time between two messages [s].
 EACH_S = 0.1
-# A client that does not take what it is told for so long is dropped [s].
+# A client that has not accepted a message for this long is dropped [s].
 PATIENCE_S = 2.0
 PATIENCE = struct.pack("ll", int(PATIENCE_S), 0)
 BY_THE_APP = "by the operator in the app"
 
 
 def live_path(survey: Path) -> Path:
-    """Where a mission under way says how it is reached."""
+    """The file in which a mission under way says how to connect to it."""
     return survey.with_name(survey.name + ".live")
 
 
 class Ears:
-    """The clients of a mission, or of those of a fleet's boats by their numbers: all are told of
-    all, and what they order goes to every mission. Of a fleet is told whose each word is.
+    """The clients of a mission, or of the missions of a fleet's boats, by the boats' numbers. Every
+    client hears of all missions, and its orders go to all. A fleet's messages name their boat.
     """
 
     def __init__(self, tellings: Mapping[int, Telling], *, of_fleet: bool) -> None:
@@ -58,7 +57,7 @@ class Ears:
         self._door = socket.create_server(("127.0.0.1", 0))
 
     def open(self, beside: Path) -> None:
-        """Say how the mission is reached, and let clients in."""
+        """Write the .live file beside the survey, and accept clients."""
         text = json.dumps(
             {"port": self._door.getsockname()[1], "key": self._key, "pid": os.getpid()}
         )
@@ -70,7 +69,7 @@ class Ears:
             threading.Thread(target=work, daemon=True).start()
 
     def beside(self, boat_at: Callable[[Departure], BoatLink]) -> Callable[[Departure], BoatLink]:
-        """The same boat, of whose link is told how it fares."""
+        """The same link, whose status is also sent to the clients."""
 
         def opened(departure: Departure) -> BoatLink:
             self._alone = 1 if departure.sortie is None else departure.sortie.boat
@@ -80,15 +79,15 @@ class Ears:
         return opened
 
     def hear(self, event: MissionEvent, boat: int | None = None) -> None:
-        """Hear of an event of a boat's mission; without its number, of the one that was opened."""
+        """Take in an event of a boat's mission; without a number, of the boat opened last."""
         self.tellings[boat or self._alone].hear(event)
 
     def obeys(self, mission: Mission, boat: int | None = None) -> None:
-        """Orders go to this mission of a boat from here on."""
+        """Direct the orders for a boat to this mission from now on."""
         self._missions[boat or self._alone] = mission
 
     def close(self, beside: Path) -> None:
-        """Tell what is left, and go."""
+        """Send the last changes, and disconnect the clients."""
         self._tell_once()
         live_path(beside).unlink(missing_ok=True)
         with self._lock:
@@ -105,7 +104,7 @@ class Ears:
             threading.Thread(target=self._hear, args=(client,), daemon=True).start()
 
     def _hear(self, client: socket.socket) -> None:
-        """Take a client in that knows the key, and do what it orders."""
+        """Accept a client that knows the key, and follow its orders."""
         try:
             client.settimeout(PATIENCE_S)
             lines = client.makefile("r", encoding="utf-8")
@@ -113,7 +112,7 @@ class Ears:
                 client.close()
                 return
             client.settimeout(None)
-            # A time-out of the socket itself would end the reading of orders too, which waits.
+            # A time-out of the whole socket would also end the reading of orders, which may wait.
             client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, PATIENCE)
             with self._lock:
                 self._clients.append(client)
@@ -157,7 +156,7 @@ class Ears:
 
 @contextmanager
 def listened_to(survey_file: SurveyFile) -> Generator[Ears]:
-    """Let others look on at a mission of the file, or at its fleet's, as long as it takes."""
+    """Let clients watch the mission of a file, or those of its fleet, until the context ends."""
     survey, quantities = survey_file.survey, list(survey_file.quantities)
     boats = 1 if survey.fleet is None else survey.fleet.boats
     tellings = {boat: Telling(survey, quantities) for boat in range(1, boats + 1)}

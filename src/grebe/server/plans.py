@@ -1,6 +1,6 @@
-"""Plans as the page asks for them: what a survey would be, and the survey itself.
+"""Plans for the page: previews, and the surveys themselves.
 
-These run in a process of their own, so that a large plan keeps no mission's page waiting.
+These functions run in a process of their own, so that a large plan does not delay a mission's page.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from grebe.server.views import geojson, rings
 from grebe.workflow.demo import NOTE, demo_survey
 from grebe.workflow.files import write_survey
 
-# More cells than this are no preview: they take minutes.
+# More cells than this would take minutes, too long for a preview.
 MOST_CELLS = 20_000
 MOST_POINTS = 200_000
 NAMES = {
     "cell_m", "pattern", "speed_min_mps", "speed_max_mps", "vessel", "start", "shore_margin_m",
     "no_go", "current", "wind", "minutes",
 }  # fmt: skip
-# An overlap or a gap that is smaller is rounding [m2].
+# A smaller gap is taken as rounding [m2].
 SPECK_M2 = 0.5
 
 
 def preview(request: Any) -> dict[str, Any]:
-    """What a survey would be; where there is none, `problems` says why."""
+    """The plan of a survey, without storing it; if there is none, `problems` says why."""
     try:
         _, planned = _plan(request, "preview")
     except GrebeError as error:
@@ -68,7 +68,7 @@ _NOTHING: dict[str, Any] = {
 
 
 def keep(request: Any, path: str) -> None:
-    """Plan a survey and write it to a new file, with what it was asked by."""
+    """Plan a survey and write it to a new file, together with its name and settings."""
     name = str(request.get("name", "")).strip()[:80] or "Survey"
     _, planned = _plan(request, name)
     write_survey(Path(path), planned.survey)
@@ -78,7 +78,7 @@ def keep(request: Any, path: str) -> None:
 
 
 def keep_demo(path: str) -> None:
-    """Write the plan of a hectare, as `grebe demo` has it."""
+    """Write the plan of one hectare that `grebe demo` uses."""
     write_survey(Path(path), demo_survey(), note=NOTE)
 
 
@@ -195,7 +195,7 @@ def _uncovered(survey: Survey) -> shapely.MultiPolygon:
 
 
 def outline(path: str) -> dict[str, Any]:
-    """The water of a file of outlines, as GeoJSON."""
+    """The water in a file of outlines, as GeoJSON."""
     from grebe.workflow.plans import read_region
 
     region, _ = read_region(Path(path))
@@ -204,7 +204,7 @@ def outline(path: str) -> dict[str, Any]:
 
 
 def receive(path: str, to: str) -> None:
-    """Keep a file from outside as a survey: a survey file as it is, a track by its samples."""
+    """Store an uploaded file as a survey: a survey file as it is, a track by importing it."""
     source = Path(path)
     if source.suffix.lower() == ".gpkg":
         with SurveyFile.open(source):

@@ -1,5 +1,5 @@
-"""What a request holds, read so that nothing in it can break what follows: sizes are capped while
-they stream, numbers are finite and text can be written.
+"""Safe reading of requests: sizes are capped while the data stream, numbers are finite, and text
+can be encoded.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from grebe.core.errors import GrebeError, InputError, UsageError
 
 JSON_MOST = 8_000_000
 UPLOAD_MOST = 500_000_000
-# No length, speed, time or degree that is meant is larger.
+# Larger than any meaningful length, speed, time or angle.
 NUMBER_MOST = 1e12
-# What may be uploaded, by the ends of names.
+# Endings of the files that may be uploaded.
 TAKEN = (".gpkg", ".csv", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".zip", ".shp")
 
 
 class TooLargeError(GrebeError):
-    """More was sent than is taken."""
+    """The request is larger than the server accepts."""
 
 
 def tab_of(request: Request) -> str:
-    """The name that a page gave itself; scripts have one in common."""
+    """The name that a page gave itself; scripts share one."""
     name = request.headers.get("x-grebe-tab") or request.query_params.get("tab") or "script"
     return name[:64]
 
 
 def number(text: str, name: str) -> float:
-    """A number of a query."""
+    """A number in a query."""
     try:
         value = float(text)
     except ValueError:
@@ -46,7 +46,7 @@ def number(text: str, name: str) -> float:
 
 
 def setting_number(given: dict[str, Any], name: str, otherwise: float | None = None) -> float:
-    """A number of the settings that were sent."""
+    """A number in the settings of a request."""
     value = given.get(name, otherwise)
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not abs(value) <= NUMBER_MOST:
@@ -56,7 +56,7 @@ def setting_number(given: dict[str, Any], name: str, otherwise: float | None = N
 
 
 def line(text: str) -> list[tuple[float, float]]:
-    """The corners of a line of a query, longitude and latitude [deg]."""
+    """The corners of a line in a query, longitude and latitude [deg]."""
     points = [point.split(",") for point in text.split(";")[:100]]
     if len(points) < 2 or any(len(point) != 2 for point in points):
         raise UsageError("line is written lon,lat;lon,lat;…", settings=("line",))
@@ -64,7 +64,7 @@ def line(text: str) -> list[tuple[float, float]]:
 
 
 async def body_of(request: Request) -> dict[str, Any]:
-    """The JSON object that is sent; capped while it streams."""
+    """The JSON object in a request's body, whose size is capped while it streams."""
     data = bytearray()
     async for chunk in request.stream():
         data += chunk
@@ -74,10 +74,10 @@ async def body_of(request: Request) -> dict[str, Any]:
 
 
 def parsed(data: bytes) -> dict[str, Any]:
-    """A JSON object of finite numbers and of text that can be written.
+    """A JSON object of finite numbers and of text that can be encoded.
 
-    JSON as Python reads it holds more than that: `NaN`, integers that no float holds, and halves
-    of characters, each of which fails somewhere behind.
+    Python's parser also accepts `NaN`, integers too large for a float, and halves of surrogate
+    pairs, each of which would fail somewhere later.
     """
     try:
         found = json.loads(data, parse_float=_float, parse_int=_int, parse_constant=_constant)
@@ -108,7 +108,9 @@ def _constant(text: str) -> float:
 
 @contextlib.asynccontextmanager
 async def uploaded(request: Request, folder: Path) -> AsyncGenerator[Path]:
-    """What is sent, in a file of a name of ours in the folder; capped while it streams."""
+    """The uploaded file, stored in the folder under a name of the server's choice. Its size is
+    capped while it streams, and it is deleted at the end of the context.
+    """
     suffix = Path(request.query_params.get("name", "")).suffix.lower()
     if suffix not in TAKEN:
         raise InputError(f"A file {suffix or 'without an ending'} is not read; {', '.join(TAKEN)}.")
@@ -124,7 +126,7 @@ async def uploaded(request: Request, folder: Path) -> AsyncGenerator[Path]:
         try:
             yield path
         except GrebeError as error:
-            # Where the file lay on this computer is nobody's business, and no help.
+            # Replace the temporary path, which is private and does not help the user.
             shown = Path(request.query_params["name"]).name
             text = str(error).replace(str(path), shown).replace(path.name, shown)
             raise type(error)(text, settings=error.settings) from None

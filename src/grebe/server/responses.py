@@ -1,7 +1,7 @@
-"""The types of what is asked and answered, from which the description of the interface is made.
+"""The types of requests and answers, from which the description of the interface is made.
 
 Positions are [longitude, latitude] in degrees (WGS 84), angles radians clockwise from north unless
-their name ends in `_deg`, `t` and `_s` seconds, times ISO 8601 in UTC. What is not known is null.
+their name ends in `_deg`, `t` and `_s` seconds, times ISO 8601 in UTC. Unknown values are null.
 `web/src/api.ts` has the same types for the page.
 """
 
@@ -24,7 +24,7 @@ class Label(TypedDict):
 
 
 class Refusal(TypedDict):
-    """What was wrong, in one sentence; `setting` where one is to blame."""
+    """What was wrong, in one sentence; `setting` names the setting at fault, if any."""
 
     code: str
     message: str
@@ -32,13 +32,13 @@ class Refusal(TypedDict):
 
 
 class Failure(TypedDict):
-    """The body of every answer from 400 on."""
+    """The body of every answer with a status of 400 or more."""
 
     error: Refusal
 
 
 class Summary(TypedDict):
-    """One line of the list of surveys."""
+    """One entry of the list of surveys."""
 
     id: str
     name: str
@@ -61,14 +61,14 @@ class QuantityShown(TypedDict):
 
 
 class Choice(TypedDict):
-    """One of several that can be chosen."""
+    """One option of a choice."""
 
     id: str
     label: Label
 
 
 class VesselChoice(Choice):
-    """A boat that a plan can be made for."""
+    """A boat for which a plan can be made."""
 
     speed_max_mps: float
 
@@ -83,7 +83,7 @@ class NumberSetting(TypedDict):
 
 
 class BackgroundShown(TypedDict):
-    """A user's tiles; `bounds` are west, south, east, north."""
+    """A user's background map; `bounds` are west, south, east, north."""
 
     name: str
     min_zoom: int
@@ -93,7 +93,7 @@ class BackgroundShown(TypedDict):
 
 
 class Options(TypedDict):
-    """What can be chosen, with limits and defaults."""
+    """The choices, with limits and defaults."""
 
     version: str
     vessels: list[VesselChoice]
@@ -119,7 +119,7 @@ class Wind(TypedDict):
 
 
 class PlanWishes(TypedDict, total=False):
-    """The settings of a plan; what is left out has its default."""
+    """The settings of a plan; each has a default."""
 
     cell_m: float
     pattern: Literal["free", "rows", "columns"]
@@ -135,7 +135,7 @@ class PlanWishes(TypedDict, total=False):
 
 
 class PlanRequest(TypedDict):
-    """Water as a GeoJSON polygon, and how it is to be surveyed."""
+    """Water as a GeoJSON polygon, and the settings of its survey."""
 
     region: GeoJSON
     settings: PlanWishes
@@ -143,14 +143,14 @@ class PlanRequest(TypedDict):
 
 
 class Problem(TypedDict):
-    """Why there is no plan, and which setting is to blame."""
+    """Why there is no plan, and which setting is at fault."""
 
     setting: str
     message: str
 
 
 class Preview(TypedDict):
-    """What a survey would be; `problems` where there is none."""
+    """The plan of a survey that is not stored; `problems` if there is none."""
 
     targets: GeoJSON
     route: GeoJSON
@@ -168,14 +168,14 @@ class Preview(TypedDict):
 
 
 class Outline(TypedDict):
-    """The water of a file of outlines."""
+    """The water in a file of outlines."""
 
     region: GeoJSON
     name: str
 
 
 class TargetShown(TypedDict):
-    """A target set, by its number in the order of the way."""
+    """A target set, by its number in the order of the route."""
 
     seq: int
     ring: list[LonLat]
@@ -183,7 +183,7 @@ class TargetShown(TypedDict):
 
 
 class Detail(Summary):
-    """All about a survey."""
+    """The details of a survey."""
 
     region: GeoJSON
     targets: list[TargetShown]
@@ -195,7 +195,7 @@ class Detail(Summary):
 
 
 class PreflightLine(TypedDict):
-    """One line of the doctor; `ok` is null for what is worth knowing and neither good nor bad."""
+    """One of the doctor's checks; `ok` is null for a finding that is neither good nor bad."""
 
     line: Label
     ok: bool | None
@@ -211,7 +211,7 @@ class Weather(TypedDict, total=False):
 
 
 class RunRequest(TypedDict, total=False):
-    """How a survey is to be sailed; `confirm` is needed for a boat that is not simulated."""
+    """How to sail a survey; `confirm` is required for a boat that is not simulated."""
 
     link: str
     rule: str
@@ -223,14 +223,14 @@ class RunRequest(TypedDict, total=False):
 
 
 class Battery(TypedDict):
-    """What is left in the battery."""
+    """The charge left in the battery."""
 
     volt: float | None
     fraction: float | None
 
 
 class Status(TypedDict):
-    """What the boat does, and how far it is; `t` counts from the mission's begin."""
+    """What the boat does, and its progress; `t` counts from the start of the mission."""
 
     state: State
     doing: str
@@ -250,7 +250,7 @@ class Status(TypedDict):
 
 
 class LeaseRequest(TypedDict):
-    """Whether the right to steer is taken or left."""
+    """Whether to take the right to steer, or to release it."""
 
     take: bool
 
@@ -263,7 +263,7 @@ class LeaseShown(TypedDict):
 
 
 class Grid(TypedDict):
-    """A layer of a map on a grid, given by its corners from the south-west against the clock.
+    """A layer of a map on a grid, given by its corners anticlockwise from the south-west.
 
     `values` is base64 of float32, little-endian, row by row from the south; NaN off the water.
     """
@@ -333,7 +333,7 @@ class SampleColumns(TypedDict):
 
 
 class ReachedColumns(TypedDict):
-    """When which target was reached."""
+    """The times at which targets were reached."""
 
     t: list[float]
     seq: list[int]
@@ -349,7 +349,7 @@ class Replay(TypedDict):
 
 
 class ReportRequest(TypedDict, total=False):
-    """In which language a report is made."""
+    """The language of a report."""
 
     language: Literal["en", "fr"]
 
@@ -361,4 +361,4 @@ class ReportMade(TypedDict):
 
 
 class Empty(TypedDict, total=False):
-    """Nothing needs to be said."""
+    """An empty body."""

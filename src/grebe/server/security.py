@@ -1,8 +1,8 @@
-"""Who may speak to the server: by default this computer's user alone, by the page that it served
-itself; from another computer, over TLS, who knows the password.
+"""Access control. By default only this computer's user has access, through the page that the server
+itself served; from another computer, over TLS, anyone who knows the password.
 
-A page of another site cannot: it lacks the cookie (SameSite), its Origin is refused, and a name
-that is made to point here (DNS rebinding) is no Host that we know.
+A page of another site has no access: it lacks the cookie (SameSite), its Origin is refused, and a
+name made to point here (DNS rebinding) is not among the known Hosts.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
-# Where a password is asked for, a form is sent to this server and to no other.
+# The login page may send its form to this server only.
 LOGIN_POLICY = "default-src 'none'; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'"
 REMOTE = {"strict-transport-security": "max-age=31536000"}
 BODIES = ("application/json", "application/octet-stream")
-# A page of this server may be shown without a cookie: how to open it.
+# The only page shown without a cookie: it says how to open the app.
 CLOSED = (
     b"<!doctype html><meta charset=utf-8><title>Grebe</title><p>This page is opened by the "
     b"address that <code>grebe app</code> prints, with its token."
@@ -41,10 +41,11 @@ CLOSED = (
 
 
 class Keys:
-    """The secrets of one server: the launch token, used once, and the cookie, which outlives it.
+    """The secrets of one server: a launch token that works once, a cookie that outlives it, and a
+    token for scripts.
 
-    The cookie's value is kept in the folder of surveys, readable by its owner alone, so that a page
-    that is open knows a server that was started again.
+    Cookie and script token derive from a secret in the folder of surveys, readable by its owner
+    alone, so an open page stays valid when the server is started again.
     """
 
     def __init__(self, folder: Path, port: int, password: str | None = None) -> None:
@@ -56,7 +57,7 @@ class Keys:
         self.launch_token = self._launch
 
     def exchange(self, token: str) -> bool:
-        """Take the launch token, once."""
+        """Whether `token` is the launch token, which then becomes invalid."""
         known = self._launch is not None and hmac.compare_digest(
             token.encode(), self._launch.encode()
         )
@@ -65,12 +66,12 @@ class Keys:
         return known
 
     def new_cookie(self) -> str:
-        """The header that gives a browser the cookie; where there is a password, over TLS alone."""
+        """The header that sets a browser's cookie; with a password the cookie is for TLS only."""
         secure = "" if self.password is None else "; Secure"
         return f"{self.cookie_name}={self.cookie}; Path=/; HttpOnly; SameSite=Strict{secure}"
 
     def knows(self, headers: dict[str, str]) -> bool:
-        """Whether a request carries the cookie, or the token of scripts."""
+        """Whether a request carries the cookie or the token of scripts."""
         given = headers.get("authorization", "")
         if given.startswith("Bearer ") and _same(given[7:], self.bearer):
             return True
@@ -87,7 +88,7 @@ def _same(given: str, known: str) -> bool:
 
 
 def _secret(folder: Path) -> str:
-    """The secret of a folder, made where there is none."""
+    """The secret of a folder, created if it does not exist."""
     path = folder / ".grebe-app"
     try:
         text = path.read_text(encoding="ascii").strip()
@@ -103,7 +104,7 @@ def _secret(folder: Path) -> str:
 
 
 class Gate:
-    """Stands before the app: refuses what does not come from its own page, and adds headers."""
+    """Wraps the app: refuses requests that are not allowed, and adds security headers."""
 
     def __init__(self, app: ASGIApp, keys: Keys, hosts: frozenset[str]) -> None:
         self._app = app
@@ -112,7 +113,7 @@ class Gate:
         self._more_headers = HEADERS if keys.password is None else {**HEADERS, **REMOTE}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let a request through, or answer it here."""
+        """Pass a request on to the app, or answer it here."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -179,7 +180,7 @@ class Gate:
     async def _login(
         self, scope: Scope, password: login.Password, receive: Receive, send: Send
     ) -> None:
-        """Take a password, and give the cookie for the right one."""
+        """Check a password, and set the cookie if it is right."""
         if scope["method"] != "POST":
             await _redirect(send, None)
             return

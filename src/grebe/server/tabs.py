@@ -1,4 +1,4 @@
-"""The pages that look on at a survey: what each of them has still to be told, and who steers."""
+"""The pages that watch a survey: the messages that each has yet to receive, and who steers."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from typing import Any, NamedTuple
 
 from grebe.server.mission_delta import iso
 
-# A tab holds at most so many messages, and a page whose line broke is told what it missed where
-# that is no more than the past holds: some two minutes at ten a second.
+# Most messages that wait for one tab, and most past messages kept for pages that reconnect: two
+# minutes at ten a second.
 QUEUE = 40
 PAST = 1200
-# A tab that steers and is gone for so long steers no more [s].
+# A steering tab that has been gone for this long loses the right to steer [s].
 GONE_S = 15.0
 
 
 class Message(NamedTuple):
-    """A message to all tabs, in the words of server-sent events."""
+    """A message to all tabs, encoded as a server-sent event."""
 
     kind: str
     text: bytes
@@ -33,14 +33,14 @@ NOTHING = Message("nothing", b"")
 
 
 def message(kind: str, what: Any, number: str = "") -> Message:
-    """A message, written out once for all who are told; by `number` a reader can go on from it."""
+    """A message, encoded once for all tabs; with `number` a reader can resume after it."""
     known = f"id: {number}\n" if number else ""
     body = json.dumps(what, allow_nan=False)
     return Message(kind, f"{known}event: {kind}\ndata: {body}\n\n".encode())
 
 
 class Past:
-    """The last messages, for readers whose line broke."""
+    """The last messages, for readers that reconnect."""
 
     def __init__(self) -> None:
         self._kept: deque[Message] = deque(maxlen=PAST)
@@ -53,19 +53,21 @@ class Past:
         return f"{self._era}.{self._count}"
 
     def add(self, kind: str, what: Any) -> Message:
-        """Number a message and keep it."""
+        """Make a message, number it and keep it."""
         self._count += 1
         told = message(kind, what, self.number)
         self._kept.append(told)
         return told
 
     def forget(self) -> None:
-        """What was told does not lead to what is now: who comes back begins anew."""
+        """Drop all messages when they no longer lead to the present state, so that readers who come
+        back get a snapshot.
+        """
         self._kept.clear()
         self._era = secrets.token_hex(4)
 
     def since(self, number: str) -> list[Message] | None:
-        """The messages after a number; None where they are not all there."""
+        """The messages after a number; None if not all of them are kept."""
         era, _, text = number.partition(".")
         if era != self._era or not text.isdecimal():
             return None
@@ -77,14 +79,14 @@ class Past:
 
 @dataclass(eq=False)
 class Tab:
-    """One page that looks on; `behind` where it has to be told all."""
+    """One page that watches; `behind` if it needs a new snapshot."""
 
     name: str
     queue: asyncio.Queue[Message] = field(default_factory=lambda: asyncio.Queue(QUEUE))
     behind: bool = False
 
     def tell(self, told: Message) -> None:
-        """Tell it, or note that it fell behind."""
+        """Queue a message, or note that the tab has fallen behind."""
         if self.behind:
             return
         try:
@@ -93,13 +95,13 @@ class Tab:
             self.behind = True
 
     def tell_all(self) -> None:
-        """Tell it everything anew, soon."""
+        """Have the tab receive a new snapshot."""
         self.behind = True
         with contextlib.suppress(asyncio.QueueFull):
             self.queue.put_nowait(NOTHING)
 
     def catch_up(self) -> None:
-        """Drop what a snapshot is about to say."""
+        """Drop the waiting messages, because a snapshot replaces them."""
         while not self.queue.empty():
             self.queue.get_nowait()
         self.behind = False
@@ -107,22 +109,22 @@ class Tab:
 
 @dataclass
 class Lease:
-    """Which tab steers, of all surveys: one, seen by all."""
+    """The right to steer. At most one tab holds it, for all surveys, and every tab sees who."""
 
     holder: str | None = None
     since: str | None = None
 
     def seen_by(self, tab: str) -> dict[str, Any]:
-        """The lease in the words of a tab."""
+        """The lease from a tab's point of view."""
         who = None if self.holder is None else "you" if self.holder == tab else "other"
         return {"holder": who, "since": self.since}
 
     def take(self, tab: str) -> None:
-        """Give it to a tab."""
+        """Give the lease to a tab."""
         self.holder, self.since = tab, iso(datetime.now(UTC))
 
     def expect(self, tab: str, is_back: Callable[[], bool]) -> None:
-        """A tab is gone: if it is not back soon, it steers no more."""
+        """Take the lease from a tab that has gone, unless it is back within `GONE_S`."""
 
         def look() -> None:
             if not is_back():
@@ -132,6 +134,6 @@ class Lease:
             asyncio.get_running_loop().call_later(GONE_S, look)
 
     def leave(self, tab: str) -> None:
-        """Take it from a tab that has it."""
+        """Release the lease if the tab holds it."""
         if self.holder == tab:
             self.holder = self.since = None

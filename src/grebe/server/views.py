@@ -1,4 +1,4 @@
-"""A survey as the page reads it: all about it, where it stands, and a recorded mission."""
+"""A survey in the forms that the page reads: its details, its state, its recorded mission."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# The track of a snapshot has at most so many points, and the samples of its charts span so long.
+# Most points in the track of a snapshot, and the time that the samples of its charts span [s].
 TRACK_POINTS = 4000
 RECENT_S = 600.0
 LOG_LINES = 500
 
 
 def geojson(survey: Survey, geometry: BaseGeometry) -> dict[str, Any]:
-    """A local geometry as GeoJSON in degrees, to a centimetre."""
+    """A local geometry as GeoJSON in degrees, rounded to a centimetre."""
     return json.loads(shapely.to_geojson(_rounded(survey.frame.geometry_to_wgs84(geometry))))
 
 
@@ -61,7 +61,7 @@ def bounds(survey: Survey) -> list[float]:
 
 
 def quantity_table(quantities: Quantities, keys: Sequence[str]) -> list[dict[str, Any]]:
-    """Quantities as the page shows them, with the first threshold of concern."""
+    """Quantities as the page shows them, each with its first threshold of concern."""
     profile: Profile = read_profile(None)
     first: dict[str, tuple[float, str]] = {}
     for each in profile.thresholds:
@@ -82,7 +82,7 @@ def quantity_table(quantities: Quantities, keys: Sequence[str]) -> list[dict[str
 
 
 def measured(file: SurveyFile) -> list[str]:
-    """The quantities of a file that hold a value; all that it declares before any was read."""
+    """The quantities of a file that hold a value; before the first value, all that it declares."""
     samples = file.samples()
     keys = list(file.quantities)
     held = [key for key in keys if key in samples.values and np.isfinite(samples.values[key]).any()]
@@ -90,7 +90,7 @@ def measured(file: SurveyFile) -> list[str]:
 
 
 def detail(survey_id: str, path: Path) -> dict[str, Any]:
-    """All about a survey that does not change while it is sailed, but for its states."""
+    """The details of a survey, of which only states and counts change during a mission."""
     with SurveyFile.open(path) as file:
         survey, reached = file.survey, file.progress().reached_at
         meta = file.meta()
@@ -108,15 +108,15 @@ def detail(survey_id: str, path: Path) -> dict[str, Any]:
 
 
 def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
-    """The state of a survey from its file, with times in unix seconds; `begins` is its
-    first, `last` and `sampled` those of the last row of the track and the last sample. Of a fleet
-    each of its `boats` has the same, and what is all of a boat's is empty beside them.
+    """The state of a survey from its file, with times in unix seconds: `begins` is the first,
+    `last` that of the last row of the track, `sampled` that of the last sample. For a fleet, each
+    of its `boats` has these entries of its own, and those of the survey are empty.
     """
     with SurveyFile.open(path) as file:
         survey, track, samples = file.survey, file.track(), file.samples()
         shown = [key for key in measured(file) if key in file.quantities]
         boats = range(1, survey.fleet.boats + 1) if survey.fleet else ()
-        # Nobody's: what is known is its boats'.
+        # Boat 0 does not exist, so a fleet's own track and samples are empty.
         whose = (track.of_boat(0), samples.of_boat(0)) if boats else (track, samples)
         return {
             "id": survey_id,
@@ -145,7 +145,7 @@ def snapshot(survey_id: str, path: Path) -> dict[str, Any]:
 
 
 def _of_part(file: SurveyFile, boat: int) -> dict[str, int]:
-    """How far a boat of a fleet is with what is its own."""
+    """The progress of a boat of a fleet in its own sorties."""
     progress = file.progress()
     own = [sortie for sortie in file.revision.sorties if sortie.boat == boat]
     return {
@@ -157,7 +157,7 @@ def _of_part(file: SurveyFile, boat: int) -> dict[str, int]:
 def _of_boat(
     survey: Survey, track: TrackTable, samples: Samples, shown: Sequence[str]
 ) -> dict[str, Any]:
-    """Where a boat has been, what it read last, and where it is."""
+    """A boat's track, its latest samples and its last state."""
     times = np.array([moment.timestamp() for moment in track.times])
     places = _places(survey, track.states[:, :2])
     last = float(times[-1]) if len(times) else 0.0
@@ -182,13 +182,13 @@ def _target_table(survey: Survey, reached_at: Sequence[object]) -> list[dict[str
 
 
 def _way(times: Array, places: list[list[float]], surge: Array) -> list[list[Any]]:
-    """So many points of the track as a page can draw, evenly spread over it."""
+    """At most `TRACK_POINTS` points of the track, evenly spread over its rows."""
     keep = np.linspace(0, len(times) - 1, min(len(times), TRACK_POINTS)).astype(int).tolist()
     return [[float(times[i]), *places[i], float(surge[i])] for i in keep]
 
 
 def _recent(survey: Survey, samples: Samples, keys: Sequence[str], since: float) -> list[list[Any]]:
-    """The samples after a moment: time, place and the values of some quantities."""
+    """The samples after the time `since`: time, place and the values of some quantities."""
     recent = np.flatnonzero(samples.times > since)
     places = _places(survey, samples.positions[recent])
     values = [samples.values[key][recent] for key in keys if key in samples.values]
@@ -211,7 +211,7 @@ def _event(event: LogEntry) -> dict[str, Any]:
 
 
 def _status(file: SurveyFile, seen: datetime | None) -> dict[str, Any]:
-    """What there is to know of a boat that nobody hears just now."""
+    """The status of a boat that is not connected."""
     reached, targets = file.progress().reached, len(file.survey.targets)
     nobody = dict.fromkeys(("link_age_s", "battery", "solve_ms", "fix", "eta_s"))
     return {

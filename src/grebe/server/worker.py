@@ -1,7 +1,7 @@
-"""One process beside the server for work that takes long; it is replaced when it dies.
+"""One process beside the server for long work; it is replaced if it dies.
 
-The module that does the work is imported there alone: the server is up before the first map could
-be made.
+Only that process imports the module that does the work, so the server starts without waiting for
+the import.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ from grebe.workflow.worker_processes import begin_worker
 
 
 class Worker:
-    """Does one piece of work after another in a process of its own: what the functions of `module`
-    do.
-    """
+    """Calls the functions of `module` one after another, in a process of its own."""
 
     def __init__(self, module: str) -> None:
         self._module = module
@@ -35,10 +33,10 @@ class Worker:
         return ProcessPoolExecutor(1, context, begin_worker, (os.getpid(),))
 
     async def run(self, name: str, *given: Any, **named: Any) -> Any:
-        """Do the work of that name and return what it returns.
+        """Call the function of that name and return its result.
 
-        Raises `InputError` where the process died of it, of a lack of memory for one; the next
-        work has a new process.
+        Raises `InputError` if the process died of it, for example of a lack of memory; the next
+        call gets a new process.
         """
         pool = self._pool
         work = functools.partial(_done, self._module, name, *given, **named)
@@ -52,11 +50,11 @@ class Worker:
             ) from None
 
     def begin(self, name: str) -> None:
-        """Begin with some work that nobody waits for."""
+        """Start a call whose result nobody waits for."""
         self._pool.submit(_done, self._module, name)
 
     def close(self) -> None:
-        """Let the process go, and what waits for it."""
+        """End the process without waiting, and cancel pending calls."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 

@@ -1,4 +1,4 @@
-/** What is known of a mission under way: a snapshot, then what changed, over one stream. */
+/** The state of a mission under way: a snapshot, then the changes, over one stream. */
 
 import { signal, type Signal } from "@preact/signals";
 import type {
@@ -17,15 +17,15 @@ import type {
 /** How much of the past the charts keep [s]. */
 const KEPT_S = 600;
 const LOG_KEPT = 500;
-/** The eye reads figures no faster than this [ms]; the boat on the map moves with each message. */
+/** Figures change at most this often, as fast as one can read [ms]; the boat moves with each message. */
 const PULSE_MS = 250;
 
-/** The last minutes of one boat, and where it is now. */
+/** The last minutes of one boat, and its present state. */
 export interface Afloat extends BoatState {
   pushes: [number, number, number][];
 }
 
-/** A survey of one boat is told as that boat's. */
+/** The boats of a snapshot; a survey by one boat gives that boat. */
 function afloatOf(snapshot: Snapshot): Afloat[] {
   const boats = snapshot.boats.length ? snapshot.boats : [{ ...snapshot, boat: 1 }];
   return boats.map((boat) => ({
@@ -48,12 +48,12 @@ export class Stream {
   readonly events: Signal<LogLine[]> = signal([]);
   readonly mapVersion: Signal<number> = signal(0);
   readonly connected: Signal<boolean> = signal(true);
-  /** Counts up a few times a second while something comes: figures that are read watch it. */
+  /** Counts up a few times a second while messages arrive; displayed figures depend on it. */
   readonly pulse: Signal<number> = signal(0);
-  /** Counts what has come. */
+  /** Counts the messages. */
   beat = 0;
 
-  /** The boats by their numbers, and which of them is looked at. */
+  /** The boats by their numbers, and the selected one. */
   readonly boats = new Map<number, Afloat>();
   readonly chosen: Signal<number> = signal(1);
   readonly states = new Map<number, TargetState>();
@@ -68,7 +68,7 @@ export class Stream {
 
   constructor(private readonly url: string) {}
 
-  /** The boat that is looked at; null before anything is known. */
+  /** The selected boat; null before the first snapshot. */
   get boat(): Afloat | null {
     return this.boats.get(this.chosen.value) ?? null;
   }
@@ -85,7 +85,7 @@ export class Stream {
     return this.boat?.pushes ?? [];
   }
 
-  /** Look at another boat. */
+  /** Select another boat. */
   choose(boat: number): void {
     this.chosen.value = boat;
     this.heartbeat();
@@ -131,7 +131,7 @@ export class Stream {
     });
     source.onerror = () => {
       this.connected.value = false;
-      // A refusal ends the stream for good: then it is for us to ask again.
+      // After a refusal the browser does not reconnect by itself.
       if (source.readyState === EventSource.CLOSED) this.again();
     };
   }
@@ -142,7 +142,7 @@ export class Stream {
     this.retry = window.setTimeout(() => this.connect(), 2000);
   }
 
-  /** A stream that is open but silent while the boat is under way is asked for anew. */
+  /** Reconnect if the stream is open but silent while the boat is under way. */
   private look(): void {
     const state = this.status.peek()?.state;
     if (state !== "running" && state !== "returning") return;
@@ -180,7 +180,7 @@ export class Stream {
     this.heartbeat();
   }
 
-  /** A change of what the boat does is told at once, figures a few times a second. */
+  /** Show a change of what the boat does at once; figures follow a few times a second. */
   private tell(status: Status): void {
     this.latest = status;
     const shown = this.status.peek();
@@ -200,7 +200,7 @@ export class Stream {
   private forget(before: number): void {
     for (const { samples, track, pushes } of this.boats.values())
       for (const kept of [samples, track, pushes] as [number, ...unknown[]][][]) {
-        // Seldom and many at once: to take one from the front of an array each time is slow.
+        // Drop many at once, seldom: removing one from the front of an array each time is slow.
         if ((kept[0]?.[0] ?? Infinity) > before - 60) continue;
         const first = kept.findIndex((item) => item[0] >= before);
         kept.splice(0, first < 0 ? kept.length : first);
@@ -208,7 +208,7 @@ export class Stream {
   }
 }
 
-/** What has changed of a boat. */
+/** Apply the changes to a boat. */
 function take(boat: Afloat, delta: Delta): void {
   if (delta.estimate) boat.estimate = delta.estimate;
   if (delta.thrusts) {

@@ -1,4 +1,4 @@
-/** The boats, where one means to go, the cells under way and a mark. */
+/** Painting of the boats, the planned path of one, the cells under way and a mark. */
 
 import type { LonLat } from "../api";
 import type { Inks } from "./inks";
@@ -8,7 +8,7 @@ export interface Boat {
   lon: number;
   lat: number;
   heading_rad: number;
-  /** Its number in a fleet, and whether it is another one that is looked at. */
+  /** Its number in a fleet, and whether another boat is the selected one. */
   number?: number;
   aside?: boolean;
 }
@@ -23,14 +23,14 @@ export interface Afloat {
 
 type Context = CanvasRenderingContext2D;
 
-/** The piece of the canvas that they need; null where there is nothing to show. */
+/** The box of the canvas that they need; null if there is nothing to show. */
 export function boxAfloat({ boats, horizon, cells, mark }: Afloat, sight: Sight): Box | null {
   const points = [...sight.pixels(horizon), ...cells.flatMap((cell) => sight.pixels(cell))];
   for (const boat of boats) points.push(sight.at(boat.lon, boat.lat));
   if (mark) points.push(sight.at(...mark));
   const box = boxOf(points, 32);
   if (!box) return null;
-  // Zoomed in deep, they may be larger than any window.
+  // At a deep zoom they may be larger than any window.
   const x = Math.max(box.x, -sight.width);
   const y = Math.max(box.y, -sight.height);
   const width = Math.min(box.x + box.width, 2 * sight.width) - x;
@@ -54,7 +54,7 @@ export function paintAfloat(context: Context, afloat: Afloat, sight: Sight, inks
     circle.arc(...sight.at(...mark), 8, 0, 2 * Math.PI);
     haloed(context, circle, inks.halo, 6, inks.boat, 3);
   }
-  // The one that is looked at lies on top.
+  // The selected boat is painted last, on top.
   for (const boat of boats) if (boat.aside) paintBoat(context, boat, sight, inks);
   for (const boat of boats) if (!boat.aside) paintBoat(context, boat, sight, inks);
 }
@@ -84,7 +84,7 @@ function paintBoat(context: Context, boat: Boat, sight: Sight, inks: Inks): void
   context.lineWidth = 5;
   context.strokeStyle = inks.halo;
   context.stroke(hull);
-  // One that is not looked at is an outline.
+  // A boat that is not selected is an outline.
   context.fillStyle = boat.aside ? inks.halo : inks.boat;
   context.fill(hull);
   if (boat.aside) {
@@ -97,7 +97,7 @@ function paintBoat(context: Context, boat: Boat, sight: Sight, inks: Inks): void
   context.restore();
 }
 
-/** A boat's number, beside it. */
+/** Paint a boat's number beside it. */
 function paintNumber(context: Context, number: number, inks: Inks): void {
   context.font = "600 14px system-ui, sans-serif";
   context.textAlign = "center";

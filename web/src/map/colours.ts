@@ -1,11 +1,11 @@
-/** Colours that the colour-blind can read: cividis for values, viridis for doubts (seventeen stops of each). */
+/** Colours that suit the colour-blind: cividis for values, viridis for uncertainty (17 stops each). */
 
 const stops = {
   cividis:
     "00224e 002e6a 1a386f 32436d 434e6c 535a6d 61656f 6f7073 7d7c78 8c8878 9b9476 aba072 bcae6c cdbb63 dec958 f0d846 fee838",
   viridis:
     "440154 48186a 472d7b 424086 3b528b 33638d 2c728e 26828e 21918c 1fa088 28ae80 3fbc73 5ec962 84d44b addc30 d8e219 fde725",
-  // Below nothing, blue; above, orange; the middle is pale.
+  // Blue below zero, orange above, pale in the middle.
   difference:
     "0b3c7d 2166ac 4393c3 92c5de d1e5f0 f4f4f0 fde0b6 fdb863 e08214 b35806 7f3b08",
 } as const;

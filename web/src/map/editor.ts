@@ -14,7 +14,7 @@ export interface Hands {
   change(index: number, ring: LonLat[]): void;
   drop(index: number): void;
   leave(): void;
-  /** How many points the shape under way has. */
+  /** The number of points of the shape being drawn. */
   progress(points: number): void;
 }
 
@@ -24,7 +24,7 @@ const names: Record<Kind, "water" | "island" | "noGo"> = {
   noGo: "noGo",
 };
 
-/** A click this near to the first point closes the shape [pixels]. */
+/** A click this close to the first point closes the shape [pixels]. */
 const CLOSE_PX = 16;
 
 function lonLat(at: L.LatLng): LonLat {
@@ -193,7 +193,7 @@ export class Editor {
         },
         () => this.hands.change(index, removed(shape.ring, corner)),
       );
-      // Outlines from files have thousands of corners: the dots between are for what is drawn by hand.
+      // Outlines from files have thousands of corners; only hand-drawn shapes get dots between them.
       if (shape.ring.length <= 60) this.addMiddle(shape, index, corner, named);
     });
   }

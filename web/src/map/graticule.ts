@@ -1,8 +1,8 @@
-/** Lines of longitude and latitude: where one is, on a ground that has nothing else to show. */
+/** Lines of longitude and latitude, for orientation on an otherwise empty map. */
 
 import type * as L from "leaflet";
 
-/** Lines stand at least this far apart [pixels]. */
+/** Least distance between lines [pixels]. */
 const APART_PX = 150;
 
 function step(degreesPerPixel: number): number {
@@ -16,7 +16,7 @@ function text(degrees: number, size: number, [plus, minus]: [string, string]): s
   return `${Math.abs(degrees).toFixed(digits)}° ${degrees < 0 ? minus : plus}`;
 }
 
-/** Paint the lines into a canvas whose corner lies at `origin` in the pixels of the world. */
+/** Paint the lines on a canvas whose corner is at `origin` in world pixels. */
 export function drawGraticule(
   context: CanvasRenderingContext2D,
   map: L.Map,

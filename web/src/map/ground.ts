@@ -1,4 +1,4 @@
-/** What lies under the boat: water, map, cells, way and track, painted whole or in one spot. */
+/** Everything below the boat: water, map, cells, route and track, painted completely or in one spot. */
 
 import type * as L from "leaflet";
 import type { TargetState } from "../api";
@@ -9,7 +9,7 @@ import { type Box, type Sight, type World, worldOf } from "./sight";
 
 export interface Half {
   raster: Raster | null;
-  /** Share of the window's width from which on this map is shown. */
+  /** Where this map begins, as a share of the window's width. */
   from: number;
 }
 
@@ -20,24 +20,24 @@ export interface Ground {
   uncovered: World[];
   noGo: World[];
   way: World;
-  /** Of each boat. */
+  /** One track for each boat. */
   tracks: Track[];
   raster: Raster | null;
   second: Half | null;
   cellsShown: boolean;
 }
 
-/** Where a boat has been; what lies beyond `length` points is room for more. */
+/** Where a boat has been; the space after `length` points is reserved. */
 export interface Track {
   points: World;
   length: number;
-  /** So many of its points are painted. */
+  /** The number of points that are painted. */
   drawn: number;
 }
 
 type Context = CanvasRenderingContext2D;
 
-/** Paint all of it, or what of it lies in `spot`; `splitX` is where the second map begins. */
+/** Paint all of it, or the part within `spot`; the second map begins at `splitX`. */
 export function paintGround(
   context: Context,
   ground: Ground,
@@ -76,7 +76,7 @@ export function paintGround(
   context.restore();
 }
 
-/** Paint a track from a point on. */
+/** Paint a track from one of its points to the end. */
 export function paintTrack(
   context: Context,
   { points, length }: Track,
@@ -147,7 +147,7 @@ function paintCells(
   if (!cells.length || !cellsShown) return;
   const [open, reached, givenUp] = [new Path2D(), new Path2D(), new Path2D()];
   const paths = { open, current: open, reached, given_up: givenUp };
-  // A map is worth more than the word that its cells were reached.
+  // A map matters more than the marks of reached cells, which would cover it.
   const plain = !raster && !second;
   cells.forEach((ring, i) => {
     const state = states[i] ?? "open";
@@ -166,7 +166,7 @@ function paintCells(
   context.fill(givenUp);
 }
 
-/** Hatch an area; the lines hang on the world, so that one that is painted in pieces has no seam. */
+/** Hatch an area; the lines are fixed to the world, so an area painted in pieces has no seams. */
 function hatch(
   context: Context,
   rings: World[],
@@ -183,7 +183,7 @@ function hatch(
   context.strokeStyle = ink;
   context.lineWidth = 1.5;
   context.beginPath();
-  // Where a line crosses the canvas's upper edge; a multiple of the gap in the world's pixels.
+  // Where a line crosses the upper edge of the canvas; a multiple of the gap in world pixels.
   const tilt = slope > 0 ? height : 0;
   const hang = originX - slope * originY;
   for (let k = Math.ceil((hang - tilt) / gap); k * gap <= hang + width + height - tilt; k++) {

@@ -1,4 +1,4 @@
-/** The colours of the map, as the theme has them. */
+/** The colours of the map in the present theme. */
 
 export interface Inks {
   water: string;

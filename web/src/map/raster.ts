@@ -1,11 +1,11 @@
-/** A grid of values as a picture, and where it lies. */
+/** A grid of values as a picture, with its position. */
 
 import type { Grid, LonLat } from "../api";
 import { coloursOf, scaleOf } from "./colours";
 
 export interface Raster {
   image: HTMLCanvasElement;
-  /** South-west, south-east, north-west: three corners say how it lies. */
+  /** South-west, south-east, north-west: three corners determine its position. */
   corners: [LonLat, LonLat, LonLat];
   grid: Grid;
   range: [number, number];
@@ -31,8 +31,8 @@ export function rangeOf(grid: Grid): [number, number] {
 }
 
 /**
- * Paint a grid, its first row at the bottom. Where `doubt` is given, a second grid of the same
- * shape, the picture is the paler the larger the doubt is against the largest.
+ * Paint a grid, with its first row at the bottom. If `doubt` is given, a second grid of the same
+ * shape, the picture becomes paler where doubt is large compared with its maximum.
  */
 export function paint(grid: Grid, range: [number, number], doubt: Grid | null = null): Raster {
   const image = document.createElement("canvas");

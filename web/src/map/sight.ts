@@ -1,8 +1,8 @@
-/** Where places of the earth lie on a canvas, and paths through them. */
+/** Positions of places on a canvas, and paths through them. */
 
 import type { Area, LonLat } from "../api";
 
-/** Points in the world of 256 pixels at zoom 0, x and y by turns. */
+/** Points in the world of 256 pixels at zoom 0, x and y alternating. */
 export type World = Float64Array;
 
 export function worldOf(lon: number, lat: number): [number, number] {
@@ -28,7 +28,7 @@ export function ringsOf(area: Area | null): LonLat[][] {
   return area.type === "Polygon" ? area.coordinates : area.coordinates.flat();
 }
 
-/** A piece of a canvas [pixels]. */
+/** A rectangle of a canvas [pixels]. */
 export interface Box {
   x: number;
   y: number;
@@ -36,7 +36,7 @@ export interface Box {
   height: number;
 }
 
-/** The box of points with a margin; null where there are none. */
+/** The bounding box of points with a margin; null if there are none. */
 export function boxOf(points: readonly (readonly [number, number])[], margin: number): Box | null {
   if (!points.length) return null;
   let [west, east, north, south] = [Infinity, -Infinity, Infinity, -Infinity];
@@ -51,7 +51,7 @@ export function boxOf(points: readonly (readonly [number, number])[], margin: nu
   return { x, y, width: Math.ceil(east) + margin - x, height: Math.ceil(south) + margin - y };
 }
 
-/** What a canvas shows: a window of the world at a zoom, its corner in whole pixels. */
+/** The part of the world that a canvas shows: a window at a zoom, with its corner in whole pixels. */
 export class Sight {
   private readonly scale: number;
 
@@ -89,7 +89,7 @@ export class Sight {
     return made;
   }
 
-  /** Whether a ring may reach into a box: whether their boxes overlap. */
+  /** Whether a ring may reach into a box, that is, whether its bounding box overlaps it. */
   touches(ring: World, box: Box): boolean {
     let [west, east, north, south] = [Infinity, -Infinity, Infinity, -Infinity];
     for (let i = 0; i < ring.length; i += 2) {
@@ -125,8 +125,8 @@ export class Sight {
   }
 
   /**
-   * The line through points `from` to `to`, or the pieces of it that reach into a box; points
-   * nearer to the one before than half a pixel are left out.
+   * The line through points `from` to `to`, or the pieces of it that reach into a box. Points less
+   * than half a pixel from the one before are left out.
    */
   line(points: World, from: number, to: number, box: Box | null = null): Path2D {
     const path = new Path2D();
@@ -146,7 +146,7 @@ export class Sight {
   }
 }
 
-/** Whether the box around a piece of line, as wide as the line, overlaps another. */
+/** Whether the bounding box of a segment, widened by the line's width, overlaps a box. */
 function reaches(fromX: number, fromY: number, x: number, y: number, box: Box): boolean {
   const wide = 4;
   return (

@@ -1,4 +1,4 @@
-/** What is being drawn on the Plan screen, as values: each change makes a new one, so undo is a list. */
+/** The drawing on the Plan screen as a value: each change makes a new one, so undo is a list. */
 
 import type { Area, LonLat, MultiPolygon } from "../api";
 
@@ -47,7 +47,7 @@ function closed(ring: LonLat[]): LonLat[] {
   return first ? [...ring, first] : ring;
 }
 
-/** Whether the point is inside the ring: how often a ray to the east crosses it. */
+/** Whether the point is inside the ring, by counting how often a ray to the east crosses it. */
 export function inside(ring: readonly LonLat[], [x, y]: LonLat): boolean {
   let within = false;
   for (let i = 0, j = ring.length - 1; i < ring.length; j = i++) {
@@ -58,7 +58,7 @@ export function inside(ring: readonly LonLat[], [x, y]: LonLat): boolean {
   return within;
 }
 
-/** The water with its islands as holes; null as long as no water is drawn. */
+/** The water with its islands as holes; null if no water is drawn. */
 export function regionOf(sketch: Sketch): Area | null {
   const lakes = sketch.shapes.filter((shape) => shape.kind === "water");
   if (!lakes.length) return null;

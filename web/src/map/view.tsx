@@ -1,4 +1,4 @@
-/** The map that screens stand on: Leaflet with the layer of the survey, a scale and a legend. */
+/** The map that screens are built on: Leaflet with the layer of the survey, a scale and a legend. */
 
 import { useEffect, useRef } from "preact/hooks";
 import type { ComponentChildren, JSX } from "preact";
@@ -9,13 +9,13 @@ import { Water } from "./water";
 export interface Ground {
   map: L.Map;
   water: Water;
-  /** The screen was left: an answer that comes late finds nothing to move. */
+  /** Whether the screen was left; late answers must then not move the map. */
   gone: boolean;
 }
 
 type Bounds = [number, number, number, number];
 
-/** Show all of the bounds; `over` where much else stands over the map. */
+/** Show all of the bounds; `over` if panels cover much of the map. */
 export function fit(ground: Ground, [west, south, east, north]: Bounds, over = false): void {
   if (ground.gone) return;
   const { x: width } = ground.map.getSize();
@@ -25,7 +25,7 @@ export function fit(ground: Ground, [west, south, east, north]: Bounds, over = f
       [south, west],
       [north, east],
     ],
-    // What stands over the map leaves the survey free, on a narrow window too.
+    // Keep the survey clear of the panels over the map, in a narrow window too.
     narrow
       ? { paddingTopLeft: [14, 122], paddingBottomRight: [14, 66], animate: false }
       : {
@@ -64,14 +64,14 @@ function make(box: HTMLElement): Ground {
   return { map, water, gone: false };
 }
 
-/** Where a map was looked at last: a new plan is likely near. */
+/** The place that was shown last, because a new plan is probably near it. */
 function lastPlace(): [number, number, number] {
   try {
     const kept: unknown = JSON.parse(localStorage.getItem("grebe-place") ?? "");
     if (Array.isArray(kept) && kept.length === 3 && kept.every((item) => Number.isFinite(item)))
       return kept as [number, number, number];
   } catch {
-    // Nothing kept, or nothing legible: the middle of a lake in the Alps serves as well as any.
+    // Nothing is stored, or it is unreadable: the middle of a lake in the Alps will do.
   }
   return [46.45, 6.55, 15];
 }

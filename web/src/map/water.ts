@@ -1,11 +1,11 @@
 /**
  * The layer that shows a survey: water, map, cells and track on one canvas, the boat on another.
  *
- * The large one reaches beyond each edge of the window, so that the browser moves what is there
- * while the map is dragged. Dragged further, what is painted already is moved and only what comes
- * into sight is painted; it is painted whole where the zoom, the theme or the water's map changes.
- * A cell that is reached has its own spot painted again, and a new piece of the track is added.
- * The boat's canvas is only as large as boat and horizon.
+ * The large one extends beyond each edge of the window, so the browser only moves it while the map
+ * is dragged. When the map is dragged further, its pixels are shifted and only the part that comes
+ * into view is painted. A change of zoom, theme or map of the water repaints it completely. When a
+ * cell is reached, only its spot is repainted; new pieces of the track are added. The boat's canvas
+ * is only as large as boat and horizon.
  */
 
 import * as L from "leaflet";
@@ -16,10 +16,10 @@ import { type Inks, readInks } from "./inks";
 import type { Raster } from "./raster";
 import { type Box, boxOf, ringsOf, Sight, type World, world, worldOf } from "./sight";
 
-/** How far beyond the window the large canvas reaches, as a share of it. */
+/** How far the large canvas extends beyond the window, as a share of the window. */
 const BEYOND = 0.2;
 
-/** Give a canvas its size in pixels of the page, as fine as the screen is, up to twice. */
+/** Size a canvas in pixels of the page, at the density of the screen, up to twice. */
 function sized(canvas: HTMLCanvasElement, width: number, height: number): void {
   const dense = density();
   const [columns, rows] = [Math.round(width * dense), Math.round(height * dense)];
@@ -61,11 +61,11 @@ export class Water extends L.Layer {
   private topLeft: L.LatLng | null = null;
   private boatCorner: L.LatLng | null = null;
   private readonly stale = { ground: false, boat: false };
-  /** Cells that changed since the ground was painted. */
+  /** Cells that changed since the ground was painted last. */
   private readonly changed = new Set<number>();
   private frame = 0;
 
-  // What may be told.
+  // The contents.
 
   setRegion(area: Area | null): void {
     this.ground.region = ringsOf(area).map(world);
@@ -110,7 +110,7 @@ export class Water extends L.Layer {
     this.soon("ground");
   }
 
-  /** The track of a boat, by its place among them. */
+  /** Set the track of a boat, by the boat's index. */
   setTrack(points: readonly (readonly [number, number])[], which = 0): void {
     this.trackOf(which).length = 0;
     this.addTrack(points, which);
@@ -142,7 +142,7 @@ export class Water extends L.Layer {
     this.setBoats(boat ? [boat] : [], horizon);
   }
 
-  /** All boats, and where the one that is looked at means to go. */
+  /** Set all boats, and the planned path of the selected one. */
   setBoats(boats: readonly Boat[], horizon: readonly LonLat[]): void {
     this.boats = [...boats];
     this.horizon = world(horizon);
@@ -154,13 +154,13 @@ export class Water extends L.Layer {
     this.soon("boat");
   }
 
-  /** The theme has changed: all inks are read again. */
+  /** Read all inks again and repaint, after a change of theme. */
   repaint(): void {
     this.inks = null;
     this.whole();
   }
 
-  // A layer of Leaflet.
+  // The methods of a Leaflet layer.
 
   override onAdd(map: L.Map): this {
     for (let i = 0; i < 2; i++) {
@@ -184,7 +184,7 @@ export class Water extends L.Layer {
     return {
       move: () => this.moved(false),
       moveend: () => this.moved(true),
-      // Where the map jumps, Leaflet counts its pixels from another place.
+      // When the map jumps, Leaflet changes the origin of its pixels.
       viewreset: () => this.whole(),
       resize: () => this.whole(),
       zoomanim: (event) => this.zooming(event as L.ZoomAnimEvent),
@@ -207,18 +207,18 @@ export class Water extends L.Layer {
     }
   }
 
-  /** Paint no more than it takes for the window to stay covered, when it rests with a margin. */
+  /** Paint just enough to keep the window covered, and with a margin once the map rests. */
   private moved(rests: boolean): void {
     if (!this.topLeft) return;
     const zoomed = this._map.getZoom() !== this.sight.zoom;
-    // Two maps side by side share the window, not the water: their border moves over the water.
+    // The border between two maps is fixed to the window, so it moves over the water.
     const split = this.ground.second !== null;
     if (zoomed || split) {
       if (rests || (split && !this.covers(0))) this.whole();
     } else if (!this.covers(rests ? BEYOND / 2 : 0)) this.follow();
   }
 
-  /** Whether what is painted reaches beyond each edge of the window by a share of it. */
+  /** Whether the painted area extends beyond each edge of the window by a share of it. */
   private covers(share: number): boolean {
     if (!this.topLeft) return false;
     const size = this._map.getSize();
@@ -242,7 +242,7 @@ export class Water extends L.Layer {
     this.draw();
   }
 
-  /** Put the large canvas around the window. */
+  /** Centre the large canvas on the window. */
   private place(): void {
     const size = this._map.getSize();
     const margin = size.multiplyBy(BEYOND).round();
@@ -257,7 +257,7 @@ export class Water extends L.Layer {
     L.DomUtil.setTransform(canvas, corner, 1);
   }
 
-  /** Put the large canvas around the window and paint what has come into sight alone. */
+  /** Centre the large canvas on the window, and paint only the part that has come into view. */
   private follow(): void {
     const before = this.sight;
     this.place();
@@ -266,7 +266,7 @@ export class Water extends L.Layer {
     const [canvas] = this.canvases;
     const context = canvas?.getContext("2d");
     const kept = width === before.width && Math.abs(right) < width && Math.abs(down) < height;
-    // A pixel of the page that is no whole number of the screen's cannot be moved without a blur.
+    // Shifting blurs unless a pixel of the page is a whole number of the screen's.
     if (!canvas || !context || !kept || !Number.isInteger(density()) || this.stale.ground)
       return this.whole();
     context.setTransform(1, 0, 0, 1, 0, 0);
@@ -310,7 +310,7 @@ export class Water extends L.Layer {
     if (this.stale.ground) this.drawGround(context, null);
     else {
       if (spot) this.drawGround(context, spot);
-      // What is painted again in one spot leaves the new pieces elsewhere to be painted still.
+      // Repainting a spot leaves out the new pieces of the tracks elsewhere.
       for (const track of tracks)
         if (track.drawn < track.length)
           paintTrack(context, track, sight, this.coat, Math.max(0, track.drawn - 1));
@@ -328,7 +328,7 @@ export class Water extends L.Layer {
     return (this.inks ??= readInks());
   }
 
-  /** The box of some cells with a margin. */
+  /** The bounding box of some cells with a margin. */
   private spotOf(indices: Iterable<number>): Box | null {
     const points: [number, number][] = [];
     for (const index of indices)
@@ -336,7 +336,7 @@ export class Water extends L.Layer {
     return boxOf(points, 4);
   }
 
-  /** Boats, horizon, the cells under way and a mark, on a canvas no larger than they need. */
+  /** Paint boats, horizon, cells under way and mark on a canvas no larger than they need. */
   private drawTop(canvas: HTMLCanvasElement): void {
     const { sight, ground, boats, horizon, mark } = this;
     const cells = ground.cells.filter((_, i) => ground.states[i] === "current");

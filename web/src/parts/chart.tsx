@@ -1,4 +1,4 @@
-/** A small chart over time: uPlot, in the inks of the page. */
+/** A small chart over time: uPlot in the colours of the page. */
 
 import { useEffect, useRef } from "preact/hooks";
 import type { JSX } from "preact";
@@ -19,9 +19,9 @@ export interface ChartProps {
   /** x, then one column for each curve. */
   data: uPlot.AlignedData;
   height?: number;
-  /** Horizontal lines to read against, such as the speed window. */
+  /** Horizontal reference lines, such as the speed window. */
   guides?: number[];
-  /** Columns between which the area is filled: low and high of an interval. */
+  /** Indices of two columns, the low and high ends of an interval; the area between is filled. */
   band?: [number, number];
   xLabel?: (value: number) => string;
   onPoint?: (index: number | null) => void;

@@ -1,4 +1,4 @@
-/** Pause, return and stop, always in reach; and who steers. */
+/** The commands pause, return and stop, always within reach; and who steers. */
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { JSX } from "preact";
@@ -6,7 +6,7 @@ import { ApiError, api, type Command } from "../api";
 import type { Stream } from "../live/stream";
 import { chosen, complain, duration, go, number, t } from "../state";
 
-/** What needs a second press has to get it within this time [ms]. */
+/** Time for the second press of a command that needs two [ms]. */
 const ARMED_MS = 3000;
 
 export function Commands({ id, stream }: { id: string; stream: Stream }): JSX.Element {
@@ -21,7 +21,7 @@ export function Commands({ id, stream }: { id: string; stream: Stream }): JSX.El
     setArmed(null);
     try {
       if (stream.lease.peek().holder !== "you") {
-        // To stop is everyone's right; all else is for the page that steers, or when nobody does.
+        // Every page may stop the boat; other commands need the lease, or that nobody holds it.
         if (command === "stop" || stream.lease.peek().holder === null)
           stream.lease.value = await api.lease(true);
       }

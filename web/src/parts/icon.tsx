@@ -1,4 +1,4 @@
-/** The few pictures of the page, as lines; each stands beside its word. */
+/** The few icons of the page, as line drawings; each stands beside its word. */
 
 import type { JSX } from "preact";
 

@@ -1,4 +1,4 @@
-/** Beside the live map: the quantities as they are read, their last minutes, and what happened. */
+/** The panel beside the live map: current readings, charts of the last minutes, and the log. */
 
 import { useEffect, useState } from "preact/hooks";
 import type { JSX } from "preact";
@@ -8,7 +8,7 @@ import type { Stream } from "../live/stream";
 import { duration, language, reading, t, tr } from "../state";
 import { Chart } from "./chart";
 
-/** The boats of a fleet: which of them is looked at, and how far each is with its part. */
+/** The boats of a fleet: the selected one, and the progress of each with its part. */
 export function Boats({ stream }: { stream: Stream }): JSX.Element | null {
   void stream.pulse.value;
   void stream.snapshot.value;
@@ -68,11 +68,11 @@ export function Values({
   );
 }
 
-/** How often the charts are drawn again [ms]: more often than the eye follows is heat. */
+/** Time between redraws of the charts [ms]; more often would only cost energy. */
 const EACH_MS = 500;
 const POINTS = 400;
 
-/** Every n-th of the items, so that no more than `POINTS` are drawn. */
+/** Every n-th item, so that at most `POINTS` are drawn. */
 function thinned<T>(items: readonly T[]): T[] {
   const step = Math.ceil(items.length / POINTS) || 1;
   return items.filter((_, i) => (items.length - 1 - i) % step === 0);

@@ -1,4 +1,4 @@
-/** The settings of a plan, and the figures of the plan that they make. */
+/** The settings of a plan, and the figures of the resulting plan. */
 
 import type { ComponentChildren, JSX } from "preact";
 import type { PlanPreview, PlanSettings, Problem } from "../api";

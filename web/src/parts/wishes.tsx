@@ -1,4 +1,4 @@
-/** Theme and language: in the rail, and on a narrow window on the Start screen. */
+/** Choice of theme and language: in the rail, or in a narrow window on the Start screen. */
 
 import type { JSX } from "preact";
 import { language, t, theme, type Language, type Theme } from "../state";

@@ -1,4 +1,4 @@
-/** Live: the boat, where it will go, what it measures, and the hands on it. */
+/** Live: the boat, its planned path, its measurements and its commands. */
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { useComputed } from "@preact/signals";
@@ -13,7 +13,7 @@ import { Legend } from "../parts/legend";
 import { duration, go, number, reading, t, tr } from "../state";
 import { Icon } from "../parts/icon";
 
-/** The map is asked for again this often while the boat is under way [ms]. */
+/** Time between requests of the map while the boat is under way [ms]. */
 const MAP_EACH_MS = 8000;
 
 export function Live({ id }: { id: string }): JSX.Element {
@@ -142,7 +142,7 @@ function paintSnapshot({ water }: Ground, all: Snapshot): Map<number, number> {
   return new Map(all.targets.map((target, i) => [target.seq, i]));
 }
 
-/** All boats where they are; of a fleet with their numbers, and the one that is looked at in its ink. */
+/** Paint all boats; those of a fleet with their numbers, and the selected one in its own colour. */
 function paintBoats({ water }: Ground, stream: Stream): void {
   const chosen = stream.chosen.peek();
   const several = stream.boats.size > 1;
@@ -157,7 +157,7 @@ interface LiveMap {
   sd: Grid | null;
 }
 
-/** The map as it forms: asked for when the server tells of a new one, and now and then anyway. */
+/** The map as it forms: requested when the server announces a new one, and from time to time anyway. */
 function useLiveMap(id: string, stream: Stream, quantity: string | null, layer: MapLayer): LiveMap {
   const [map, setMap] = useState<LiveMap>({ mean: null, sd: null });
   const version = stream.mapVersion.value;
@@ -169,8 +169,8 @@ function useLiveMap(id: string, stream: Stream, quantity: string | null, layer: 
     }, MAP_EACH_MS);
     return () => clearInterval(timer);
   }, [stream]);
-  // A browser has six connections to a server: one map at a time is asked for, and none is left
-  // waiting when another one is wanted or the screen is left.
+  // A browser opens six connections to a server: request one map at a time, and abort a request
+  // when another map is wanted or the screen is left.
   const asked = useRef<AbortController | null>(null);
   useEffect(
     () => () => {
@@ -202,7 +202,7 @@ async function load(
     const sd = layer === "mean" ? await api.map(id, quantity, "sd", null, "above", signal) : null;
     return { mean, sd };
   } catch {
-    return null; // there is no map yet, or no word of it: the one on the screen stays
+    return null; // there is no map yet, or no answer: keep the one on the screen
   }
 }
 
@@ -211,7 +211,7 @@ function StatusBar({ stream }: { stream: Stream }): JSX.Element {
   const status = stream.status.value;
   void stream.pulse.value;
   const boat = stream.boat;
-  // Of a fleet what is read here is the boat's that is looked at, as far as it has been heard.
+  // For a fleet, show the status of the selected boat, as far as it is known.
   const own = status && { ...status, ...boat?.status };
   const [low, high] = snapshot?.speed_window ?? [0, 0];
   const age = own?.link_age_s ?? null;
@@ -243,7 +243,7 @@ function StatusBar({ stream }: { stream: Stream }): JSX.Element {
         <span class="dot" aria-hidden="true" />
         {link.word}
       </span>
-      {/* It scrolls where the window is narrow, by keyboard too. */}
+      {/* It scrolls in a narrow window, by keyboard too. */}
       <dl tabIndex={0}>
         {chips.map(([name, value]) => (
           <div key={name}>

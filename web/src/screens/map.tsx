@@ -1,4 +1,4 @@
-/** Map: each quantity with its doubt, read at a point, along a line, or against another survey. */
+/** Map: each quantity with its uncertainty, at a point, along a line, or compared with another survey. */
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { JSX } from "preact";
@@ -71,7 +71,7 @@ export function MapScreen({ id }: { id: string }): JSX.Element {
     water.setRaster(paint(main, range), half);
   }, [main, second.grid, change, split, range?.[0], range?.[1]]);
 
-  // Handlers of the map are set once: they read what holds now.
+  // The map's handlers are set once, so they read the present values from here.
   const now = useRef({ drawing, quantity });
   now.current = { drawing, quantity };
   async function read(place: LonLat): Promise<void> {

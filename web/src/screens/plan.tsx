@@ -1,4 +1,4 @@
-/** Plan: the water is drawn or opened, and each change shows at once what the survey would be. */
+/** Plan: draw or open the water; each change shows the resulting survey at once. */
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { JSX } from "preact";
@@ -28,7 +28,7 @@ interface History {
   future: Sketch[];
 }
 
-/** The sketch outlives a look at another screen. */
+/** The sketch, kept while another screen is shown. */
 let kept: { history: History; settings: PlanSettings; name: string } | null = null;
 
 function defaults(): PlanSettings {
@@ -268,7 +268,7 @@ interface Previewed {
   failure: string;
 }
 
-/** The plan of what is asked for, a moment after it was asked last; an older answer never wins. */
+/** The plan for the request, made shortly after its last change; an older answer never replaces it. */
 function usePreview(request: { region: NonNullable<ReturnType<typeof regionOf>>; settings: PlanSettings } | null): Previewed {
   const [state, setState] = useState<Previewed>({ plan: null, busy: false, failure: "" });
   useEffect(() => {

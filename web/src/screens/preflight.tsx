@@ -1,4 +1,4 @@
-/** Preflight: what is looked at before a boat is let go, and how it shall go. */
+/** Preflight: the checks before a mission, and its settings. */
 
 import { useEffect, useState } from "preact/hooks";
 import type { JSX } from "preact";
@@ -45,7 +45,7 @@ export function Preflight({ id }: { id: string }): JSX.Element {
     }
   }
 
-  /** To forget what was measured needs a second press. */
+  /** Begin the mission; deleting earlier measurements needs a second press. */
   function begin(): void {
     if (recorded && !forgets) {
       setForgets(true);

@@ -1,4 +1,4 @@
-/** Replay: the mission again, from any moment, up to sixty times as fast. */
+/** Replay: the recorded mission, from any time, up to sixty times as fast. */
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { JSX } from "preact";
@@ -10,7 +10,7 @@ import { complain, duration, reading, t, tr } from "../state";
 
 const rates = [1, 2, 5, 10, 20, 60];
 
-/** The last place in a rising column that is not after `t`; -1 before the first. */
+/** The last index of an ascending column whose value is at most `t`; -1 before the first. */
 function placeOf(column: number[], t: number): number {
   let low = 0;
   let high = column.length;

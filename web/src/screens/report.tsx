@@ -1,4 +1,4 @@
-/** Report: made on demand, read here or in a tab of its own. */
+/** Report: made on demand, shown here or in a tab of its own. */
 
 import { useEffect, useState } from "preact/hooks";
 import type { JSX } from "preact";
@@ -9,7 +9,7 @@ export function Report({ id }: { id: string }): JSX.Element {
   const [made, setMade] = useState("");
   const [busy, setBusy] = useState(false);
   useEffect(() => {
-    // A report that was made before is shown at once.
+    // Show an existing report at once.
     void fetch(api.reportUrl(id), { method: "HEAD" })
       .then((answer) => answer.ok && setMade("before"))
       .catch(() => undefined);

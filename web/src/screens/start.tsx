@@ -1,4 +1,4 @@
-/** Start: the surveys there are, and the ways to a new one. */
+/** Start: the existing surveys, and how to make a new one. */
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { JSX } from "preact";
