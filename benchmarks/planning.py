@@ -43,7 +43,7 @@ def lake(cells: int, cell_m: float = 5.0) -> shapely.Polygon:
 
 
 def bean(hectares: float) -> shapely.Polygon:
-    """The same lake, of so many hectares."""
+    """The same lake, of `hectares`."""
     water = lake(1000)
     scale = float(np.sqrt(1e4 * hectares / water.area))
     return shapely.affinity.scale(water, scale, scale, origin=(0, 0))
