@@ -1,7 +1,7 @@
 """Run the benchmarks: `python -m benchmarks [NAME ...]`; each prints a table in Markdown.
 
-Without a name it is the summary of what is wanted; `all` runs all the others, for many hours.
-Times are CPU times of one process; what counts are the ratios within a run.
+Without a name the summary of all goals is run; `all` runs all the others, which takes many hours.
+Times are CPU times of one process; compare the ratios within a run.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-# One thread: what a small boat's computer would give.
+# One thread, as on a small boat's computer.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 PACKAGES = ("grebe", "casadi", "numba", "numpy", "shapely", "do-mpc", "ortools")
 
-# Each with the module that holds it. One is imported when it is run: the peers of another need not
-# be installed for it.
+# Each benchmark with its module. A module is imported only when its benchmark runs, so the peers of
+# the others need not be installed.
 BENCHMARKS = {
     "summary": "summary",
     "steps": "steps",
@@ -66,7 +66,7 @@ def main() -> None:
         names_known = ", ".join([ALL, *BENCHMARKS])
         raise SystemExit(f"No benchmark {', '.join(sorted(unknown))}; there are {names_known}.")
     print(machine(), flush=True)
-    # Imported here, for it reads how many threads there may be.
+    # Imported here, because it reads the limit on threads.
     from grebe.workflow.kernel_cache import compile_controller
 
     compile_controller()
@@ -75,7 +75,7 @@ def main() -> None:
 
 
 def machine() -> str:
-    """What the figures are of: the computer, and the versions of what counts."""
+    """The computer and the versions of the packages that affect the figures."""
     packages = ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
     return (
         f"{_processor()}, {os.cpu_count()} cores, {platform.system()}; "
@@ -91,7 +91,7 @@ def _version(package: str) -> str:
 
 
 def _processor() -> str:
-    """The processor's name: Linux tells it in a file alone."""
+    """The processor's name; Linux gives it only in a file."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):

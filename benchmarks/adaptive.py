@@ -1,8 +1,8 @@
-"""Going where it pays, against fixed plans of equal time, on waters that nothing was tuned to.
+"""Adaptive surveys against fixed plans of equal time, on waters on which nothing was tuned.
 
 Thirty waters of six hectares with a peninsula and an island: stationary, with a front, with
-plumes. Each is sailed by `grebe run`'s own loop under fixed plans of several patterns, under
-the plan for accuracy, and in two parts of half the time each with `grebe adapt` between them; every
+plumes. Each is sailed by the loop of `grebe run`: under fixed plans of several patterns, under the
+plan for accuracy, and in two parts of half the time each with `grebe adapt` between them. Every
 map is made from the samples as `grebe map` makes it, and compared with the true water.
 """
 
@@ -51,7 +51,7 @@ KEY, NOISE, RANGE_M = "temperature_degc", 0.1, 60.0
 LENGTH_SCALE_M = RANGE_M / 2.74
 KINDS = ("stationary", "front", "plumes")
 EACH = 10
-# The highest fifth of the water is what is looked for.
+# The target is the highest fifth of the water.
 ABOVE = 0.8
 FIXED = {
     "rows": {"pattern": "rows"},
@@ -70,7 +70,7 @@ class Score:
 
 
 def water_of_kind(kind: str, seed: int) -> Water:
-    """A truth of variance about 1; half of it, in a front and plumes, is not stationary."""
+    """A truth of variance about 1; with a front or plumes, half of it is not stationary."""
     import gstools as gs
 
     north = east = np.linspace(0, 260, SIDE)
@@ -96,7 +96,7 @@ def water_of_kind(kind: str, seed: int) -> Water:
 
 
 def _sail(path: Path, water: Water, seed: int, *, resume: bool = False) -> float:
-    """Sail what is planned, and return the minutes that it took."""
+    """Sail the plan and return the minutes that it took."""
 
     def boat_at(departure) -> SimulatedLink:
         plant = Plant(departure.vessel, departure.state)
@@ -108,7 +108,7 @@ def _sail(path: Path, water: Water, seed: int, *, resume: bool = False) -> float
 
 
 def _go_on(path: Path, wish: Wish) -> None:
-    """What `grebe adapt` does."""
+    """Do what `grebe adapt` does."""
     with SurveyFile.open(path) as file:
         ends = file.track_ends()
         assert ends is not None
@@ -188,7 +188,7 @@ def _one_water(job: tuple[str, int]) -> tuple[str, list[Score]]:
 
 
 def _informative(water: Water, seed: int) -> Score:
-    """A published planner's path, of the length that the free order is sailed in, ideally."""
+    """A published planner's path, as long as the free order's, sailed by an ideal boat."""
     region = Region(name="lake", frame=FRAME, water=LAKE)
     free = plan(region, BOAT, PlanSettings(cell_m=None, minutes=MINUTES)).survey
     assert free.outcome is not None
@@ -214,7 +214,7 @@ def adaptive(each: int = EACH) -> None:
     print_head(
         f"Going where it pays: {3 * each} waters, RMSE over the best fixed pattern's / F1 of the "
         "highest fifth",
-        "way", "minutes flown", *KINDS,
+        "plan", "minutes flown", *KINDS,
     )  # fmt: skip
     for way in minutes:
         cells = [

@@ -17,13 +17,13 @@ from grebe.control.solvers.builders import Fast, Ipopt
 from grebe.core.vessel import Vessel
 from grebe.mission.trial import Conditions, fly
 
-# What a solver is asked: state, horizon, weather and the plan to start from.
+# A solver's problem: state, horizon, weather and the plan to start from.
 Asked = tuple[np.ndarray, Horizon, np.ndarray, Plan]
 
-# The solver was tuned on the first sample; the second was not looked at before, nor the third.
+# The solver was tuned on the first sample only.
 SAMPLES: tuple[tuple[Rule, int], ...] = ((Dual(), 7), (Dual(), 11), (Lookahead(), 13))
 INSTANCES = 500
-# "The same input": within so much of the thrust range.
+# Inputs are the same if they differ by at most this share of the thrust range.
 NEAR = 0.01
 
 
@@ -48,7 +48,7 @@ TOLD = {
 
 
 class Recorder:
-    """Builds the fast solver, passes on what a controller asks it and keeps it."""
+    """Builds the fast solver, passes on the controller's problems to it and records them."""
 
     def __init__(self) -> None:
         self.asked: list[Asked] = []
@@ -65,7 +65,7 @@ class Recorder:
 
 
 def agreement() -> None:
-    """First input of the fast path against IPOPT from the same start, on recorded instances."""
+    """Compare the first input of the fast path with IPOPT's from the same start."""
     columns = [agreed(rule, seed) for rule, seed in SAMPLES]
     print_head(
         f"The fast path against the oracle, {INSTANCES} instances of each sample, %",
@@ -76,7 +76,7 @@ def agreement() -> None:
 
 
 def agreed(rule: Rule, seed: int, instances: int = INSTANCES) -> Agreement:
-    """How often the fast path and the oracle agree, on so many instances of a sample."""
+    """How often the fast path and the oracle agree, on `instances` instances of a sample."""
     chosen = _recorded(rule, seed, instances)
     shape = chosen[0][1].shape
     fast, oracle = Fast().build(BOAT, shape), Ipopt().build(BOAT, shape)
@@ -85,7 +85,7 @@ def agreed(rule: Rule, seed: int, instances: int = INSTANCES) -> Agreement:
 
 
 def _recorded(rule: Rule, seed: int, instances: int) -> list[Asked]:
-    """Instances drawn from twice as many, of missions from random starts."""
+    """Instances drawn from twice as many, recorded in missions from random starts."""
     rng = np.random.default_rng(seed)
     asked: list[Asked] = []
     while len(asked) < 2 * instances:
@@ -99,7 +99,7 @@ def _recorded(rule: Rule, seed: int, instances: int) -> list[Asked]:
 
 
 def _compared(fast: Solver, oracle: Solver, asked: Asked) -> tuple[bool, ...]:
-    """What holds of one instance, in the order of `Agreement`."""
+    """What holds for one instance, in the order of `Agreement`."""
     state, horizon, weather, guess = asked
     ours = fast.solve(state, horizon, weather, guess)
     exact = oracle.solve(state, horizon, weather, guess)
@@ -110,6 +110,6 @@ def _compared(fast: Solver, oracle: Solver, asked: Asked) -> tuple[bool, ...]:
 
 
 def _apart(a: Solution, b: Solution) -> float:
-    """How far apart two first inputs are, as a share of the thrust range."""
+    """The distance between two first inputs, as a share of the thrust range."""
     reach = BOAT.thrust_max_n - BOAT.thrust_min_n
     return float(np.abs(np.subtract(a.plan.first_input, b.plan.first_input)).max()) / reach

@@ -1,11 +1,12 @@
 """The app's server under load: `python -m benchmarks.app [--seconds N] [--rate R]`; Linux.
 
 `grebe app` is started as a user starts it, with a survey of some ten thousand cells and fifty
-thousand points of track (`benchmarks.web`). Of the start it tells when the address was printed and
-when a page was answered. Then a simulated mission sails at the clock's own rate, ten messages a
-second, with no page, with five and with fifty, and with fifty of which ten never read: the
-server's share of a core and its resident memory, from /proc, without the mission's own process
-and those of maps and plans; and how many messages a page that reads had per second.
+thousand points of track (`benchmarks.web`). First the benchmark prints how soon the address was
+printed and a page was answered. Then a simulated mission sails at the clock's own rate, ten
+messages a second, with no page, with five, with fifty, and with fifty of which ten never read. For
+each it prints the server's share of a core and its resident memory, from /proc, without the
+processes of the mission, of maps and of plans; and the messages per second that a reading page
+received.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class Server:
         self.answered_s = time.monotonic() - began
 
     def ask(self, method, path, body=None):
-        """The JSON of an answer; nothing for a page."""
+        """The JSON of an answer, or None for a page."""
         line = http.client.HTTPConnection("127.0.0.1", self.port, timeout=300)
         headers = {"Authorization": f"Bearer {self.token}", "Content-Type": "application/json"}
         line.request(method, path, None if body is None else json.dumps(body), headers)
@@ -68,7 +69,7 @@ class Server:
 
 
 class Page:
-    """A stream of one survey: read and counted, or, `deaf`, left unread."""
+    """A stream of one survey: read and counted or, if `deaf`, left unread."""
 
     def __init__(self, server, survey, name, deaf):
         self.heard = 0
@@ -92,7 +93,7 @@ class Page:
             pass
 
     def close(self):
-        """Go, as a tab goes that is shut."""
+        """Close the stream, as when a tab is closed."""
         self._line.close()
 
 

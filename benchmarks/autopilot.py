@@ -32,9 +32,9 @@ from grebe.simulation.plant import Plant, mismatched
 LAKES = 100
 FRAME = LocalFrame(origin_lon_deg=8.5, origin_lat_deg=47.3)
 HULLS = ("spyboat", "blueboat", "heron", "otter")
-# The boat's hull is unlike its model by up to this share.
+# The hull differs from its model by up to this share.
 MISMATCH = 0.2
-# What ends a survey, or only disturbs it: what is expected of each.
+# Each fault with its expected end of the survey; some only disturb it.
 COMPLETES = "mission_complete"
 
 
@@ -48,7 +48,7 @@ class Case:
 
 
 def case_of(name: str, at_s: float, seed: int) -> Case:
-    """The case of a fault's name."""
+    """The case of a fault, by its name."""
     return {
         "none": Case,
         "30 % of all messages lost": lambda: Case(air=Air(lost_share=0.3, seed=seed)),
@@ -77,7 +77,7 @@ NAMES = (
 
 
 def random_lake(rng: np.random.Generator) -> Region:
-    """A lake of a few dozen metres, of any shape, with up to two islands."""
+    """A lake some dozens of metres across, of any shape, with up to two islands."""
     angles = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     waves = sum(
         rng.normal(0, 0.14 / k) * np.cos(k * angles + rng.uniform(0, 2 * np.pi))
@@ -102,7 +102,7 @@ def random_survey(rng: np.random.Generator) -> Survey:
 
 
 def _sail(job: tuple[str, int]) -> tuple[str, str, int, float]:
-    """One mission: its fault, how it ended, instants outside the water, how long it took."""
+    """One mission: its fault, how it ended, instants outside the water, and its duration."""
     name, seed = job
     rng = np.random.default_rng(seed)
     survey = random_survey(rng)
@@ -126,7 +126,7 @@ def _sail(job: tuple[str, int]) -> tuple[str, str, int, float]:
     wire = MemoryWire(StandIn(autopilot, FRAME, (lon, lat)), case.air, watch)
     while not autopilot.knows_position:
         wire.sail()
-    # Somebody has held it at the jetty until then, or the current would have carried it ashore.
+    # Somebody held it at the jetty until then, or the current would have carried it ashore.
     plant.state = list(survey.start.at_rest())
     outside = 0
     ended, duration_s = _ended(wire, survey)
@@ -134,7 +134,7 @@ def _sail(job: tuple[str, int]) -> tuple[str, str, int, float]:
 
 
 def _ended(wire: MemoryWire, survey: Survey) -> tuple[str, float]:
-    """How a mission over a wire ended, in words, and how long it took."""
+    """How a mission over a wire ended, in words, and its duration."""
     assert survey.vessel is not None
     try:
         link = open_link(wire, FRAME, survey.vessel, MavlinkSettings())

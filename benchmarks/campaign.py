@@ -1,4 +1,4 @@
-"""Campaigns: missions a second, what the engine costs, what kills lose, how often it errs."""
+"""Campaigns: missions a second, cost of the engine, missions lost by kills, error rate."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def survey_of(corners: list[tuple[float, float]], cell_m: float) -> Survey:
 
 
 def speeds(few: int = 4, many: int = 24) -> None:
-    """Seconds of CPU a mission; and what two workers need over what one process needs.
+    """Seconds of CPU a mission; and those of two workers over those of one process.
 
-    What a worker needs to begin is the same for few missions as for many, and is told apart so.
+    A worker needs the same time to begin, however many missions it sails; it is listed separately.
     """
     print("| pond | sets | boat's s | CPU s a mission | with 2 workers | to begin | efficiency |")
     for name, corners, cell_m in (("400 m2", SMALL, 10.0), ("1750 m2", POND, 10.0)):
@@ -79,7 +79,7 @@ def speeds(few: int = 4, many: int = 24) -> None:
 
 
 def _cpu_of_two(scene: Scene, same_as: dict[int, Summary]) -> float:
-    """Seconds of CPU that two workers, and who gives them work, need for some missions."""
+    """Seconds of CPU that two workers and their parent need for some missions."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     own = time.process_time()
     got = dict(Processes(workers=2).results(scene, range(len(same_as))))
@@ -115,7 +115,7 @@ def kills(missions: int = 60) -> None:
 
 
 def _workers() -> list[int]:
-    """The processes that this one has started to work for it."""
+    """The worker processes that this one has started."""
     pid = os.getpid()
     pids = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     return [int(p) for p in pids if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]

@@ -1,4 +1,4 @@
-"""Whole commands as a user gives them, CPU seconds of the process and its children; and missions.
+"""Whole commands as a user runs them, in CPU seconds of the process and its children; missions.
 
 `python -m benchmarks commands missions_a_second first_run`.
 """
@@ -35,7 +35,7 @@ GREBE = (sys.executable, "-c", "from grebe.cli.main import main; main()")
 
 @dataclass(frozen=True, kw_only=True)
 class Errand:
-    """A `grebe plan` as a user gives it: of which water, with which option, run how often."""
+    """A `grebe plan` as a user runs it: of which water, with which option, repeated how often."""
 
     water: Callable[[], shapely.Polygon]
     option: tuple[str, float]
@@ -44,10 +44,10 @@ class Errand:
 
 @dataclass(frozen=True, kw_only=True)
 class Planned:
-    """What the quickest run of an errand took, and what came of it.
+    """The time and the result of the quickest run of an errand.
 
-    `gap` is what the order's length is over the bound, as a share; `used` the share of the time
-    that the plan was given.
+    `gap` is the order's length over the bound, as a share; `used` the share of the given time that
+    the plan uses.
     """
 
     cpu_s: float
@@ -64,7 +64,7 @@ class Planned:
 K1000, K100000 = "plan, 1,000 cells", "plan, 100,000 cells"
 WIDE = "plan, 1,564 ha with 8 islands, cells of 50 m"
 MINUTES = "plan --minutes 30"
-# The first run of each may compile kernels, so none is run once.
+# The first run may compile kernels, so each command runs more than once.
 ERRANDS = {
     K1000: Errand(water=lambda: lake(1_000), option=("--cell", 5)),
     K100000: Errand(water=lambda: lake(100_000), option=("--cell", 5), runs=2),
@@ -75,7 +75,7 @@ ERRANDS = {
 
 @cache
 def planned(name: str) -> Planned:
-    """Run one of the errands, once a run of the benchmarks."""
+    """Run one of the errands, at most once a run of the benchmarks."""
     errand = ERRANDS[name]
     option, value = errand.option
     with tempfile.TemporaryDirectory() as folder:
@@ -109,9 +109,9 @@ def outlined(folder: Path, water: shapely.Polygon) -> Path:
 def told(
     program: tuple[str, ...], *words: object, environment: Mapping[str, str] | None = None
 ) -> tuple[float, dict]:
-    """CPU seconds of a command, its children with it, and what it printed as JSON.
+    """CPU seconds of a command with its children, and the JSON that it printed.
 
-    Raises `RuntimeError` with its last words where it fails.
+    Raises `RuntimeError` with its last output if it fails.
     """
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
@@ -128,7 +128,7 @@ def told(
 
 def commands() -> None:
     """CPU seconds of whole commands, the best of some runs."""
-    print_head("Whole commands", "command", "targets", "CPU s", "told")
+    print_head("Whole commands", "command", "targets", "CPU s", "result")
     for name in ERRANDS:
         one = planned(name)
         print_row(name, one.targets, f"{one.cpu_s:.1f}", one)
@@ -153,7 +153,7 @@ class Pace:
 
 
 def pace(weather: str, missions: int = 5) -> Pace:
-    """Sail missions of 40 cells, the whole loop and no file, by one core."""
+    """Sail missions of 40 cells on one core, with the whole loop and without a file."""
     cells, conditions = meander(rows=4), WEATHERS[weather]
     fly(BOAT, cells[:4], Controller(BOAT, cells[:4]), START, conditions)
     began = time.process_time()
@@ -166,8 +166,9 @@ def pace(weather: str, missions: int = 5) -> Pace:
 
 @cache
 def baseline_s() -> float:
-    """CPU seconds of the baseline's control steps alone in a calm mission of the same cells: what
-    tells one computer's missions a second from another's.
+    """CPU seconds of the baseline's control steps in a calm mission of the same cells.
+
+    They make missions a second comparable between computers.
     """
     cells, rule = meander(rows=4), Dual()
     pilot = RebuiltPilot(BOAT, cells, rule, model_substeps(BOAT, rule.step_s))
@@ -189,8 +190,8 @@ def missions_a_second() -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class FirstRun:
-    """CPU seconds of the first `grebe run` after installation, of all its processes, and of the
-    next; and what the first took by the clock, on a computer that may have other work.
+    """CPU seconds of the first `grebe run` after installation, in all its processes, and of the
+    next; and the first one's elapsed time, on a computer that may have other work.
     """
 
     first_s: float
@@ -205,7 +206,7 @@ class FirstRun:
 
 
 def of_a_new_copy() -> FirstRun:
-    """Run the same small mission twice by a copy of the package that has no machine code yet."""
+    """Run the same small mission twice by a copy of the package without machine code."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         shutil.copytree(

@@ -1,4 +1,4 @@
-"""What the benchmarks fly, and how their tables are printed."""
+"""The cells that the benchmarks sail, and how their tables are printed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ CELLS = meander()
 def grebe_flight(
     rule: Rule, solver: SolverBuilder | None = None, boat=BOAT, cells=CELLS, start=START
 ) -> Trial:
-    """Fly with Grebe's controller, compiled and built beforehand."""
+    """Sail with Grebe's controller, compiled and built beforehand."""
     warm = Controller(boat, cells[:2], rule, solver=solver)
     fly(boat, cells[:2], warm, start, Conditions(limit_s=5.0))
     return fly(boat, cells, Controller(boat, cells, rule, solver=solver), start)
 
 
 def told(thrusts, reached: int, *, solved: bool = True) -> Command:
-    """A peer's answer: thrusts until the next step, no plan behind them."""
+    """A peer's command: thrusts until the next step, without a plan behind them."""
     status = StepStatus.SOLVED if solved else StepStatus.LAST_PLAN
     return Command(thrusts=thrusts, plan=None, status=status, target=reached, split=0)
 

@@ -1,7 +1,7 @@
 """What a survey's time buys: lanes, free orders, and targets drawn in to the cores of their cells.
 
-Each is flown; samples are taken each second in the window, and the map's standard deviation
-follows from where they lie: a Matern-3/2 field of variance 1, nugget 0.05.
+Each plan is sailed. Samples are taken each second within the window. The map's standard deviation
+follows from their places: a Matern-3/2 field of variance 1, nugget 0.05.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def cores() -> None:
     ranges = ", ".join(f"{one:g}" for one in RANGES_M)
     print_head(
         f"Cells of 5 m, flown; mean standard deviation for range parameters of {ranges} m",
-        "way", "targets", "predicted s", "flown s", "samples", "standard deviation",
+        "plan", "targets", "predicted s", "flown s", "samples", "standard deviation",
     )  # fmt: skip
     for name, settings in WAYS.items():
         planned = plan(region, BOAT, settings)

@@ -1,8 +1,8 @@
 """The paper's dual-mode problem as a user of do-mpc would pose it.
 
-do-mpc builds its problem once and takes what changes as time-varying parameters: the set that
-each stage's cost measures, and the set that must hold a stage, made soft as do-mpc offers it.
-Its constraints live on the stages 0 to N - 1, so x_N is asked for at stage N - 1.
+do-mpc builds its problem once and takes the rest as time-varying parameters: the set that each
+stage's cost measures, and the set that must hold a stage, softened as do-mpc offers it. Its
+constraints are on the stages 0 to N - 1, so the constraint on x_N is imposed at stage N - 1.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""A fleet that explores together, beside boats that know less of each other.
+"""A fleet that explores together, compared with boats that know less of each other.
 
-The waters of `benchmarks.adaptive`, shared by three boats: a coarse pass of some minutes, and as
-long again where it pays, sailed by `grebe run`'s own loop. Three ways to go on: each boat plans by
-what all have measured and what the others have announced; by what all have measured; by what it has
-measured itself. Beside them one fixed plan of the whole time. Every map is made of all samples. The
-standard deviations are those of a stationary water's own covariance, the same for all ways.
+Three boats share the waters of `benchmarks.adaptive`: a coarse pass of some minutes, then as long
+again where it pays, sailed by the loop of `grebe run`. There are three ways to go on: each boat
+plans by all measurements and the others' announcements; by all measurements; by its own
+measurements. They are compared with one fixed plan of the whole time. Every map is made of all
+samples. The standard deviations are those of a stationary water's own covariance, the same for all
+plans.
 """
 
 from __future__ import annotations
@@ -52,13 +53,13 @@ from grebe.workflow.wish import Wish
 
 NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
 BOATS, APART_M = 3, 8.0
-# Cells of the coarse pass take three boats some five and a half minutes; those of the whole as much
-# as it and the rounds.
+# The cells of the coarse pass take three boats some five and a half minutes; those of the one plan
+# as long as the pass and the rounds.
 COARSE_M, WHOLE_M, MINUTES = 32.0, 16.0, 5.0
-# Readings of two boats so near to each other tell the same [m].
+# Readings of two boats within this distance are redundant [m].
 SAME_M = 5.0
 EACH = 2
-# What is left is told at so many places, by so many of the readings.
+# The remaining deviation is evaluated at this many places, from this many of the readings.
 PLACES, READINGS = 1_200, 1_500
 WAYS = ("together", "without announcements", "each by itself", "one plan of the whole time")
 
@@ -76,8 +77,8 @@ class Score:
 
 @dataclass(kw_only=True)
 class Apart:
-    """Where a boat goes on that heeds nothing that others announce, and where `by_itself` nothing
-    that they measure.
+    """Where a boat goes on that ignores the others' announcements and, if `by_itself`, also their
+    measurements.
     """
 
     path: Path
@@ -120,7 +121,7 @@ def sailed(path, water, seed, extends):
 
 
 def read_again(samples, rounds_from):
-    """The share of the readings of the rounds that lie beside what another boat has read."""
+    """The share of the rounds' readings that are beside those of another boat."""
     late, beside = 0, 0
     for boat in range(1, BOATS + 1):
         own = np.flatnonzero((samples.boat == boat) & (samples.times >= rounds_from))
@@ -131,7 +132,7 @@ def read_again(samples, rounds_from):
 
 
 def one_water(job):
-    """Sail one water in every way."""
+    """Sail one water by every plan."""
     kind, seed = job
     water = water_of_kind(kind, seed)
     region = Region(name="lake", frame=FRAME, water=LAKE)
@@ -156,8 +157,9 @@ def one_water(job):
 
 
 def left_sd(positions):
-    """What readings leave of the standard deviation of a stationary water, root of the mean square
-    over the lake: by the covariance that the waters were drawn with, which no map is told.
+    """The standard deviation that readings leave of a stationary water, as the root of the mean
+    square over the lake, by the covariance that the waters were drawn with. No map knows that
+    covariance.
     """
     nodes = make_grid(LAKE, float(np.sqrt(LAKE.area / PLACES))).nodes
     readings = positions[:: max(1, len(positions) // READINGS)]
@@ -174,7 +176,7 @@ def matern(one, other):
 
 
 def scored(way, path, water, minutes, least_m):
-    """The map of all samples against the truth."""
+    """Compare the map of all samples with the truth."""
     with SurveyFile.open(path) as file:
         samples, events, adaptive = file.samples(), file.events(), len(file.revisions()) > 1
     grid = make_grid(LAKE, float(np.sqrt(LAKE.area / NODES)))
@@ -196,7 +198,7 @@ def scored(way, path, water, minutes, least_m):
 
 
 def exploring(each: int = EACH) -> None:
-    """Map error, what readings leave of the standard deviation, and readings twice, by way."""
+    """Map error, remaining standard deviation, and readings made twice, by plan."""
     of = defaultdict(list)
     with Pool(2) as pool:
         jobs = [(kind, seed) for seed in range(each) for kind in KINDS]
@@ -206,7 +208,7 @@ def exploring(each: int = EACH) -> None:
                 print(kind, one, flush=True)
     print_head(
         f"{BOATS} boats that explore, {each * len(KINDS)} waters: mean of each",
-        "way", "minutes of the longest", "RMSE", "sd after half of the rounds", "sd at the end",
+        "plan", "minutes of the longest", "RMSE", "sd after half of the rounds", "sd at the end",
         "read beside another's", "least distance [m]",
     )  # fmt: skip
     for way in WAYS:

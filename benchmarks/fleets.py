@@ -1,8 +1,9 @@
 """Fleets: `python -m benchmarks.fleets [--missions N]`.
 
-The makespan of four boats over a quarter of one boat's time, as planned and as flown, on a concave
-lake with islands; and the least distance between the true boats over random fleets: squares of 40
-to 60 m that two to four boats share from starts near each other, in a current, with noise.
+First, the makespan of four boats over a quarter of one boat's time, as planned and as flown, on a
+concave lake with islands. Second, the least distance between the true boats over random fleets:
+squares of 40 to 60 m that two to four boats share from starts near each other, in a current, with
+noise.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def sail(path, world):
 
 
 def makespan(folder):
-    """Four boats beside one."""
+    """Compare four boats with one."""
     region = Region(name="lake", frame=FRAME, water=LAKE)
     wishes = PlanSettings(cell_m=10.0)
     alone = plan(region, PRESETS["spyboat"], wishes).survey
@@ -76,7 +77,7 @@ def makespan(folder):
 
 
 def random_fleet(rng, path):
-    """A square that a few boats share from starts side by side."""
+    """A square that several boats share from starts side by side."""
     side, boats = float(rng.uniform(40, 60)), int(rng.integers(2, 5))
     middle, gap = side / 2, APART_M + 4.0
     places = [(middle + gap * (k // 2) - gap / 2, middle + gap * (k % 2) - gap / 2)

@@ -1,11 +1,11 @@
-"""Maps of real tracks, judged at places that they were not shown, beside other people's kriging.
+"""Maps of real tracks, judged at places left out of them, compared with other kriging packages.
 
 A quarter of all 20 m blocks of a track, or of its lines, is left out, each of the four quarters in
-turn, for what one of them shows is luck; what is left is imported and mapped as a user does, and
-the values at the left-out places are read from `map.nc` by bilinear weights. The errors of all four
-quarters are judged together; the best of the peers is the best over all four. A reading that is
-flagged is neither mapped nor judged, and the flags are those of the whole track. The peers get the
-same readings and the same places. GREBE_TEST_DATA names a folder with `tracks`.
+turn, because one quarter alone depends on luck. The rest is imported and mapped as a user does it,
+and the values at the left-out places are read from `map.nc` by bilinear weights. The errors of all
+four quarters are judged together; the best of the peers is the best over all four. A flagged
+reading is neither mapped nor judged, and the flags are those of the complete track. The peers get
+the same readings and the same places. GREBE_TEST_DATA names a folder with `tracks`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Z50, Z95 = 0.6745, 1.96
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """How one map, and its peers, predict what was left out: `count` readings."""
+    """How one map, and its peers, predict the left-out readings, `count` of them."""
 
     track: str
     quantity: str
@@ -56,12 +56,12 @@ class Judged:
     peer_msdr: float
 
     def over(self, peer: str | None = None) -> float:
-        """RMSE over that of a peer, or of the best of them."""
+        """RMSE over that of one peer, or of the best of them."""
         return self.rmse / (min(self.peers.values()) if peer is None else self.peers[peer])
 
 
 def together(some: list[Judged]) -> Judged:
-    """What several quarters of one track and quantity show together."""
+    """The joint result of several quarters of one track and quantity."""
 
     def mean(values: list[float]) -> float:
         return float(np.average(values, weights=[one.count for one in some]))
@@ -82,7 +82,7 @@ def together(some: list[Judged]) -> Judged:
 
 
 def tracks() -> list[tuple[Path, Path | None]]:
-    """The tracks, with the file that has the names of their columns, if they lack them."""
+    """The tracks, each with the file that names its columns, if the track lacks the names."""
     folder = Path(os.environ["GREBE_TEST_DATA"]) / "tracks"
     paths = sorted(folder.glob("*.csv"))
     named = next(path for path in paths if path.open().readline()[0].isalpha())
@@ -90,7 +90,7 @@ def tracks() -> list[tuple[Path, Path | None]]:
 
 
 def left_out_rows(positions: np.ndarray, how: str, quarter: int) -> np.ndarray:
-    """Which rows of a track are left out: one of four quarters of its blocks, or of its lines."""
+    """The rows of a track that are left out: one of four quarters of its blocks or lines."""
     if how == "lines":
         pieces = track_lines(positions)
     else:
@@ -102,7 +102,7 @@ def left_out_rows(positions: np.ndarray, how: str, quarter: int) -> np.ndarray:
 
 
 def judge(case: tuple[Path, Path | None, str, int]) -> list[Judged]:
-    """Leave out, import, map, read, and compare; a row for each quantity of a track."""
+    """Leave out, import, map, read and compare; one row for each quantity of a track."""
     path, header, how, quarter = case
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -175,7 +175,7 @@ def _compared(
 
 
 def holdout() -> None:
-    """Every track, blocks and lines left out, all four quarters."""
+    """Judge every track, with blocks and lines left out, all four quarters."""
     cases = [
         (path, header, how, quarter)
         for path, header in tracks()

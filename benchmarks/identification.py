@@ -1,4 +1,4 @@
-"""How well a boat is known after the three-minute manoeuvre, boats and seeds."""
+"""How well the three-minute manoeuvre determines a boat, for several boats and seeds."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NUMBERS = (
 
 
 def identification(seeds: int = SEEDS) -> None:
-    """Relative errors of each number, and how honest the standard errors are."""
+    """Relative errors of each parameter, and how realistic the standard errors are."""
     print_head(
         f"Know your boat: three minutes, {seeds} boats of each kind, all numbers 40 % off at most",
         "boat", "number", "off before, median %", "error, median %", "largest %", "rms z",
@@ -76,13 +76,13 @@ def driven(true: Vessel, believed: Vessel, latency_s: float, seed: int) -> tuple
 
 
 def _one(name: str, seed: int) -> dict[str, tuple[float, float, float, float]]:
-    """By number: the truth, what was believed, what was told, and its standard error."""
+    """For each parameter: the truth, the preset, the estimate and its standard error."""
     preset, (lag_s, latency_s) = PRESETS[name], BOATS[name]
     true = replace(mismatched(preset, 0.4, seed), arm_m=preset.arm_m, thruster_lag_s=lag_s)
     log, farthest = driven(true, preset, latency_s, seed)
     assert farthest < RADIUS_M, f"{name} {seed} left its circle: {farthest:.1f} m"
     found = identify(log, preset)
-    # The plant's thrust holds over its step: half a step early.
+    # The plant's thrust is constant over a step, hence half a step early.
     truth = {"latency_s": latency_s - PLANT_STEP_S / 2}
     truth |= {one: abs(getattr(true, one)) for one in NUMBERS if one != "latency_s"}
     out = {

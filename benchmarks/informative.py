@@ -1,9 +1,9 @@
 """A published informative planner: sgptools' differentiable path (Jakkala and Akella 2025).
 
-It runs in an interpreter of its own, for its TensorFlow wants another NumPy than Grebe:
-GREBE_SGPTOOLS names that interpreter, and where it is not set the planner has no row. It is told
-the water's true covariance and noise. It knows no boat, no turns and no land: its path is sailed by
-an ideal boat that leads it around land by shortest ways, never slows, and samples once a second.
+It runs in an interpreter of its own, because its TensorFlow needs another NumPy than Grebe.
+GREBE_SGPTOOLS names that interpreter; without it the planner has no row. The planner is given the
+water's true covariance and noise. It knows no boat, no turns and no land: its path is led around
+land by shortest paths and sailed by an ideal boat that never slows and samples once a second.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-# Numbers of waypoints that are tried, and by how much a path may be longer than the boat's own.
+# Numbers of waypoints to try, and the most by which a path may be longer than the boat's own.
 COUNTS, SLACK = (20, 25, 30, 35, 40, 50, 60), 1.02
-# Kernel and noise by the benchmark's truth; the path between n waypoints is optimised as a whole.
+# Kernel and noise are the benchmark's truth; the path between n waypoints is optimised as a whole.
 PLAN = """
 import os, sys
 os.environ.update(TF_CPP_MIN_LOG_LEVEL="3", CUDA_VISIBLE_DEVICES="-1")
@@ -52,7 +52,9 @@ def interpreter() -> str | None:
 def informative_path(
     lake: shapely.Polygon, scale_m: float, noise_sd: float, length_m: float
 ) -> np.ndarray:
-    """Return the longest of its paths (n, 2) that an ideal boat sails in `length_m`, land heeded;
+    """Return the longest of its paths (n, 2) that an ideal boat sails in `length_m`, led around
+    land.
+
     `scale_m` is the length scale of a Matern covariance of smoothness 3/2.
     """
     paths = [
@@ -90,7 +92,7 @@ def _planned(
 
 
 def _around_land(way: np.ndarray, lake: shapely.Polygon) -> np.ndarray:
-    """The waypoints drawn into the water, and shortest ways between them."""
+    """The waypoints moved into the water, joined by shortest paths."""
     nearest = shapely.shortest_line(lake.buffer(-0.5), shapely.points(way))
     drawn = shapely.get_coordinates(shapely.get_point(nearest, 0))
     legs = [_leg(a, b, lake) for a, b in pairwise(drawn)]
@@ -98,7 +100,7 @@ def _around_land(way: np.ndarray, lake: shapely.Polygon) -> np.ndarray:
 
 
 def _leg(a: np.ndarray, b: np.ndarray, lake: shapely.Polygon) -> np.ndarray:
-    """The shortest way in the water, by what its corners see."""
+    """The shortest path in the water, over the corners that see each other."""
     if lake.covers(shapely.LineString([a, b])):
         return np.vstack([a, b])
     nodes = np.vstack([a, b, shapely.get_coordinates(lake)])

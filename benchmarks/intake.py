@@ -1,7 +1,7 @@
 """Judge the tests for a settling sonde and for bubbles on faults of known truth.
 
-python -m benchmarks.intake FOLDER_OF_TRACKS: records cut at random later moments (no sensor settles
-there), approaches planted at the cuts, bubbles and fronts planted in the conductivity.
+`python -m benchmarks.intake FOLDER_OF_TRACKS`: records cut at random later times (when no sensor
+settles), approaches planted at the cuts, bubbles and fronts planted in the conductivity.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def settling(samples: Samples, rng: np.random.Generator) -> dict[str, str]:
 
 
 def bubbly(samples: Samples, rng: np.random.Generator) -> dict[str, str]:
-    """Bubbles of 3 to 10 % for 15 to 300 s, found from end to end; other water taken for them."""
+    """Bubbles of 3 to 10 % for 15 to 300 s found from end to end, and water mistaken for them."""
     t = samples.times - samples.times[0]
     witnesses = [samples.values[key] for key in WITNESSES]
     out = {}

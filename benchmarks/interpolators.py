@@ -1,7 +1,7 @@
-"""Other people's interpolators, each with its own automatic choices: what a map is judged beside.
+"""Other packages' interpolators, each with its own automatic choices, to compare maps with.
 
 Each takes readings at places and returns its values at others. GSTools, PyKrige and scikit-learn
-are imported; gstat runs in R, where `Rscript` finds it, and has no row where it does not.
+are imported; gstat runs in R if `Rscript` finds it, and has no row otherwise.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import KDTree
 
-# What those are given at most that solve one system of all readings.
+# The most readings for peers that solve one system of all.
 MOST = 1_500
 LAGS, KINDS = 15, ("spherical", "exponential")
 
-# gstat as its manual does it: an automatic variogram, then kriging of the fifty nearest.
+# gstat as in its manual: an automatic variogram, then kriging from the fifty nearest.
 GSTAT = """
 suppressMessages({library(sp); library(gstat)})
 folder <- commandArgs(TRUE)[1]
@@ -42,9 +42,7 @@ def rms(error: np.ndarray) -> float:
 def peers(
     positions: np.ndarray, values: np.ndarray, at: np.ndarray, truth: np.ndarray
 ) -> tuple[dict[str, float], float]:
-    """RMSE of each peer at places that it was not shown; and PyKrige's mean squared standardised
-    error.
-    """
+    """RMSE of each peer at left-out places, and PyKrige's mean squared standardised error."""
     distance, index = KDTree(positions).query(at, k=12)
     weight = 1 / np.maximum(distance, 1e-6) ** 2
     idw = np.sum(weight * values[index], axis=1) / np.sum(weight, axis=1)
@@ -63,7 +61,7 @@ def peers(
 
 @cache
 def has_gstat() -> bool:
-    """Whether R is there, with gstat."""
+    """Whether R is installed, with gstat."""
     if shutil.which("Rscript") is None:
         return False
     asked = subprocess.run(

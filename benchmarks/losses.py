@@ -1,4 +1,4 @@
-"""Where the time over the optimum goes: the same flights with one thing changed at a time."""
+"""Where the time over the optimum goes: the same flights with one condition changed at a time."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ Sails = Callable[[Task, Conditions], Trial]
 
 
 class Told(Controller):
-    """The controller, told of the weather from the beginning."""
+    """The controller with the weather known from the beginning."""
 
     def __init__(self, task: Task) -> None:
         super().__init__(task.vessel, task.targets, Lookahead(), corridors=task.corridors)
         self._truth = task.weather
 
     def step(self, state, weather: Weather = CALM, elapsed_s: float | None = None) -> Command:
-        """Return the thrusts, whatever the weather is taken for."""
+        """Return the thrusts for the true weather, whatever the estimate is."""
         return super().step(state, self._truth, elapsed_s)
 
 
@@ -73,7 +73,7 @@ def _more(task: Task, world: Conditions) -> Trial:
 
 
 def _raw(task: Task, world: Conditions) -> Trial:
-    """Every estimate taken as it comes, though its noise is known."""
+    """With every estimate unfiltered, although its noise is known."""
     with patch("grebe.control.state_filter.StateFilter.filtered", lambda _, state: state):
         return _usual(task, world)
 
@@ -109,7 +109,7 @@ IN_STILL_WATER: dict[str, Sails] = {
 }
 NOISY = Conditions(errors=NOISE)
 QUIETER = Conditions(errors=EstimateErrors(velocity_mps=0.01))
-# Each with its conditions, and whether the water moves.
+# Each with its conditions, and whether there is a current.
 IN_CURRENTS: dict[str, tuple[Sails, Conditions, bool]] = {
     "nothing": (_usual, NOISY, True),
     "no noise": (_usual, STILL, True),
@@ -117,17 +117,17 @@ IN_CURRENTS: dict[str, tuple[Sails, Conditions, bool]] = {
     "no current, noise of 0.01 m/s": (_usual, QUIETER, False),
     "no current, a window to 1.5 m/s instead of 2": (_spared, NOISY, False),
     "no current, a window from 0.5 m/s instead of 1": (_slower, NOISY, False),
-    "told of the current": (_told, NOISY, True),
-    "told of the current, no noise": (_told, STILL, True),
+    "known current": (_told, NOISY, True),
+    "known current, no noise": (_told, STILL, True),
     "0.05 m inside the sets": (_closer, NOISY, True),
     "four stages a leg at least": (_more, NOISY, True),
-    "estimates as they come": (_raw, NOISY, True),
-    "no current, estimates as they come": (_raw, NOISY, False),
+    "unfiltered estimates": (_raw, NOISY, True),
+    "no current, unfiltered estimates": (_raw, NOISY, False),
 }
 
 
 def _four(task: Task, sail: Sails, world: Conditions, moves: bool) -> list[Trial]:
-    """A flight towards each direction, each with a noise of its own."""
+    """One flight towards each direction, each with its own noise."""
     return [
         sail(replace(one, weather=one.weather if moves else CALM), replace(world, seed=seed))
         for seed, one in enumerate(towards_each(task).values())
@@ -135,7 +135,7 @@ def _four(task: Task, sail: Sails, world: Conditions, moves: bool) -> list[Trial
 
 
 def _seconds(flights: list[Trial]) -> str:
-    """Mean and worst of the flights that were complete, and how many were not."""
+    """Mean and worst of the complete flights, and how many were not complete."""
     times = [flight.duration_s for flight in flights if flight.complete]
     lost = len(flights) - len(times)
     told = f"{np.mean(times):.1f}" if times else "-"

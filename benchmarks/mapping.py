@@ -1,4 +1,4 @@
-"""Maps against other people's kriging, and against the truth.
+"""Maps against other packages' kriging, and against the truth.
 
 A Matern-3/2 field of 1 km2 with a range parameter of 60 m and variance 1, sampled along straight
 legs between random places with a noise variance of 0.05; parameters known to all; 40,000 targets.
@@ -123,7 +123,7 @@ def _pykrige(positions, values) -> Estimate:
     )  # fmt: skip
     window = {"backend": "loop", "n_closest_points": 32} if len(values) > 5_000 else {}
     mean, variance = problem.execute("points", *TARGETS.nodes.T, **window)
-    # It counts the nugget into the variance.
+    # Its variance includes the nugget.
     return Estimate(mean=np.asarray(mean), variance=np.asarray(variance) - MODEL.nugget)
 
 
@@ -151,7 +151,7 @@ _LARGEST = {"PyKrige": 10_000, "GSTools": 500, "scikit-learn": 2_000}
 
 
 def islands() -> None:
-    """A smooth truth that does not pass through land, over what straight distances make of it."""
+    """RMSE of both methods for a smooth truth that does not pass through land."""
     print_head("Islands: RMSE of the two methods, five lakes with walls", "samples", "kriging",
                "SPDE", "ratio", "MSDR of SPDE")  # fmt: skip
     for count in (60, 120, 250):
@@ -205,7 +205,7 @@ def _calibrated(
                               for i, n in enumerate(north) for e in line])  # fmt: skip
     else:
         positions = rng.uniform(0, 200, (400, 2))
-    # Drawn on a grid so fine that what lies between its nodes is as rough as they are.
+    # Drawn on a grid fine enough that the field is as rough between its nodes as at them.
     both = np.vstack([grid.nodes, positions])
     _, (drawn,) = circulant_fields(model, make_grid(water, 0.25), both, 1, rng)
     truth, seen = np.split(drawn, [len(grid.nodes)])

@@ -1,4 +1,4 @@
-"""How much longer a survey takes where the boat or its estimates are not as they are said to be."""
+"""How much longer a survey takes if the boat or its estimates differ from their description."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Start = tuple[float, float, float, float, float, float]
 
 
 def scaled(boat: Vessel, factor: float, *names: str) -> Vessel:
-    """A boat with some of its numbers multiplied."""
+    """A boat with some of its parameters multiplied."""
     return replace(boat, **{name: factor * getattr(boat, name) for name in names})
 
 
@@ -39,8 +39,8 @@ def conditions(case: str, boat: Vessel, seed: int) -> Conditions:
         "drag x 2": Conditions(boat=scaled(boat, 2.0, *DRAGS)),
         "drag x 0.5": Conditions(boat=scaled(boat, 0.5, *DRAGS)),
         "thrusters lag by 1 s": Conditions(boat=replace(boat, thruster_lag_s=1.0)),
-        "estimates 0.8 s late, said": Conditions(errors=late),
-        "estimates 0.8 s late, unsaid": Conditions(errors=replace(late, says_age=False)),
+        "estimates 0.8 s late, age known": Conditions(errors=late),
+        "estimates 0.8 s late, age unknown": Conditions(errors=replace(late, says_age=False)),
         "port thruster 40 % weaker": Conditions(effectiveness=(0.6, 1.0)),
         "compass off by 10 deg": Conditions(
             errors=EstimateErrors(heading_bias_rad=float(np.radians(10)))
@@ -59,13 +59,14 @@ def conditions(case: str, boat: Vessel, seed: int) -> Conditions:
 
 CASES = (
     "as the model", "mass + 30 %", "mass - 30 %", "drag x 2", "drag x 0.5", "thrusters lag by 1 s",
-    "estimates 0.8 s late, said", "estimates 0.8 s late, unsaid", "port thruster 40 % weaker",
-    "compass off by 10 deg", "position noise 0.5 m", "tide of 0.4 m/s that turns", "gusts",
+    "estimates 0.8 s late, age known", "estimates 0.8 s late, age unknown",
+    "port thruster 40 % weaker", "compass off by 10 deg", "position noise 0.5 m",
+    "tide of 0.4 m/s that turns", "gusts",
 )  # fmt: skip
 
 
 def winding(side: float = 6.0, speed: tuple[float, float] = (0.5, 1.5)) -> list[TargetSet]:
-    """Eighteen cells on another way than `meander`: round about, there and back."""
+    """Eighteen cells in another order than `meander`: round about, there and back."""
     places = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 3), (2, 3), (3, 3), (3, 2), (3, 1), (3, 0),
               (2, 0), (2, 1), (2, 2), (1, 2), (1, 1), (1, 0), (4, 0), (4, 2)]  # fmt: skip
     return [
@@ -84,7 +85,7 @@ WAYS: dict[str, tuple[str, Callable[[], list[TargetSet]], Start]] = {
 
 
 def duration_s(job: tuple[str, str, int]) -> float:
-    """How long a mission takes; infinite where it does not complete."""
+    """The duration of a mission; infinite if it does not complete."""
     way, case, seed = job
     name, cells, start = WAYS[way]
     boat, sets = PRESETS[name], cells()
@@ -94,7 +95,7 @@ def duration_s(job: tuple[str, str, int]) -> float:
 
 
 def mismatch(seeds: int = 3) -> None:
-    """Time over that of a boat that is as its model says, worst of some seeds in brackets."""
+    """Time over that of a boat equal to its model, worst of some seeds in brackets."""
     cases = list(CASES)
     jobs = [(way, case, seed) for way in WAYS for case in cases for seed in range(seeds)]
     with Pool(2) as pool:

@@ -1,5 +1,5 @@
 """Mission time over the optimum, for Grebe's rules and the peers: in open water, on a lake with
-islands, and in a current that the helm is not told.
+islands, and in a current that the helm does not know.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from grebe.planning.planner import plan
 from grebe.planning.region import Region
 
 LAKE_CELLS = 80
-# In each stage of an optimum: with three the boat was driven by errors of the integration.
+# Integration steps in each stage of an optimum; with three, integration errors drove the boat.
 SUBSTEPS = 6
 CURRENT_MPS = 0.3
 TOWARDS = {"north": (1, 0), "east": (0, 1), "south": (-1, 0), "west": (0, -1)}
 NOISE = EstimateErrors(velocity_mps=0.03)
 SEEDS = range(4)
-# Closer to the edges of the sets: another flight to start the optimum from.
+# Closer to the edges of the sets: another flight from which to start the optimum.
 CLOSER_M = 0.05
 
 
 def cells_task() -> Task:
-    """The 100 cells that all benchmarks fly."""
+    """The 100 cells that all benchmarks sail."""
     return Task(vessel=BOAT, targets=CELLS, start=START)
 
 
@@ -61,19 +61,19 @@ IN_CURRENTS = (CELLS_100, LAKE)
 
 @cache
 def task(scene: str) -> Task:
-    """What is to be sailed in a scene, in still water."""
+    """The task of a scene in still water."""
     return TASKS[scene]()
 
 
 @cache
 def flight(scene: str, set_m: float = Margins().set_m) -> Trial:
-    """The scene as `lookahead` sails it in still water, aiming so far inside the sets."""
+    """The scene sailed by `lookahead` in still water, aiming `set_m` inside the sets."""
     return task(scene).sailed(Lookahead(), set_m=set_m)
 
 
 @cache
 def best(scene: str) -> Optimum:
-    """The optimum of a scene in still water. On the lake, where ways differ, the lesser of two."""
+    """The optimum of a scene in still water. On the lake, where paths differ, the lesser of two."""
     margins = (Margins().set_m, CLOSER_M) if scene == LAKE else (Margins().set_m,)
     guesses = [flown(task(scene), flight(scene, margin)) for margin in margins]
     return optimum(task(scene), guesses, SUBSTEPS)
@@ -81,7 +81,7 @@ def best(scene: str) -> Optimum:
 
 @cache
 def best_in_currents(scene: str) -> dict[str, Optimum | None]:
-    """The optimum that knows its current, towards each direction: none where none was found."""
+    """The optimum that knows its current, towards each direction; None where none was found."""
     moving = towards_each(task(scene))
     asked = [
         (one, [flown(one, one.sailed(Lookahead())), best(scene).plan]) for one in moving.values()
@@ -103,7 +103,7 @@ def towards_each(still: Task) -> dict[str, Task]:
 
 
 def noisy(moving: Task, rule: Rule) -> list[Trial]:
-    """Flights by noisy estimates, each with a noise of its own."""
+    """Flights by noisy estimates, each with its own noise."""
     return [moving.sailed(rule, Conditions(errors=NOISE, seed=seed)) for seed in SEEDS]
 
 
@@ -152,7 +152,7 @@ def _table(scene: str, flights: dict[str, Trial]) -> None:
 
 
 def in_currents() -> None:
-    """Each scene in a current that the helm is not told, over the optimum that knows it."""
+    """Each scene in a current that the helm does not know, over the optimum that knows it."""
     print_head(
         f"Mission time in an unknown current of {CURRENT_MPS} m/s with noise of "
         f"{NOISE.velocity_mps} m/s, over the optimum that knows it; {len(SEEDS)} flights each",

@@ -1,9 +1,9 @@
 """Fleets in narrow water with one harbour: `python -m benchmarks.narrow`.
 
-Waters of 10 to 25 m across - bent arms, ponds with a channel between them, arms that branch - are
-shared by two or three boats, mostly unlike ones, that all have the same harbour and keep 8 m apart:
-nowhere in a channel can two of them turn beside each other. Printed are the targets that are left,
-the longest time of a boat, and the least distance between the true boats that are on the water.
+Two or three boats, mostly unlike, share waters of 10 to 25 m across: bent arms, ponds with a
+channel between them, arms that branch. All have the same harbour and keep 8 m apart, so nowhere in
+a channel can two of them turn beside each other. The output is the targets that are left, the
+longest time of a boat, and the least distance between the true boats on the water.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def arm(width_m, length_m, bend_deg):
 
 
 def branching(width_m, length_m):
-    """An arm, and another that leaves it in its middle."""
+    """An arm with another that branches off in its middle."""
     half = length_m / 2
     ways = [[(0, 0), (length_m, 0)], [(half, 0), (half, half)]]
     return shapely.MultiLineString(ways), width_m

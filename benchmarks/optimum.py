@@ -1,14 +1,14 @@
 """The yardstick: the minimum time for the same sets in the same order, planned all at once.
 
-Every leg has its own stages and every stage its own duration, so that the thrusts may switch
-at any time; the entry into each set is required at the end of its leg at a price far above
-any time it could save. The surge stays below the window's top on the way too, as `lookahead`
-keeps it, at the same price, and each node in the corridor of its leg, at the margin and at the
-price of the controller: a yardstick for the same task. The weather is known from the beginning.
-What is found counts only where it is a motion of the boat: integrated in steps that are too long, a
-stage of seconds may be driven through by errors of the integration, which an optimum finds out.
-The window is of the surge over ground, for the optimum as for the rule: a current does not move
-what it is held to. FATROP solves it from flown tracks.
+Every leg has its own stages and every stage its own duration, so the thrusts may switch at any
+time. The entry into each set is required at the end of its leg, at a price far above any time it
+could save. For a fair comparison the rest is as in `lookahead`: the surge stays below the window's
+top on the way, at the same price, and each node is in the corridor of its leg, at the controller's
+margin and price. The window is of the surge over ground for both, so a current does not move it.
+The weather is known from the beginning. FATROP solves the problem, starting from flown tracks.
+
+A plan counts only if it is a motion of the boat. If the integration steps are too long,
+integration errors can drive a boat through a stage of seconds, and an optimiser exploits them.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ MOST_ITERATIONS = 1000
 # For one start: that of the paper's Fig. 7 takes 300 s; one of 195 cells has 2.7 GB of memory.
 MOST_CPU_S = 900
 AT_A_TIME = 2
-# What a plan may lie outside and still do the task [m, m/s].
+# By how much a plan may be outside a set or corridor and still do the task [m, m/s].
 LARGEST_MISS = 1e-3
-# By how much a stage may end elsewhere than the boat would [m, m/s, rad/s], and the steps in which
-# that is judged [s].
+# The most by which a stage may end elsewhere than the boat would [m, m/s, rad/s], and the steps
+# of integration of that check [s].
 LARGEST_ERROR, FINE_STEP_S = 0.02, 0.02
 STILL = Conditions()
 # A pull towards the last pace, loosened step by step, leads to the unpulled optimum.
@@ -56,7 +56,7 @@ PULLS = (2.0, 0.2, 0.0)
 @dataclass(frozen=True, kw_only=True)
 class Task:
     """What is to be sailed: sets in their order, the corridor of each leg (empty: open water), by
-    which boat, from which state, and in which weather, of which the helm is not told.
+    which boat, from which state, and in which weather, which the helm does not know.
     """
 
     vessel: Vessel
@@ -66,14 +66,16 @@ class Task:
     weather: Weather = CALM
 
     def sailed(self, rule: Rule, conditions: Conditions = STILL, **kept: float) -> Trial:
-        """Fly it by a rule, in the weather of the task; `kept` are margins beside the usual."""
+        """Sail it by a rule, in the weather of the task; `kept` are margins that replace the
+        usual.
+        """
         helm = Controller(
             self.vessel, self.targets, rule, corridors=self.corridors, margins=Margins(**kept)
         )
         return self.sailed_by(helm, conditions)
 
     def sailed_by(self, helm: Helm, conditions: Conditions = STILL) -> Trial:
-        """Fly it by a helm, in the weather of the task."""
+        """Sail it by a helm, in the weather of the task."""
         world = replace(conditions, weather=self.weather)
         return fly(self.vessel, self.targets, helm, self.start, world)
 
@@ -117,13 +119,13 @@ class Optimum:
 
 
 def optimum(task: Task, guesses: Sequence[Plan], substeps: int) -> Optimum:
-    """Return the least of the optima near some plans, those of flights as `flown` tells them.
+    """Return the least of the optima near some plans, which are flights as `flown` returns them.
 
-    Which way the boat turns first and where it comes into a cell are choices that a solver does not
-    change on its way: an optimum is a local one, and the more starts the better the yardstick. One
-    that pays for a set or a corridor which it misses does another task and is no yardstick.
+    Which way the boat turns first and where it enters a cell are choices that a solver does not
+    change. So an optimum is a local one, and more starts make a better yardstick. A plan that pays
+    for missing a set or a corridor does another task and does not count.
 
-    Raises `TimeoutError` where none is found; see `optima`.
+    Raises `TimeoutError` if none is found; see `optima`.
     """
     found = optima([(task, guesses)], substeps)[0]
     if found is None:
@@ -132,10 +134,11 @@ def optimum(task: Task, guesses: Sequence[Plan], substeps: int) -> Optimum:
 
 
 def optima(asked: Sequence[tuple[Task, Sequence[Plan]]], substeps: int) -> list[Optimum | None]:
-    """Return the optimum of each task, as `optimum` does, some at a time; none where none is found.
+    """Return the optimum of each task, as `optimum` does, several at a time; None where none is
+    found.
 
-    Each start is followed in a process of its own that may take so much and no more: from a few
-    starts FATROP was seen to go on for ever within one iteration.
+    Each start runs in a process of its own with a limit on its CPU time, because from a few starts
+    FATROP never leaves one iteration.
     """
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         waiting = [
@@ -154,7 +157,7 @@ def optima(asked: Sequence[tuple[Task, Sequence[Plan]]], substeps: int) -> list[
 
 
 def _found_alone(task: Task, guess: Plan, substeps: int) -> Optimum | None:
-    """The optimum near a guess, or none where its process took more than it may."""
+    """The optimum near a guess, or None if its process exceeded its limit."""
     with ProcessPoolExecutor(1, get_context("spawn"), _may_take, (MOST_CPU_S,)) as process:
         try:
             return process.submit(_found, task, guess, substeps).result()
@@ -173,7 +176,7 @@ def _found(task: Task, guess: Plan, substeps: int) -> Optimum:
 
 
 def _judged(task: Task, horizon: Horizon, plan: Plan, converged: bool) -> Optimum:
-    """What a plan comes to."""
+    """A plan with its errors, as an `Optimum`."""
     return Optimum(
         plan=plan,
         converged=converged,
@@ -188,7 +191,7 @@ def _judged(task: Task, horizon: Horizon, plan: Plan, converged: bool) -> Optimu
 
 
 def _horizon(task: Task, substeps: int) -> Horizon:
-    """The whole survey as one horizon: what each leg's stages are asked."""
+    """The whole survey as one horizon, with what each leg's stages require."""
     corridors = task.corridor_rows
     shape = HorizonShape(
         stages=STAGES_A_LEG * len(task.targets),
@@ -211,7 +214,7 @@ def _horizon(task: Task, substeps: int) -> Horizon:
 
 
 def _descended(solver: Solver, task: Task, horizon: Horizon, guess: Plan) -> tuple[Plan, bool]:
-    """The optimum near a guess, or as near to it as the solver came, and whether it is one."""
+    """The plan nearest to the optimum that the solver reached, and whether it converged."""
     solved, weather = False, np.array(task.weather.as_tuple())
     for pull in PULLS:
         horizon.duration_nominal[:] = guess.durations
@@ -247,7 +250,7 @@ def off_motion(task: Task, plan: Plan) -> float:
 
 
 def _energy_wh(task: Task, plan: Plan) -> float:
-    """What the drives take for a plan, by momentum theory as in a mission's report."""
+    """Energy of the drives for a plan, by momentum theory as in a mission's report."""
     joules = sum(
         drive_power_w(task.vessel, thrusts, surge) * seconds
         for thrusts, surge, seconds in zip(
@@ -258,7 +261,7 @@ def _energy_wh(task: Task, plan: Plan) -> float:
 
 
 def flown(task: Task, flight: Trial) -> Plan:
-    """A flight that reached every set, on the stages of the legs: a plan to start from."""
+    """A flight that reached every set, resampled on the legs' stages: a plan to start from."""
     times, states = flight.track[:, 0], flight.track[:, 1:]
     entries = [0.0]
     for event in flight.recorder.of(Reached):

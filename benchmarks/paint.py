@@ -1,6 +1,6 @@
-"""How soon the app is seen: `python -m benchmarks.paint [--times N]`; Chromium and Playwright.
+"""How soon the app is visible: `python -m benchmarks.paint [--times N]`; Chromium and Playwright.
 
-`grebe app` is started as a user starts it, and a browser that is open already goes to the address
+`grebe app` is started as a user starts it, and a browser that is already open goes to the address
 as soon as it is printed. The time is from the command to the browser's own first contentful paint,
 by the computer's clock in both. The first start warms the caches and is not counted.
 """
@@ -26,7 +26,7 @@ PAINTED = """
 
 
 def painted_s(browser, folder):
-    """Start the app, look at it and end it; when the address was printed and the page painted."""
+    """Start the app, open its page, end it; when the address was printed and the page painted."""
     began = time.time()
     app = subprocess.Popen(
         [sys.executable, "-c", RUN, "app", "--port", "0", "--no-browser", "--dir", folder],

@@ -1,4 +1,4 @@
-"""Peers: what a ground station does today, and set-point NMPC on the cells' centres."""
+"""Peers: a ground station's usual guidance, and set-point NMPC on the cells' centres."""
 
 from __future__ import annotations
 

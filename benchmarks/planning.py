@@ -31,7 +31,7 @@ FRAME = LocalFrame(origin_lon_deg=3.17, origin_lat_deg=50.63)
 
 
 def lake(cells: int, cell_m: float = 5.0) -> shapely.Polygon:
-    """A bean with a peninsula and three islands, of about so many cells."""
+    """A bean with a peninsula and three islands, of about `cells` cells."""
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     radius = 1.0 + 0.25 * np.cos(2 * angle) + 0.12 * np.sin(3 * angle)
     water = shapely.Polygon(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]))
@@ -43,7 +43,7 @@ def lake(cells: int, cell_m: float = 5.0) -> shapely.Polygon:
 
 
 def bean(hectares: float) -> shapely.Polygon:
-    """The same lake, of so many hectares."""
+    """The same lake, of `hectares`."""
     water = lake(1000)
     scale = float(np.sqrt(1e4 * hectares / water.area))
     return shapely.affinity.scale(water, scale, scale, origin=(0, 0))
@@ -101,7 +101,7 @@ def _minutes(water: shapely.Polygon, weather: Weather) -> dict[str, float]:
 def minutes(
     ways: Waterways, travel: Travel, order: np.ndarray, start: tuple[float, float]
 ) -> float:
-    """What an order is predicted to take, its transits with it."""
+    """The predicted time of an order with its transits."""
     footprints = [stop.footprint for stop in ways.stops(order)]
     return travel.path_s(taut_way(start, footprints)) / 60
 
@@ -116,7 +116,7 @@ OUTLINES = {
 
 
 def lakes() -> None:
-    """Real outlines: what every shape of cell makes of them."""
+    """Real outlines, meshed with each shape of cell."""
     print_head(
         "Real outlines", "lake", "nominal K", "shape", "cell m", "targets", "transits",
         "over the bound", "coverage", "outside m2", "s",

@@ -1,4 +1,4 @@
-"""A table of rows, each measured by a function of its own; one that fails leaves the others be."""
+"""A table of rows, each measured by its own function; if one fails, the others go on."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from benchmarks.common import print_head, print_row
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """What is measured, by what, what is wanted of it at least and at best, and about how many
-    minutes it takes, with what it works out for later rows.
+    """What is measured, by which function, the goals (at least, and at best), and about how many
+    minutes it takes, including what it computes for later rows.
     """
 
     what: str
@@ -26,7 +26,7 @@ class Row:
 def run(title: str, rows: Sequence[Row]) -> None:
     """Measure all rows, then print them as one table.
 
-    Raises `SystemExit` where some could not be measured.
+    Raises `SystemExit` if some could not be measured.
     """
     began = time.monotonic()
     measured, failures = measure_all(rows)
@@ -40,10 +40,10 @@ def run(title: str, rows: Sequence[Row]) -> None:
 
 
 def measure_all(rows: Sequence[Row]) -> tuple[list[str], int]:
-    """Measure row by row; return what each tells, or why it failed, and how many did.
+    """Measure row by row; return each row's result or why it failed, and how many failed.
 
-    How far it is goes to the standard error, with what is left at the pace so far: the table alone
-    is the output.
+    Progress goes to the standard error, with the remaining time at the pace so far: the table
+    alone is the output.
     """
     measured: list[str] = []
     failures, done = 0, 0.0

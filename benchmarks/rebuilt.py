@@ -1,7 +1,7 @@
 """What a researcher writes first: the paper's problem with hard sets, built anew each step.
 
-CasADi Opti with IPOPT, the model a function that is made once; problem (8) with the constraints
-on x_{N_x} and x_N as they are printed, the same vessel, weights and integration as Grebe's
+CasADi Opti with IPOPT, with the model a function that is made once: problem (8) with the
+constraints on x_{N_x} and x_N as printed, and the same vessel, weights and integration as Grebe's
 `dual`. It is the baseline of all ratios and shares no code with Grebe's solvers.
 """
 

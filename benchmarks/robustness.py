@@ -1,4 +1,4 @@
-"""Missions from random starts in weather that the controller is not told."""
+"""Missions from random starts in weather that the controller does not know."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _random_mission(job: tuple[str, float, float, int]) -> tuple[bool, int, int]
 
 
 def robustness() -> None:
-    """Missions completed of 200 random starts in weather that the controller is not told."""
+    """Missions completed of 200 random starts in weather that the controller does not know."""
     print_head(
         f"Missions completed of {MISSIONS}, 40 cells, weather unknown, noise 0.02 m/s",
         "rule", "current m/s", "wind force, of full thrust", "completed", "steps not solved",

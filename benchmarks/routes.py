@@ -1,7 +1,7 @@
-"""Orders of the cells against OR-tools and against what no order can be shorter than.
+"""Orders of the cells against OR-tools and against a lower bound on any order.
 
-All are measured alike: the length of the shortest way through the water between the centres of
-consecutive cells, and the predicted time, for the same cells; every path may begin anywhere.
+All are measured alike: by the length of the shortest path through the water between the centres of
+consecutive cells, and by the predicted time, for the same cells. Every path may begin anywhere.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from grebe.planning.ways.corridors import Waterways
 from grebe.planning.ways.network import connect
 from grebe.planning.ways.travel import travel_of
 
-SCALE = 1000  # OR-tools reckons in whole numbers: millimetres
+SCALE = 1000  # OR-tools computes in integers: millimetres
 SECONDS = {100: 10, 1_000: 30}
 OR_TOOLS, GREBE = "OR-tools, guided local search", "Grebe"
 
 
 class Waters:
-    """A lake of about so many cells, and all that its orders are measured by."""
+    """A lake of about a given number of cells, and everything by which its orders are measured."""
 
     def __init__(self, count: int) -> None:
         water = lake(count)
@@ -46,18 +46,18 @@ class Waters:
         self.bound_m = lower_bound_m(self.cells, "square", 5.0, self.network.around)
 
     def metres(self, order: np.ndarray) -> float:
-        """Length of the way through the centres, through the water [m]."""
+        """Length of the path through the centres, through the water [m]."""
         return float(self.lengths[order[:-1], order[1:]].sum())
 
     def predicted_min(self, order: np.ndarray) -> list[float]:
-        """Minutes that the boat is predicted to take, in each weather."""
+        """The boat's predicted minutes in each weather."""
         begin = tuple(self.network.centres[order[0]])
         return [minutes(self.ways, travel, order, begin) for travel in self.travels]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ordered:
-    """An order of the cells, its length over the bound, and how long it took to find."""
+    """An order of the cells, its length over the bound, and the time to find it."""
 
     order: np.ndarray
     metres: float
@@ -119,7 +119,7 @@ METHODS: dict[str, Callable[[Waters], np.ndarray]] = {
 
 
 def water_lengths(water: shapely.Polygon, places: np.ndarray) -> np.ndarray:
-    """Lengths of the shortest ways through the water between places: a visibility graph."""
+    """Lengths of the shortest paths through the water between places: a visibility graph."""
     nodes = np.vstack([places, shapely.get_coordinates(water)])
     first, second = np.triu_indices(len(nodes), 1)
     allowed = water.buffer(1e-6)
@@ -132,7 +132,7 @@ def water_lengths(water: shapely.Polygon, places: np.ndarray) -> np.ndarray:
 
 
 def or_tools(lengths: np.ndarray, seconds: int) -> np.ndarray:
-    """The order that OR-tools finds in so many seconds; the path may begin and end anywhere."""
+    """The order that OR-tools finds in `seconds`; the path may begin and end anywhere."""
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2
 
     n = len(lengths)

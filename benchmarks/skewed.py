@@ -1,4 +1,4 @@
-"""Maps of what plumes carry: positive, skewed, on their own scale and on the logarithm's."""
+"""Maps of plume-like quantities, positive and skewed, on their own scale and on the logarithm's."""
 
 from __future__ import annotations
 

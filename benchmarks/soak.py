@@ -1,7 +1,7 @@
-"""Eight hours at 10 Hz: memory, the time of a write, the file, and who reads meanwhile.
+"""Eight hours at 10 Hz with other readers of the file: memory, write times, file size.
 
-And the loop's own part of a command's latency: from an estimate that is there to be read to the
-command that answers it, on the clock, with the survey file written as in a real mission.
+Also the loop's part of a command's latency: from an estimate that is ready to be read to the
+command that answers it, by the wall clock, with the survey file written as in a real mission.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from grebe.workflow.collector import no_long_pauses
 PERIOD_S = 0.1
 EIGHT_HOURS = 288_000
 READING = dict.fromkeys(LIMNOLOGICAL, 10.0)
-# Another program that looks at the file now and then, as QGIS does: it keeps its connection, reads
-# a layer whole, and holds a read transaction for a second each time.
+# Another program that reads the file now and then, as QGIS does: it keeps its connection, reads a
+# complete layer, and holds a read transaction for a second each time.
 READER = """
 import sqlite3, sys, time
 connection = sqlite3.connect(f"file:{sys.argv[1]}?mode=ro", uri=True, isolation_level=None)
@@ -56,7 +56,7 @@ while True:
 
 
 class Circling:
-    """A boat that sails a circle without a plant, as fast as it is asked, and keeps the times."""
+    """A boat that sails a circle without a plant, as fast as it is called, and records times."""
 
     source = "circling"
 
@@ -97,7 +97,7 @@ class Circling:
 
 
 class Restless:
-    """A helm that is asked at every estimate, and says something else each time."""
+    """A helm that is called at every estimate, and commands something else each time."""
 
     vessel = PRESETS["spyboat"]
     step_s = PERIOD_S
@@ -112,7 +112,7 @@ class Restless:
 
 
 def far_survey() -> Survey:
-    """One target a hundred kilometres away: a mission that has far to go."""
+    """One target a hundred kilometres away, so that the mission lasts."""
     far = rectangle((1e5, 1e5 + 10), (0, 10), (1.0, 2.0))
     survey = bare_survey([far], PRESETS["spyboat"])
     return Survey(
@@ -180,7 +180,7 @@ def soak(estimates: int = EIGHT_HOURS) -> None:
 
 
 class OnTheClock(SimulatedLink):
-    """The simulated boat at 10 Hz of the wall clock: an estimate waits for who is not there yet."""
+    """The simulated boat at 10 Hz of the wall clock: an estimate waits if the loop is late."""
 
     def __init__(self, plant: Plant, limit_s: float) -> None:
         super().__init__(plant, UniformSonde(values=READING))
@@ -206,7 +206,7 @@ class OnTheClock(SimulatedLink):
 
 
 class SlowDisk(SurveyRecorder):
-    """A card that takes its time: so long for each transaction [s]."""
+    """A slow card: a fixed time for each transaction [s]."""
 
     seconds = 0.0
 

@@ -1,8 +1,8 @@
 """Sorties: total time over a lower bound, against OR-tools' capacitated routing on the same cells.
 
-Both minimise the time of the legs through the cells' centres by the same costs, with as many trips
-and the same limit of each; OR-tools need not keep a way home, and has as long as ours took. Both
-have their machine code by then.
+Both minimise the time of the legs through the cells' centres by the same costs, with the same
+number of trips and the same limit of each. OR-tools need not keep a route home, and has as much
+time as Grebe took. Both have their machine code by then.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from grebe.planning.trips.trip_times import Ports
 
 BOAT = PRESETS["blueboat"]
 CURRENT = Weather(current_north_mps=0.3, current_east_mps=0.1)
-# OR-tools' matrix of more cells than this does not fit into the memory at hand.
+# OR-tools' matrix of more cells than this does not fit into the available memory.
 MOST_FOR_PEER = 7_000
 
 
@@ -73,8 +73,8 @@ def _row(name: str, water: shapely.Polygon, minutes: float, weather: Weather) ->
 
 
 def _or_tools(lake: Lake, ports: Ports, trips: Trips, seconds: float) -> tuple[int, float] | None:
-    """OR-tools' number of trips, and what they take [s], within the same limit and time; more
-    trips are allowed where it finds none with as many as ours.
+    """OR-tools' number of trips and their time [s], within the same limit and computing time; more
+    trips are allowed if it finds none with as many as Grebe.
     """
     members = np.flatnonzero(lake.wanted)
     if len(members) > MOST_FOR_PEER:
@@ -102,7 +102,7 @@ def _or_tools(lake: Lake, ports: Ports, trips: Trips, seconds: float) -> tuple[i
 
 
 def _matrix(lake: Lake, ports: Ports, members: np.ndarray) -> np.ndarray:
-    """Milliseconds between the harbour, which is the first, and all cells, as ours has them."""
+    """Milliseconds between the harbour, which is the first, and all cells, as Grebe has them."""
     n = len(members)
     centres = lake.draft.network.centres[members]
     way = centres[None, :, :] - centres[:, None, :]

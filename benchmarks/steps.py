@@ -59,7 +59,7 @@ FLIGHTS: dict[str, Callable[[], Trial]] = {
 
 @cache
 def flight(name: str) -> Trial:
-    """The flight of the 100 cells by one of the controllers, flown once a run."""
+    """The flight of the 100 cells by one of the controllers, at most once a run."""
     return FLIGHTS[name]()
 
 

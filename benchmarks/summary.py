@@ -1,7 +1,7 @@
-"""The short programme: all that is wanted of Grebe's speed, measured in one run, in one table.
+"""The short programme: all goals for Grebe's speed, measured in one run, in one table.
 
-Its figures come from the functions that the other benchmarks print theirs from. What is timed
-comes first, before two processes work out optima at a time.
+Its figures come from the functions that print the other benchmarks' tables. Timed rows come first,
+before two processes at a time search for optima.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from benchmarks.common import median_p95_max
 from benchmarks.programme import Row, run
 from grebe.control.rules.lookahead import Lookahead
 
-# Missions in the time of the baseline's steps, as measured in one run before plans handed on their
-# costates and before a search for what ails the boat stopped where nothing does.
+# Missions in the time of the baseline's steps, as measured in one run before plans passed their
+# costates on, and before the search for a fault of the boat stopped early where there is none.
 BEFORE = {commands.CALM: 8.0, commands.MOVING: 0.95}
 # Its C code beside the same baseline on another computer, before the first version, for the same
 # 100 cells with a slack at each stage (docs/benchmarks.md); no package index has it.
@@ -36,7 +36,7 @@ def step(name: str) -> str:
 
 
 def pace(weather: str) -> str:
-    """Missions a second, and over what they were; a computer's speed is told by the baseline."""
+    """Missions a second, and over the old rate; the baseline makes computers comparable."""
     a_second = commands.pace(weather).a_second
     of_baseline = a_second * commands.baseline_s()
     return f"{of_baseline / BEFORE[weather]:.1f} x ({a_second:.2f} a second)"
@@ -70,7 +70,7 @@ def thousand() -> routes.Waters:
 
 
 def order(method: str) -> str:
-    """Length of a method's order over the bound, and how long it took to find."""
+    """Length of a method's order over the bound, and the time to find it."""
     found = routes.ordered(thousand(), method)
     return f"{found.over:.4f} in {found.took_s:.1f} s"
 

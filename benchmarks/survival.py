@@ -1,4 +1,4 @@
-"""A hundred kills -9 and power cuts at random moments, and twenty of a fleet; the harness is
+"""A hundred kills -9 and power cuts at random times, and twenty of a fleet; the harness is
 `tests/killing.py`.
 """
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from benchmarks.common import print_head, print_row
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
-# Kills of one mission before it is gone on with to its end.
+# Kills of one mission before it is resumed to its end.
 IN_A_ROW = 5
 BOATS = 3
 
@@ -49,7 +49,7 @@ def survival(kills: int = 100, seed: int = 1) -> None:
             wrong["resumed"] += faults(victim) + faults_at_the_end(victim)
             shutil.rmtree(here)
             shutil.rmtree(there)
-    print_head("A mission is cut off at random moments", "how", "times", "faults")
+    print_head("A mission is cut off at random times", "how", "times", "faults")
     times = {"kill -9": kills, "power cut": kills // IN_A_ROW, "resumed": kills // IN_A_ROW}
     for how, found in wrong.items():
         print_row(how, times[how], len(found))
@@ -58,8 +58,8 @@ def survival(kills: int = 100, seed: int = 1) -> None:
 
 
 def fleet_survival(kills: int = 20, seed: int = 2) -> None:
-    """Three boats of one process, which is killed in the middle, five times before it goes on to
-    its end.
+    """Three boats in one process, which is killed five times on the way before it goes on to the
+    end.
     """
     sys.path.insert(0, str(TESTS))
     from killing import Victim, fleet_faults, fleet_faults_at_the_end, kill
@@ -80,7 +80,7 @@ def fleet_survival(kills: int = 20, seed: int = 2) -> None:
                 killed += fleet_faults(victim)
             resumed += fleet_faults_at_the_end(victim)
             shutil.rmtree(here)
-    print_head(f"A fleet of {BOATS} is cut off at random moments", "how", "times", "faults")
+    print_head(f"A fleet of {BOATS} is cut off at random times", "how", "times", "faults")
     print_row("kill -9", kills, len(killed))
     print_row("resumed to the end", kills // IN_A_ROW, len(resumed))
     for fault in (*killed, *resumed):

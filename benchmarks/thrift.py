@@ -15,7 +15,7 @@ from grebe.links.simulated import EstimateErrors
 from grebe.mission.trial import Conditions, Trial, fly, meander
 
 PRICES = (0.2, 0.5, 1.0)
-# The paper's cells for the boats of its size, and what a field team gives to boats that turn wide.
+# The paper's cells for boats of its size, and a field team's for boats that turn wide.
 SMALL: Sequence[TargetSet] = CELLS
 WIDE = meander(rows=6, columns=6, side=10.0, speed=(0.5, 1.5))
 SURVEYS = {
@@ -34,8 +34,8 @@ WEATHERS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Priced:
-    """A flight at a price of thrust, and what it takes over the same one without a price: shares
-    of time and energy, below zero where it takes less.
+    """A flight at a price of thrust, and its time and energy over those of the flight without a
+    price, as shares, below zero where it takes less.
     """
 
     price: float
@@ -45,7 +45,7 @@ class Priced:
 
 
 def priced(boat: str, weather: str) -> Iterator[Priced]:
-    """Fly a boat's survey without a price, then at each price."""
+    """Sail a boat's survey without a price, then at each price."""
     plain = _flown(boat, weather, 0.0)
     yield Priced(price=0.0, flight=plain)
     for price in PRICES:
@@ -65,8 +65,8 @@ def _flown(boat: str, weather: str, price: float) -> Trial:
 
 
 def most_saved(boat: str, weather: str, longer: float = 0.1) -> float:
-    """The greatest share of energy that a price saves within so much more time, of the complete
-    flights; 0 where none does.
+    """The greatest share of energy that a price saves within `longer` more time, of the complete
+    flights; 0 if none does.
     """
     within = [
         -one.more_energy

@@ -1,8 +1,8 @@
-"""Eight hours of looking on: `python -m benchmarks.watching [--hours H]`; Linux.
+"""Eight hours of watching: `python -m benchmarks.watching [--hours H]`; Linux.
 
-A server's watch of one survey hears a mission of so many hours at ten messages a second, as fast as
-it takes them, from a stand-in that speaks as a mission does; five pages read all of it, one never
-reads. Each hour: the resident memory, and the CPU time that a message took.
+A server watches one survey. A stand-in speaks as a mission does, for so many hours at ten messages
+a second, as fast as the server takes them. Five pages read all of it, one never reads. Printed
+each hour: the resident memory, and the CPU time per message.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BEGAN, EACH_S, PAGES = 1.8e9, 0.1, 5
 
 
 def told(count):
-    """What a mission says at its `count`-th message: an estimate each time, the rest at its own
+    """What a mission sends as its `count`-th message: an estimate each time, the rest at its own
     rate.
     """
     at = BEGAN + EACH_S * count
@@ -74,7 +74,7 @@ async def look_on(path, hours):
             for count in range((hour - 1) * each_hour, hour * each_hour):
                 writer.write(told(count))
                 await writer.drain()
-                # The pages have their turn, as they would between two messages: one that fell
+                # The pages get their turn, as they would between two messages: one that fell
                 # behind would be sent everything anew.
                 await asyncio.sleep(0)
             spent_ms = 1e3 * (time.process_time() - began) / each_hour

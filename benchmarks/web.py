@@ -1,11 +1,11 @@
 """The page of the app under load: `python -m benchmarks.web`; needs Chromium and Playwright.
 
-A survey of some ten thousand cells with fifty thousand points of track is made and sailed in
-simulation at the clock's own rate, so that ten messages a second come; headless Chromium without a
-GPU shows it on 1440 x 900. Frames are counted by the browser's own animation frames while the map
-is dragged; the page's share of a core is the browser's TaskDuration, which waits for a busy
-machine too. From event to pixel it is from the moment at which the mission's process heard the
-oldest event of a message to the frame after the page has taken it in.
+A survey of some ten thousand cells with fifty thousand points of track is sailed in simulation at
+the clock's own rate, which gives ten messages a second. Headless Chromium without a GPU shows it
+on 1440 x 900. Frames are counted by the browser's own animation frames while the map is dragged.
+The page's share of a core is the browser's TaskDuration, which includes waiting on a busy machine.
+The time from event to pixel is from when the mission's process heard the oldest event of a message
+to the frame after the page has taken it in.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ POINTS, SIDE_M, CELL_M = 50_000, 500.0, 5.0
 
 
 def survey_file(path):
-    """Ten thousand cells, of which nothing is reached, and a long track over them."""
+    """Ten thousand cells, none of them reached, and a long track over them."""
     frame = LocalFrame(origin_lon_deg=6.55, origin_lat_deg=46.45)
     half = SIDE_M / 2
     region = Region(name="Large", frame=frame, water=shapely.box(-half, -half, half, half))
@@ -61,7 +61,7 @@ def survey_file(path):
     return len(survey.targets)
 
 
-# Notes how old each message is when the frame after it has been painted [ms].
+# Records the age of each message when the frame after it has been painted [ms].
 WATCH = """
   window.ages_ = [];
   const listen = EventSource.prototype.addEventListener;

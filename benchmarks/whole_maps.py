@@ -1,5 +1,5 @@
-"""Whole `grebe map` and `grebe report` as a user gives them: seconds of CPU, of all processes, and
-by the clock.
+"""Whole `grebe map` and `grebe report` as a user runs them: seconds of CPU, of all processes, and
+elapsed.
 
 `python -m benchmarks maps`.
 """
@@ -18,13 +18,13 @@ import shapely
 from benchmarks.commands import GREBE, outlined, told
 from benchmarks.common import print_head, print_row
 
-# In cells of 8 m a boat takes some 2,500 samples of 4 ha, which have 40,000 nodes a metre apart.
+# In cells of 8 m a boat takes some 2,500 samples on 4 ha, which have 40,000 nodes a metre apart.
 CELL_M, RESOLUTION_M, RUNS = 8, 1, 3
 
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """What the quickest run of a command took, by CPU and by the clock, and of how many maps."""
+    """The CPU and elapsed time of the quickest run of a command, and the number of its maps."""
 
     cpu_s: float
     clock_s: float
@@ -39,7 +39,7 @@ def bay() -> shapely.Polygon:
 
 
 def made(*words: object) -> Made:
-    """Give a command some times and keep the quickest."""
+    """Run a command several times and keep the quickest."""
     runs: list[Made] = []
     for _ in range(RUNS):
         began = time.perf_counter()
@@ -74,5 +74,5 @@ def maps() -> None:
 
 
 def water_nodes(water: shapely.Polygon) -> int:
-    """About how many nodes of the map lie in the water."""
+    """The approximate number of the map's nodes in the water."""
     return round(water.area / RESOLUTION_M**2)
