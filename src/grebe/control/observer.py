@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,37 +42,46 @@ CURRENT_DRIFT, WIND_SHARE_DRIFT = 0.01, 0.005
 LARGEST_CURRENT_MPS = 3.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class RandomWalk:
+    """The assumed variability of d = (c_n, c_e, f_n, f_e) [m/s, m/s, N, N]; all arrays are (4,).
+
+    `sd`: standard deviations before anything is known; `drift`: variances that a second adds;
+    `probe`: steps of numerical derivatives; `limit`: largest magnitudes.
+    """
+
+    sd: NDArray[np.float64]
+    drift: NDArray[np.float64]
+    probe: NDArray[np.float64]
+    limit: NDArray[np.float64]
+
+    @classmethod
+    def around(cls, vessel: Vessel) -> RandomWalk:
+        """The weather that a vessel may meet; its thrust is the scale of the wind force."""
+        force = 2 * vessel.thrust_max_n
+        sd = np.array([CURRENT_SD, CURRENT_SD, WIND_SHARE_SD * force, WIND_SHARE_SD * force])
+        drift = np.array([CURRENT_DRIFT] * 2 + [WIND_SHARE_DRIFT * force] * 2)
+        limit = np.append(np.full(2, LARGEST_CURRENT_MPS), np.full(2, vessel.thrust_max_n))
+        return cls(sd=sd, drift=drift**2, probe=0.05 * sd, limit=limit)
+
+
 class Observer:
     """Estimates the weather from successive state estimates and the thrusts between them.
 
     `first` is the initial weather, `weather` the present estimate; `by_sway`: only the sway is
-    used.
+    used. `walk` is the assumed variability, `covariance` (4, 4) that of the estimate's error.
     """
 
     def __init__(self, vessel: Vessel, first: Weather = CALM, *, by_sway: bool = False) -> None:
         self._vessel = vessel
         # Index of the first velocity used: 0 for surge and sway, 1 for sway alone.
         self._first = 1 if by_sway else 0
-        force = 2 * vessel.thrust_max_n
-        sd = np.array([CURRENT_SD, CURRENT_SD, WIND_SHARE_SD * force, WIND_SHARE_SD * force])
-        drift = np.array([CURRENT_DRIFT] * 2 + [WIND_SHARE_DRIFT * force] * 2)
+        self.walk = RandomWalk.around(vessel)
         self._estimate = np.array(first.as_tuple())
-        self._covariance = np.diag(sd**2)
-        self._drift = np.diag(drift**2)
-        self._probe = 0.05 * sd
-        self._limit = np.append(np.full(2, LARGEST_CURRENT_MPS), np.full(2, vessel.thrust_max_n))
+        self.covariance = np.diag(self.walk.sd**2)
+        self._drift = np.diag(self.walk.drift)
         self._boat = parameter_vector(vessel, np.zeros(4))[:-4]
         self.weather = first
-
-    def _learn(self, estimate: Array) -> None:
-        self._estimate = estimate
-        north, east, force_north, force_east = estimate.tolist()
-        self.weather = Weather(
-            current_north_mps=north,
-            current_east_mps=east,
-            wind_force_north_n=force_north,
-            wind_force_east_n=force_east,
-        )
 
     def update(
         self,
@@ -84,15 +94,28 @@ class Observer:
         start, inputs = np.asarray(before, dtype=float), np.asarray(thrusts)
         substeps = max(2, math.ceil(duration_s * self._vessel.fastest_rate_hz))
         predicted, jacobian = _velocities(
-            self._boat, self._estimate, self._probe, start, inputs, duration_s, substeps
+            self._boat, self._estimate, self.walk.probe, start, inputs, duration_s, substeps
         )
-        self._covariance += duration_s * self._drift
+        self.covariance += duration_s * self._drift
         change = np.zeros(4)
         # One measurement after the other, because their errors are independent.
         for i in range(self._first, 2):
-            _correct(change, self._covariance, jacobian[i], after[3 + i] - predicted[i])
+            _correct(change, self.covariance, jacobian[i], after[3 + i] - predicted[i])
+        limit = self.walk.limit
         # Not np.clip, which takes longer than everything else here except the prediction.
-        self._learn(np.minimum(np.maximum(self._estimate + change, -self._limit), self._limit))
+        self._estimate = np.minimum(np.maximum(self._estimate + change, -limit), limit)
+        self.weather = weather_of(self._estimate)
+
+
+def weather_of(vector: NDArray[np.float64]) -> Weather:
+    """Return the weather of d (4,) = (c_n, c_e, f_n, f_e) [m/s, m/s, N, N]."""
+    north, east, force_north, force_east = vector.tolist()
+    return Weather(
+        current_north_mps=north,
+        current_east_mps=east,
+        wind_force_north_n=force_north,
+        wind_force_east_n=force_east,
+    )
 
 
 @machine_code
