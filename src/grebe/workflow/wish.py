@@ -1,4 +1,4 @@
-"""What a survey that was sailed may go on for."""
+"""The goal for which a survey goes on after its plan has been sailed."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ GOALS: tuple[Goal, ...] = ("accuracy", "threshold", "hot-spot")
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """What a survey goes on for: `minutes` more, for the accuracy of a quantity's map everywhere,
-    for where it crosses a `threshold`, or for where it is highest; or less, once the map's standard
-    deviation is no more than `sd`, in the quantity's unit.
+    """What a survey goes on for, and for how long.
+
+    It goes on for `minutes` more: for the accuracy of a quantity's map everywhere, for the line
+    where the map crosses a `threshold`, or for the place where it is highest. It ends sooner once
+    the map's standard deviation is no more than `sd`, in the quantity's unit.
     """
 
     quantity: str
