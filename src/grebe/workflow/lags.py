@@ -23,7 +23,7 @@ def compare_runs(first: Path, second: Path) -> tuple[dict[str, LagEstimate], Qua
     """Return, for each quantity that both surveys have, the lag that brings their runs closest; and
     the quantities by their keys.
 
-    Raises `InputError` where the runs lie too far apart, in time or in place.
+    Raises `InputError` if the runs are too far apart, in time or in place.
     """
     with SurveyFile.open(first) as one, SurveyFile.open(second) as other:
         frame, quantities = one.survey.frame, one.quantities
