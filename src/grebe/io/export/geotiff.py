@@ -25,15 +25,19 @@ def write_geotiff(
     frame: LocalFrame,
     exceedances: Mapping[str, NDArray[np.floating]],
 ) -> None:
-    """Write bands `mean`, `sd`, both ends of 95 % intervals that are not symmetric, and one a
-    threshold, north up, in the survey's frame; the file appears only when complete.
+    """Write a map north up, in the survey's frame; the file appears only when complete.
+
+    Its bands are `mean`, `sd`, both ends of 95 % intervals that are not symmetric, and one per
+    threshold.
     """
     bands = {"mean": one.mean, "sd": one.sd, **one.interval95, **exceedances}
     write_bands(path, one, frame, bands, one.quantity.unit)
 
 
 def affine(grid: Grid) -> tuple[float, float, float, float, float, float]:
-    """From column and row, north up, to easting and northing: a, b, c, d, e, f of the transform."""
+    """Return the transform a, b, c, d, e, f from column and row, north up, to easting and
+    northing.
+    """
     step = grid.step_m
     west, north = float(grid.east[0]) - step / 2, float(grid.north[-1]) + step / 2
     return step, 0.0, west, 0.0, -step, north

@@ -1,4 +1,4 @@
-"""Read a text file, with one clear sentence where that fails."""
+"""Read a text file, with one clear sentence when that fails."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from grebe.core.errors import InputError
 
-# How a UTF-16 file begins, as Windows writes it: the byte order mark, little or big endian.
+# How a UTF-16 file begins as Windows writes it: the byte order mark, little or big endian.
 UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -17,7 +17,9 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
 
 
 def read_text(path: Path) -> str:
-    """Return a file's text, of UTF-8 or of UTF-16 with its mark, lines ending as in Python;
+    """Return a file's text, from UTF-8 or from UTF-16 with its mark, with line endings as in
+    Python.
+
     `InputError` says what is wrong with the file.
     """
     data = _read(path)
@@ -28,7 +30,9 @@ def read_text(path: Path) -> str:
 
 
 def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
-    """As `read_text`, of the old code page of Windows too, as spreadsheets save it, with a note."""
+    """Read as `read_text`, and also Windows' old code page, as spreadsheets save it, with a
+    note.
+    """
     data = _read(path)
     try:
         return _checked(path, _decoded(data)), ()
@@ -37,7 +41,7 @@ def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
             text = data.decode("cp1252")
         except UnicodeDecodeError:
             text = "\0"
-        # Of UTF-8 with a byte that is broken every letter beyond ASCII would be two others.
+        # In UTF-8 with a broken byte, every letter beyond ASCII would become two others.
         rest = data.decode("utf-8", "ignore")
         if _CONTROL.search(text) or not rest.isascii():
             raise _undecoded(path, error) from None
