@@ -45,9 +45,7 @@ def written_whole(
 
 
 def forget_parts() -> None:
-    """Remove the parts that are being written, for whoever ends a process that can no
-    longer do so.
-    """
+    """Remove the parts being written, for a process that can no longer do so itself."""
     for part in tuple(_under_way):
         _forget(part)
 
@@ -59,8 +57,9 @@ def write_text_whole(path: Path, text: str) -> None:
 
 
 def write_rows_whole(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> int:
-    """Write a table as CSV, completely or not at all; return the number of its rows; `InputError`
-    names `path`.
+    """Write a table as CSV, completely or not at all, and return its number of rows.
+
+    `InputError` names `path`.
     """
     count = 0
     with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:

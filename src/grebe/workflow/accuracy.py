@@ -1,5 +1,4 @@
-"""Plan for the map instead of for the cells: choose the pattern and cells that make it most
-accurate.
+"""Plan for the map instead of for the cells: the pattern and the cells that make it most accurate.
 
 A map's accuracy depends on where samples are taken and on the water's covariance, not on the values
 of the samples. So plans of several patterns, each with the cell size that its budget allows, are
@@ -76,10 +75,10 @@ class AccuratePlan:
 
 
 def prior_of_range(practical_range_m: float) -> CovarianceModel:
-    """Return a covariance of variance 1 with this practical range: exponential, rougher than most
-    water.
+    """Return a covariance of variance 1 with this practical range.
 
-    Raises `UsageError` for an impossible range.
+    It is exponential, which is rougher than most water. Raises `UsageError` for an impossible
+    range.
     """
     if not 0 < practical_range_m < math.inf:
         raise UsageError(

@@ -135,10 +135,10 @@ def _best_route(
     place: tuple[float, float],
     wish: Wish,
 ) -> tuple[list[int], Array, float]:
-    """Return the places that reduce the weighted variance most in the time, in their order; the
-    variances (n,) that they leave; and the predicted time [s].
+    """Return the places that reduce the weighted variance most in the time, in their order.
 
-    Raises `PlanError` if no place is near enough.
+    Also returns the variances (n,) that they leave, and the predicted time [s]. Raises `PlanError`
+    if no place is near enough.
     """
     pace = 1 / float(np.mean(travel.slowness))
     turn_m = travel.turn_s_per_rad * pace
@@ -183,8 +183,9 @@ def _numbered(revision: PlanRevision, known: int) -> PlanRevision:
 
 
 def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
-    """Return places all over the water, each a small target with a number of its own, without those
-    that are too narrow to be hit.
+    """Return places all over the water, each a small target with a number of its own.
+
+    Those that are too narrow to be hit are left out.
     """
     assert survey.settings is not None
     water = water_of(survey)
@@ -210,9 +211,7 @@ def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
 
 
 def cores_of(rings: Sequence[Ring], cell_m: float) -> tuple[list[Ring], NDArray[np.bool_]]:
-    """Return the core of each cell ring, which is what must be hit, and whether it is wide
-    enough.
-    """
+    """Return the core of each cell ring, which must be hit, and whether it is wide enough."""
     drawn = [drawn_in(ring, CORE) for ring in rings]
     narrowest_m = min(NARROWEST_M, NARROWEST_SHARE * CORE * cell_m)
     return drawn, ~shapely.is_empty(shapely.buffer(polygons_of(drawn), -0.5 * narrowest_m))
@@ -271,10 +270,10 @@ def worth_of(
 
 
 def _variation(mapped: QuantityMap, places: Array, area_m2: float, cell_m: float) -> Array:
-    """Return how much the water varies about each place, over about the distance between two
-    passes.
+    """Return how much the water varies about each place.
 
-    It is estimated from readings that are at most two cells apart.
+    The scale is about the distance between two passes. It is estimated from readings that are at
+    most two cells apart.
     """
     positions = mapped.positions
     passed = len(np.unique(np.floor(positions / cell_m), axis=0))

@@ -26,11 +26,11 @@ ROOM_M = 5.0
 def announced(
     file: SurveyFile, revision: PlanRevision, own: Sortie | None, sailing: Collection[int]
 ) -> list[Way]:
-    """Return the taut paths (k, 2) through what the other sorties of a revision have left, each
-    from where its boat was last; none if there is only one mission.
+    """Return the taut paths (k, 2) through what the other sorties of a revision have left.
 
-    For a boat that is no longer `sailing` only what was planned counts: another boat takes that
-    over, and nobody goes to the places that it had added itself.
+    Each begins where its boat was last. There are none if there is only one mission. For a boat
+    that is no longer `sailing` only what was planned counts: another boat takes that over, and
+    nobody goes to the places that it had added itself.
     """
     if own is None:
         return []

@@ -20,9 +20,7 @@ def harbour_of(departure: Departure) -> Place | None:
 
 
 def is_afloat(departure: Departure) -> bool:
-    """Return whether a boat is on the water when its mission begins, and not ashore at its
-    harbour.
-    """
+    """Return whether a boat begins its mission on the water, and not ashore at its harbour."""
     harbour = harbour_of(departure)
     return harbour is None or math.dist(harbour, departure.state[:2]) >= AT_HARBOUR_M
 
@@ -46,11 +44,10 @@ def by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:
 def lying(
     survey_file: SurveyFile, sailing: Collection[int], adrift: Collection[int] = ()
 ) -> dict[int, Place]:
-    """Return the places (north, east) of boats on the water that have sailed and are not `sailing`,
-    by their numbers.
+    """Return the places (north, east) of idle boats on the water, by their numbers.
 
-    A boat at a harbour has been taken ashore, unless it is `adrift`: it has not come home, and
-    nobody has been there since.
+    These boats have sailed and are not `sailing`. A boat at a harbour has been taken ashore, unless
+    it is `adrift`: it has not come home, and nobody has been there since.
     """
     survey = survey_file.survey
     assert survey.fleet is not None

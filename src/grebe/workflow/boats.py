@@ -54,10 +54,9 @@ Scheme = Callable[[str, Harbour], BoatAt]
 def boat_named(
     url: str, harbour: Harbour | None = None, more: Mapping[str, Scheme] | None = None
 ) -> BoatAt:
-    """Return what opens the link of a URL such as `sim:`; `more` are schemes in addition to our
-    own.
+    """Return what opens the link of a URL such as `sim:`.
 
-    Raises `LinkError` for an unknown scheme.
+    `more` are schemes in addition to our own. Raises `LinkError` for an unknown scheme.
     """
     schemes = SCHEMES | dict(more or {})
     scheme, colon, rest = url.partition(":")

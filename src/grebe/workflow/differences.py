@@ -37,8 +37,9 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class Changes:
-    """Changes by quantity on one grid, in the frame of the first survey, between the surveys'
-    `days`; and what is left out.
+    """Changes by quantity on one grid, in the frame of the first survey, and what is left out.
+
+    `days` are the days of the two surveys.
     """
 
     survey: Survey
@@ -168,10 +169,10 @@ def common_water(surveys: Sequence[Survey]) -> shapely.Polygon:
 
 
 def maps_in(path: Path, base: Survey, mapper: Mapper) -> tuple[dict[str, QuantityMap], list[str]]:
-    """Return the maps of a survey on the common grid, in the frame of another, and what could not
-    be mapped.
+    """Return the maps of a survey on the common grid, and what could not be mapped.
 
-    All its samples count, including those outside the common water.
+    They are in the frame of another survey, `base`. All its samples count, including those outside
+    the common water.
     """
     with SurveyFile.open(path) as file:
         samples, lags, quantities = file.samples(), file.lags(), file.quantities

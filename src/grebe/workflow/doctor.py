@@ -28,8 +28,10 @@ EXTRAS = {"pymavlink": "mavlink", "serial": "mavlink", "pymodbus": "instruments"
 def diagnose(
     link: str | None, survey_file: Path | None, now: datetime, instruments: Sequence[str] = ()
 ) -> Iterator[Check]:
-    """Yield the items of the list: this computer, the survey, the boat behind a link, and the
-    instruments apart from it (`ADDRESS@PROFILE` each).
+    """Yield the items of the list.
+
+    They concern this computer, the survey, the boat behind a link, and the instruments apart from
+    it (`ADDRESS@PROFILE` each).
     """
     yield from _computer(survey_file.parent if survey_file else Path(), now)
     survey: Survey | None = None

@@ -195,9 +195,7 @@ class FleetRun:
         return fallen
 
     def _next_round(self, without: Collection[int]) -> dict[int, Sortie]:
-        """Return the next sortie of each boat that has one, `without` some, by the boat's
-        number.
-        """
+        """Return the next sortie of each boat that has one, by its number, `without` some boats."""
         progress = self.survey_file.progress()
         found: dict[int, Sortie] = {}
         for one in self.survey_file.revision.sorties:
@@ -240,8 +238,9 @@ class FleetRun:
     def _mission(
         self, sortie: Sortie, departure: Departure, together: Together, watch: ExitStack
     ) -> Mission:
-        """Return the mission of a boat; `watch` closes its link and dismisses its watchdog at the
-        end.
+        """Return the mission of a boat.
+
+        `watch` closes its link and dismisses its watchdog at the end.
         """
         boat = sortie.boat
         link = self.boat_at(boat, departure)
@@ -283,8 +282,10 @@ class FleetRun:
 
     @property
     def _renewed(self) -> tuple[Cause, ...]:
-        """What is renewed at the harbour of a boat that comes home for it: its battery, and the
-        time that the plan gives a sortie, but not the time that was given to this run.
+        """What is renewed at the harbour of a boat that comes home for it.
+
+        This is its battery, and the time that the plan gives a sortie, but not the time that was
+        given to this run.
         """
         of_plan = math.isinf(self.settings.safety.max_s)
         return (Cause.BATTERY, Cause.TIME) if of_plan else (Cause.BATTERY,)
@@ -331,9 +332,7 @@ class FleetRun:
         return replace(self.settings, safety=replace(self.settings.safety, used_wh=0.0))
 
     def _hand_over(self, fallen: set[int], lost: set[int]) -> bool:
-        """Give what the fallen boats have left to the nearest that sails; return False if nobody
-        does.
-        """
+        """Give what the fallen boats have left to the nearest that sails; False if nobody sails."""
         file = self.survey_file
         boats = {one.boat for one in file.revision.sorties} - lost
         if not fallen:

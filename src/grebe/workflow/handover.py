@@ -33,9 +33,7 @@ class Handover:
     adrift: Collection[int]
 
     def is_shut(self, number: int) -> bool:
-        """Return whether everything that a sortie has left is closed, so that none of it can be
-        visited.
-        """
+        """Return whether everything that a sortie has left is closed."""
         file = self.survey_file
         sortie = file.revision.sortie(number)
         ends = file.track_ends(sortie.boat)
@@ -49,8 +47,9 @@ class Handover:
         return False
 
     def give(self, lost: Collection[int], boats: Collection[int]) -> None:
-        """Give what the lost boats have left to the nearest of the sailing `boats`, sortie by
-        sortie, each as a revision of the plan.
+        """Give what the lost boats have left to the nearest of the sailing `boats`.
+
+        It is given sortie by sortie, each as a revision of the plan.
         """
         for sortie in [one for one in self.survey_file.revision.sorties if one.boat in lost]:
             self._take_over(sortie, boats)

@@ -37,8 +37,9 @@ def instrument_named(text: str, quantities: Quantities = BUILTIN) -> tuple[str, 
 
 
 def boat_and_instrument(text: str) -> tuple[int | None, str]:
-    """Split `2=ADDRESS@PROFILE` into the number of the fleet's boat (None without one) and the
-    instrument.
+    """Split `2=ADDRESS@PROFILE` into the number of a fleet's boat and the instrument.
+
+    The number is None if none is given.
     """
     boat, equals, rest = text.partition("=")
     return (int(boat), rest) if equals and boat.isdecimal() else (None, text)
@@ -48,8 +49,9 @@ def boat_and_instrument(text: str) -> tuple[int | None, str]:
 def instruments_at(
     texts: Sequence[str], quantities: Quantities = BUILTIN
 ) -> Generator[dict[int | None, Bench]]:
-    """Open instruments within the block, and yield those of each boat of a fleet; the key is None
-    if no boat is named.
+    """Open instruments within the block, and yield those of each boat of a fleet.
+
+    The key is None if no boat is named.
     """
     of_boat: dict[int | None, list[tuple[str, str, Profile]]] = {}
     for boat, text in map(boat_and_instrument, texts):
@@ -93,9 +95,7 @@ def of_one_boat(benches: Mapping[int | None, _T]) -> _T | None:
 
 
 def of_fleet(benches: Mapping[int | None, _T], boats: int) -> dict[int, _T]:
-    """Return the instruments of each boat of a fleet; `UsageError` if it is not said whose they
-    are.
-    """
+    """Return the instruments of each boat of a fleet; `UsageError` if one names no valid boat."""
     found = {boat: bench for boat, bench in benches.items() if boat is not None}
     if None in benches or not all(1 <= boat <= boats for boat in found):
         raise UsageError(
@@ -121,8 +121,9 @@ def watch_instrument(
     seconds: float | None = None,
     quantities: Quantities = BUILTIN,
 ) -> str:
-    """Pass on readings as they come, for so many seconds; return the instrument's state at
-    the end.
+    """Pass on readings as they come, and return the instrument's state at the end.
+
+    It ends after `seconds`, or never for None.
     """
     address, name, profile = instrument_named(text, quantities)
     instrument = Instrument(address, name, profile, quantities)

@@ -93,9 +93,7 @@ def joined(
 
 
 def clock_offset(track: RawTrack, sonde: Readings) -> ClockOffset | None:
-    """Return the offset at which a quantity of both files agrees best; None if that is not
-    clear.
-    """
+    """Return the offset at which a quantity of both files agrees best; None if it is not clear."""
     if track.times is None or sonde.times is None:
         return None
     best: ClockOffset | None = None
@@ -136,8 +134,9 @@ def _each_second(times: Array, values: Array) -> tuple[int, Array] | None:
 
 
 def _correlations(one: Array, other: Array) -> Array:
-    """Return the correlation (n + m - 1,) of two series at all shifts, -1 where they share less
-    than half of the shorter.
+    """Return the correlation (n + m - 1,) of two series at all shifts.
+
+    It is -1 where they share less than half of the shorter.
     """
     from scipy.signal import correlate
 

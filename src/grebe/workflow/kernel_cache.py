@@ -82,11 +82,10 @@ def load_controller() -> None:
 
 
 def sail_a_little(*, steered: bool = True) -> None:
-    """Sail a boat with weak and late thrusters by noisy estimates, for longer than it takes to
-    detect that.
+    """Sail a boat with weak and late thrusters by noisy estimates.
 
-    This needs every kernel that a mission may need, even in its middle. With `steered=False` it
-    needs all but the solver's.
+    It sails for longer than it takes to detect them, which needs every kernel that a mission may
+    need, even in its middle. With `steered=False` it needs all but the solver's.
     """
     from grebe.control.controller import Controller
     from grebe.core.sets import footprints_of

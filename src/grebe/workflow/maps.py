@@ -91,8 +91,7 @@ def write_maps(
     credits_file: Path | None = None,
     each: Each = in_turn,
 ) -> list[Path]:
-    """Write the maps in every format and return the files; `InputError` when there is nothing to
-    map.
+    """Write the maps in every format and return the files; `InputError` if there are none.
 
     `credits_file` says who made the survey, and on what terms. `each` writes the raster and the
     pictures of each map.
@@ -161,8 +160,9 @@ def _write_movies(data: ReportData, out: Path, entry: CatalogueEntry) -> list[Pa
 
 
 def movie_note(data: ReportData) -> str | None:
-    """Return, in a sentence, why some maps have no movie; None if each has one or none was
-    requested.
+    """Return a sentence on why some maps have no movie.
+
+    None if each has one or none was requested.
     """
     if data.movies is None or not data.still:
         return None

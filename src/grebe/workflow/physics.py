@@ -20,10 +20,10 @@ USUAL = PhysicsSettings()
 
 @dataclass(frozen=True, kw_only=True)
 class Rehearsal:
-    """A boat for the firmware: its hull, the weather, its place (longitude, latitude [deg]; the
-    firmware's home) and its heading [deg].
+    """A boat for the firmware.
 
-    Raises `UsageError` for an impossible place.
+    It consists of its hull, the weather, its place (longitude, latitude [deg]; the firmware's home)
+    and its heading [deg]. Raises `UsageError` for an impossible place.
     """
 
     vessel: Vessel

@@ -125,8 +125,9 @@ def write_plan(
 
 
 def _draw(survey: Survey, revision: PlanRevision | None, picture: Path) -> None:
-    """Draw a plan. Matplotlib is imported only here: it is slow, and a refusal need not wait for
-    it.
+    """Draw a plan.
+
+    Matplotlib is imported only here: it is slow, and a refusal need not wait for it.
     """
     from grebe.report.undescribed import import_figures
 
@@ -172,10 +173,10 @@ def plan_warnings(survey: Survey) -> list[str]:
 def read_zones(
     paths: Sequence[Path], region: Region, *, mends: bool = False
 ) -> tuple[list[shapely.Polygon], tuple[str, ...]]:
-    """Return the no-go zones of some files, in the region's frame, and notes on those that do not
-    touch its water.
+    """Return the no-go zones of some files, in the region's frame, and notes.
 
-    With `mends`, invalid polygons are repaired; otherwise they raise `InputError`.
+    The notes name files that do not touch the region's water. With `mends`, invalid polygons are
+    repaired; otherwise they raise `InputError`.
     """
     zones: list[shapely.Polygon] = []
     notes: list[str] = []
@@ -213,8 +214,9 @@ def checked_sorties(planned: PlannedSorties) -> list[SortieCheck]:
 
 
 def write_expected(chosen: Expected, survey_file: Path) -> Path:
-    """Draw how accurate a plan's map is expected to be, beside the survey file; return the
-    picture's path.
+    """Draw the expected accuracy of a plan's map; return the picture's path.
+
+    The picture is beside the survey file.
     """
     from grebe.report import canvas
     from grebe.report.expected_figures import expected_figure

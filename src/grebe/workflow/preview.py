@@ -1,6 +1,4 @@
-"""Preview what a mission would do, before it does anything, for whoever stands at the shore with a
-file.
-"""
+"""Preview what a mission would do, for whoever stands at the shore with a file."""
 
 from __future__ import annotations
 

@@ -43,8 +43,9 @@ def judged(samples: Samples, water: shapely.Polygon, known: Quantities) -> Quali
 
 
 def _checked(samples: Samples, water: shapely.Polygon, known: Quantities) -> Quality:
-    """Return the quality of samples, each boat's judged separately: consecutive readings of two
-    boats say nothing about either.
+    """Return the quality of samples, each boat's judged separately.
+
+    Consecutive readings of two boats say nothing about either.
     """
     each = samples.each_boat()
     if len(each) == 1:

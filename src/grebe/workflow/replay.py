@@ -44,11 +44,10 @@ def replay_boat(rest: str) -> BoatAt:
 
 
 def recording_of(path: Path, survey: Survey, quantities: Quantities) -> Recording:
-    """Read the track of a survey file and its samples of some quantities, in the frame of `survey`,
-    the one that they are played to.
+    """Read the track of a survey file and its samples of some quantities.
 
-    Raises `LinkError` for a file without a track, `SurveyFileError` for one that is not a survey
-    file.
+    They are in the frame of `survey`, the one that they are played to. Raises `LinkError` for a
+    file without a track, `SurveyFileError` for one that is not a survey file.
     """
     with SurveyFile.open(path) as file:
         track, samples, recorded = file.track(), file.samples(), file.survey
@@ -76,10 +75,10 @@ def recording_of(path: Path, survey: Survey, quantities: Quantities) -> Recordin
 def _prolonged(
     track: TrackTable, rows: NDArray[np.bool_], vessel: Vessel | None, last_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the times and states of some rows, and where the boat went after the last one under
-    its last command.
+    """Return the times and states of some rows, and where the boat went after the last one.
 
-    The last target was reached after that row: a track holds commands, not estimates.
+    It went on under its last command. The last target was reached after that row: a track holds
+    commands, not estimates.
     """
     seconds, states = track.seconds[rows], track.states[rows]
     left_s = min(last_s - seconds[-1], LONGEST_GAP_S)
@@ -92,8 +91,9 @@ def _prolonged(
 
 
 def _rising(seconds: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return the rows that are later than all before: a time may have two if the thrusts
-    changed.
+    """Return the rows that are later than all before.
+
+    A time may have two rows if the thrusts changed.
     """
     before = np.concatenate([[-np.inf], np.maximum.accumulate(seconds)[:-1]])
     return seconds > before

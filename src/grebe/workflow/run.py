@@ -32,9 +32,7 @@ HelmOf = Callable[[Departure], Helm]
 
 
 def steered_by(rule: Rule | None = None, solver: SolverBuilder | None = None) -> HelmOf:
-    """Return a factory of helms: Grebe's controller with a rule and a solver, made for a
-    departure.
-    """
+    """Return a factory of helms for a departure: Grebe's controller with a rule and a solver."""
 
     def helm(departure: Departure) -> Helm:
         survey = departure.survey
@@ -153,8 +151,9 @@ def _replanner(
     heeds: bool,
     extends: Extension | None,
 ) -> Replanner:
-    """Return what plans the rest anew; a simulated boat, whose time is not the clock's, waits for
-    it.
+    """Return what plans the rest anew.
+
+    A simulated boat, whose time is not the clock's, waits for it.
     """
     return Replanner(
         survey=survey_file.survey,
@@ -179,9 +178,7 @@ def spent_as_said(departure: Departure, settings: MissionSettings | None) -> Dep
 
 
 def counting(settings: MissionSettings | None, departure: Departure) -> MissionSettings:
-    """Return settings that count what the battery had given before, unless they state it
-    already.
-    """
+    """Return settings that count what the battery had given before, unless they state it."""
     settings = settings or MissionSettings()
     if settings.safety.used_wh is not None:
         return settings

@@ -75,8 +75,7 @@ TRIALS, AIM, SHRINKS = 7, 0.5 * (1 + FULL), 0.8
 
 @dataclass(frozen=True, kw_only=True)
 class SecondSurvey:
-    """The revision of a second survey, its plan by itself, and the standard deviation before and
-    after.
+    """The revision of a second survey, its plan by itself, and the accuracy before and after.
 
     `before_sd` and `expected_sd` are the root mean square of the map's standard deviation before
     and as expected after, weighted by what matters.
@@ -143,9 +142,7 @@ class _Water:
 
     @classmethod
     def of(cls, survey: Survey, settings: PlanSettings, lies: Sequence[Place]) -> _Water:
-        """Mesh the water of a survey; cells that are too narrow to be hit are only passed
-        through.
-        """
+        """Mesh the water of a survey; cells too narrow to be hit are only passed through."""
         if survey.vessel is None or survey.start is None:
             raise PlanError("Only a planned survey can be followed by another; plan it first.")
         region = Region(name=survey.name, frame=survey.frame, water=survey.water)
@@ -251,8 +248,9 @@ class _Water:
 def _fitted(
     water: _Water, worth: Worth, wish: Wish, on_done: Callable[[int, int], None] | None
 ) -> tuple[list[int], PlannedSorties]:
-    """Return the places that reduce the weighted variance most in the time, and the plan through
-    them; `PlanError` if there is none.
+    """Return the places that reduce the weighted variance most in the time, and their plan.
+
+    Raises `PlanError` if there is none.
     """
     travel, fleet = water.planner.travel, water.planner.settings.fleet
     pace = 1 / float(np.mean(travel.slowness))

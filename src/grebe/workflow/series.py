@@ -124,8 +124,9 @@ def _with_season(
     firsts: Mapping[str, QuantityMap],
     left_out: list[str],
 ) -> dict[str, list[tuple[float, Array, Array]]]:
-    """Return the quantities whose surveys can separate a season from a trend; note why others
-    cannot.
+    """Return the quantities whose surveys separate a season from a trend.
+
+    The reasons for the others are added to `left_out`.
     """
     kept: dict[str, list[tuple[float, Array, Array]]] = {}
     for key, several in rows.items():
@@ -160,16 +161,15 @@ def _with_trends(
 
 
 def _patches(one: QuantityMap, area_m2: float) -> float:
-    """Return how many places of the water are independent of each other, by the map's own
-    covariance.
-    """
+    """Return the number of independent places of the water, by the map's own covariance."""
     far = one.model.practical_range_m
     return 1.0 if far is None or far <= 0 else max(1.0, area_m2 / far**2)
 
 
 def write_series(series: Series, out: Path) -> dict[str, Path]:
-    """Write `series.nc`, and for each quantity a GeoTIFF of its trend and a picture; return the
-    GeoTIFFs by quantity.
+    """Write `series.nc`, and a GeoTIFF of its trend and a picture for each quantity.
+
+    Returns the GeoTIFFs by quantity.
     """
     make_folder(out)
     written: dict[str, Path] = {}

@@ -36,11 +36,11 @@ SOLVERS: Mapping[str, type[Fast | Fatrop | Ipopt]] = {
 
 
 def rule_named(name: str, settings: Mapping[str, Any] | None = None) -> Rule:
-    """Return the rule of that name with its own defaults, except for `settings`; or the one that a
-    user's own file, `python:FILE.py`, makes.
+    """Return the rule of that name with its own defaults, except for `settings`.
 
-    Settings that are None, and those that the rule does not have, are ignored: a record holds what
-    was typed for any rule. Raises `UsageError` for an unknown name or an impossible value.
+    `python:FILE.py` names the rule that a user's own file makes. Settings that are None, and those
+    that the rule does not have, are ignored: a record holds what was typed for any rule. Raises
+    `UsageError` for an unknown name or an impossible value.
     """
     if name.startswith(OWN):
         typed = [key for key in NUMBERS if (settings or {}).get(key) is not None]

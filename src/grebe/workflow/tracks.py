@@ -32,9 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedTrack:
-    """The result of an import: the survey, its quantities, where they were found, and their
-    flags.
-    """
+    """The result of an import: the survey, its quantities, their columns, and their flags."""
 
     survey: Survey
     raw: RawTrack
@@ -99,8 +97,9 @@ def import_track(
 
 
 def _shared(columns: TrackColumns) -> tuple[TrackColumns, TrackColumns]:
-    """Split given columns: those of place and time for the track, those of quantities for the
-    sonde.
+    """Split given columns into those of place and time, and those of quantities.
+
+    The former are the track's, the latter the sonde's.
     """
     placed = {key: name for key, name in columns.items() if key in {DATE, *PLACE_AND_TIME}}
     return placed, {key: name for key, name in columns.items() if key not in placed}
@@ -150,8 +149,9 @@ def samples_of_track(track: RawTrack, survey: Survey, quantities: Quantities = B
 
 
 def _speeds(positions: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the speed over ground between the neighbours of each row [m/s]; NaN if their times are
-    equal.
+    """Return the speed over ground between the neighbours of each row [m/s].
+
+    It is NaN where their times are equal.
     """
     before = np.maximum(np.arange(len(times)) - 1, 0)
     after = np.minimum(np.arange(len(times)) + 1, len(times) - 1)

@@ -35,8 +35,9 @@ def write_geotiff(
 
 
 def affine(grid: Grid) -> tuple[float, float, float, float, float, float]:
-    """Return the transform a, b, c, d, e, f from column and row, north up, to easting and
-    northing.
+    """Return the transform from column and row to easting and northing.
+
+    Rows run north up; the coefficients are a, b, c, d, e, f.
     """
     step = grid.step_m
     west, north = float(grid.east[0]) - step / 2, float(grid.north[-1]) + step / 2
@@ -51,8 +52,9 @@ def write_bands(
     unit: str,
     tags: Mapping[str, str] | None = None,
 ) -> None:
-    """Write named fields (rows, columns) on a map's grid, with `tags` of the file; NaN becomes
-    nodata.
+    """Write named fields (rows, columns) on a map's grid; NaN becomes nodata.
+
+    `tags` are those of the file.
     """
     from rasterio.crs import CRS
     from rasterio.errors import RasterioError

@@ -99,8 +99,7 @@ def write_grid(
 def _write_time(
     dataset: netCDF4.Dataset, entry: CatalogueEntry, maps: Sequence[QuantityMap]
 ) -> None:
-    """Write one time for all fields: that of the maps if they are of one moment, or else the middle
-    of the survey.
+    """Write one time for all fields: their common moment, or else the middle of the survey.
 
     The survey's ends are global attributes.
     """
@@ -187,9 +186,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap, beside: Sequence[str]
 
 
 def _worth(one: QuantityMap) -> dict[str, float]:
-    """Return what is known of the noise, of the direction, and of how far the map can be
-    trusted.
-    """
+    """Return what is known of the noise, the direction, and the reliability of the map."""
     found = {
         "sensor_noise_sd": one.noise_sd,
         "sd_factor_on_the_way": one.calibration.on_way,

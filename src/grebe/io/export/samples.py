@@ -91,8 +91,9 @@ class Measured:
 
 
 def writer_of(path: Path) -> Callable[[Measured, Path], int] | None:
-    """Return what writes samples to a file of that name and returns the number of rows; None if a
-    plan is meant.
+    """Return the function that writes samples to a file of that name; None if a plan is meant.
+
+    The function returns the number of rows.
     """
     name = path.name.lower()
     for ending, writer in WRITERS.items():

@@ -80,8 +80,9 @@ def _telemetry(path: Path) -> Iterator[_Fix | _Sounding]:
 
 
 def _dataflash(path: Path) -> Iterator[_Fix | _Sounding]:
-    """Return what a .bin holds; pymavlink dates each message with the receiver's week and time, in
-    UTC.
+    """Return what a .bin holds.
+
+    Pymavlink dates each message with the receiver's week and time, in UTC.
     """
     logged: list[tuple[str, _Fix | _Sounding]] = []
     for message in messages_in(path, _DATAFLASH):

@@ -98,10 +98,9 @@ def _of_letters(name: str) -> tzinfo:
 
 
 def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
-    """Return the zone that a column names if it is the same in all rows: `-05:00`, `UTC` or a name
-    of the tz database.
+    """Return the zone that a column names equally in all rows; None for anything else.
 
-    None for anything else.
+    It is written as `-05:00`, `UTC` or a name of the tz database.
     """
     said = {cell.strip() for cell in cells if cell.strip()}
     if len(said) != 1:
@@ -160,12 +159,11 @@ def plausible(times: Array) -> tuple[Array, list[str]]:
 def read_times(
     cells: Sequence[str], header: str = "", zone: tzinfo | None = None
 ) -> tuple[Array, list[str]] | None:
-    """Return unix seconds (n,), NaN where a cell holds no time, and notes; None if less than half
-    do.
+    """Return unix seconds (n,), NaN where a cell holds no time, and notes.
 
-    `header` may give the order of the date (`MM/DD/YYYY`) and an offset. `zone` is that of times
-    that name none, UTC for None; a zone in the header takes precedence. Raises `InputError` if days
-    and months cannot be distinguished.
+    None if less than half of the cells hold a time. `header` may give the order of the date
+    (`MM/DD/YYYY`) and an offset. `zone` is that of times that name none, UTC for None; a zone in
+    the header takes precedence. Raises `InputError` if days and months cannot be distinguished.
     """
     zone = zone_in_header(header) or zone
     values = numbers_of(cells)
@@ -387,10 +385,10 @@ def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tupl
 def _folded(
     moments: Sequence[datetime | None], seconds: Array, zone: ZoneInfo
 ) -> tuple[Array, int, int]:
-    """Resolve the times in the hour that came twice: the second run begins when the clock goes back
-    within it.
+    """Resolve the times in the hour that came twice.
 
-    Returns the times, how many are in that hour, and how many in an hour that was skipped.
+    The second run begins when the clock goes back within it. Returns the times, how many are in
+    that hour, and how many in an hour that was skipped.
     """
     found, doubtful, missing = seconds.copy(), 0, 0
     latest = -np.inf

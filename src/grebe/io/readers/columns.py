@@ -170,10 +170,10 @@ def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> 
 
 
 def _readings_of(column: str, spelled: str, here: Unit, quantity: Quantity) -> list[str]:
-    """Return a header with the unit `spelled` as it would read in the quantity's own unit and
-    without one, for the patterns to match.
+    """Return a header as it would read in the quantity's own unit and without one.
 
-    A unit that holds at 25 °C is one of specific conductance, and never of plain conductivity.
+    The patterns match these forms. `spelled` is the header's unit. A unit that holds at 25 °C is
+    one of specific conductance, and never of plain conductivity.
     """
     base = _plain(split_header(column)[0])
     at_25 = [f"{base}25"] if here.kind == "conductivity" and is_at_25(spelled) else []
@@ -193,8 +193,9 @@ def _plain(text: str) -> str:
 
 
 def _plain_names(header: Sequence[str]) -> dict[str, str]:
-    """Return columns by their plain name, alone and with that of the column before:
-    `before/this`.
+    """Return columns by their plain name, alone and after that of the column before.
+
+    The latter has the form `before/this`.
     """
     plain: dict[str, str] = {}
     before = ""

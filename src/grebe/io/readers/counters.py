@@ -27,8 +27,9 @@ _LONGER = re.compile(r".*[\[(]\s*(min|mins|minutes?|h|hr|hrs|hours?)\s*[\])]")
 
 
 def per_second(header: str) -> float | None:
-    """Return how many of the unit that a header of times names make a second; None if it names
-    seconds, or no known unit.
+    """Return how many of the unit that a header of times names make a second.
+
+    None if it names seconds, or no known unit.
     """
     text = header.strip().lower()
     longer = _LONGER.fullmatch(text)

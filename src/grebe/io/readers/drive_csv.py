@@ -1,5 +1,4 @@
-"""Read a drive from CSV: one row per instant, columns found by their names, empty cells for no
-value.
+"""Read a drive from CSV: one row per instant, columns by name, empty cells for no value.
 
 A row may hold a state, a command, or both; a command holds from its row to the next one.
 """

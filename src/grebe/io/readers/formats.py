@@ -1,5 +1,6 @@
-"""Read a track from whatever wrote it: GPX, an autopilot's log, NMEA sentences, a Sea-Bird .cnv, or
-a table.
+"""Read a track from whatever wrote it.
+
+This may be a GPX, an autopilot's log, NMEA sentences, Sea-Bird's .cnv, or a table.
 """
 
 from __future__ import annotations
@@ -39,9 +40,7 @@ def read_logged(
 
 
 def _beginning(path: Path) -> str:
-    """Return the first characters; empty if the file cannot be read, which its reader will
-    report.
-    """
+    """Return the first characters; empty if the file is unreadable, as its reader will report."""
     try:
         with path.open("rb") as file:
             return file.read(_BEGINNING).decode("utf-8", "replace")

@@ -1,7 +1,7 @@
-"""Find headers that are repeated among the rows, because a logger was restarted or files were
-appended.
+"""Find headers that are repeated among the rows.
 
-The columns may have changed places, and each value after it would then be under another name.
+This happens when a logger is restarted or files are appended. The columns may have changed places,
+and each value after it would then be under another name.
 """
 
 from __future__ import annotations
@@ -22,10 +22,9 @@ BLANK = " \t\ufeff"
 def under_one_header(
     path: Path, header: Sequence[str], rows: list[list[str]]
 ) -> tuple[list[list[str]], list[str]]:
-    """Return the rows (of `header`'s columns) without the headers among them, each value under its
-    name, and notes.
+    """Return the rows without the headers among them, each value under its name, and notes.
 
-    Raises `TrackError` if a later header names other columns.
+    The rows have `header`'s columns. Raises `TrackError` if a later header names other columns.
     """
     header = _plain(header)
     names = {name for name in header if name}

@@ -181,8 +181,9 @@ def _counts_seconds(cells: Sequence[str] | None, found: Mapping[str, Column]) ->
 
 
 def _dated(table: Table, found: Mapping[str, Column]) -> str | None:
-    """Return a column of dates with their times beside one that counts from an unknown beginning;
-    None if there is none.
+    """Return a column of dates with times beside one that counts; None if there is none.
+
+    The counts begin at an unknown time.
     """
     for name in table.header:
         stamps = re.search("time|date", name.lower()) and name != found["time"].name

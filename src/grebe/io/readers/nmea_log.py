@@ -17,10 +17,10 @@ SENTENCE = re.compile(r"\$[A-Z]{2}[A-Z]{3},[^$]*\*[0-9A-Fa-f]{2}")
 
 
 def read_nmea(path: Path) -> Table:
-    """Read the positions of a log of sentences, with what the sounder (DPT, else DBT) and the probe
-    (MTW) reported since the one before.
+    """Read the positions of a log of sentences, with depths and temperatures.
 
-    Raises `TrackError` if no sentence gives the date, which only RMC does.
+    They are what the sounder (DPT, else DBT) and the probe (MTW) reported since the position
+    before. Raises `TrackError` if no sentence gives the date, which only RMC does.
     """
     import pynmea2
 

@@ -54,10 +54,10 @@ def read_outline(
     *,
     feature: str | None = None,
 ) -> Outline:
-    """Read a region from GeoJSON, KML, KMZ, GPX, a Shapefile (zipped too) or a GeoPackage, or, for
-    a .csv, from the hull of a track (section 6.2).
+    """Read a region from a vector file, or, for a .csv, from the hull of a track (section 6.2).
 
-    Hostile files are refused unread.
+    Vector files are GeoJSON, KML, KMZ, GPX, a Shapefile (zipped too) or a GeoPackage. Hostile files
+    are refused unread.
     """
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -137,8 +137,9 @@ def _open_line(found: list[tuple[Any, str]]) -> str:
 
 
 def _within_others(areas: list[tuple[BaseGeometry, str]]) -> Iterator[str]:
-    """Yield notes on polygons within another: an island that is drawn as a separate polygon makes
-    no hole in the lake.
+    """Yield notes on polygons within another.
+
+    An island that is drawn as a separate polygon makes no hole in the lake.
     """
     parts = [(part, own) for area, own in areas for part in shapely.get_parts(area).tolist()]
     if len(parts) > MOST_COMPARED or not all(part.is_valid for part, _ in parts):

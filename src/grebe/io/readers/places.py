@@ -46,8 +46,9 @@ _MINUTES = re.compile(r"d{2,3}m{2}\.?m*", re.IGNORECASE)
 def read_places(
     table: Table, found: Mapping[str, Column]
 ) -> tuple[NDArray[np.float64], list[str], list[str]]:
-    """Return positions (n, 2), longitude and latitude [deg], from a table's columns `lon` and
-    `lat`; notes; and the columns that give their hemispheres.
+    """Return positions (n, 2) from a table's columns `lon` and `lat`, notes, and clues.
+
+    Positions are longitude and latitude [deg]; clues are the columns that give their hemispheres.
     """
     signed: dict[str, NDArray[np.float64]] = {}
     notes, clues = list[str](), list[str]()
@@ -136,8 +137,9 @@ def _with_side(
 def _degrees(
     lon: NDArray[np.float64], lat: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[str]]:
-    """Return positions (n, 2) in degrees, from degrees, from whole numbers of 1e-7 degrees, or from
-    longitudes up to 360.
+    """Return positions (n, 2) in degrees, and notes.
+
+    They are given in degrees, in whole numbers of 1e-7 degrees, or with longitudes up to 360.
     """
     lonlat = np.column_stack([lon, lat])
     known = lonlat[np.isfinite(lonlat).all(axis=1) & (lonlat != 0).any(axis=1)]

@@ -48,9 +48,7 @@ def builtin_profiles() -> dict[str, Path]:
 
 
 def read_profile(given: str) -> Profile:
-    """Return one of Grebe's own profiles by name, or that of a file; `InputError` says what is
-    wrong.
-    """
+    """Return a profile of Grebe by name, or that of a file; `InputError` says what is wrong."""
     ours = builtin_profiles()
     path = ours.get(given, Path(given))
     if not path.is_file():

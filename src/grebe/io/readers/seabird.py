@@ -185,10 +185,9 @@ def _not_marked(header: _Header, rows: list[list[str]]) -> list[bool]:
 
 
 def _times(header: _Header, rows: list[list[str]]) -> tuple[list[str], int | None, str]:
-    """Return the rows' times as ISO 8601, empty where there is none; the place of their column; and
-    their name.
+    """Return the rows' times as ISO 8601, the place of their column, and their name.
 
-    The place is None if they come from the interval between rows.
+    A row without a time is empty. The place is None if they come from the interval between rows.
     """
     for clock in _CLOCKS:
         origin = clock.epoch

@@ -44,8 +44,9 @@ def separator(lines: Sequence[str]) -> str:
 
 
 def rows_of(text: str, separates: str, lines: Sequence[str]) -> list[list[str]]:
-    """Return the rows of a text that are not empty; `lines` are its first ones. Raises
-    `csv.Error`.
+    """Return the rows of a text that are not empty; `lines` are its first ones.
+
+    Raises `csv.Error`.
     """
     if separates == BLANKS:
         values = max(_ways(), key=lambda one: _agreement(_gaps(lines, one))[0])

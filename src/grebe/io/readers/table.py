@@ -110,8 +110,9 @@ def read_table(
 
 
 def _told_apart(header: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return a header in which no name occurs twice, with `Temp #2` as the second of its name, and
-    notes.
+    """Return a header in which no name occurs twice, and notes.
+
+    `Temp #2` is the second column of its name.
     """
     seen: dict[str, int] = {}
     names: list[str] = []
@@ -145,8 +146,9 @@ def _groups_thousands(rows: list[list[str]], delimiter: str) -> bool:
 
 
 def _refuse_unlike(path: Path, header: list[str], rows: list[list[str]]) -> None:
-    """Refuse a header with another length than the rows: a blank within a name would shift the
-    values after it.
+    """Refuse a header with another length than the rows.
+
+    A blank within a name would shift the values after it.
     """
     unlike = sum(len(row) != len(header) for row in rows)
     if rows and unlike > len(rows) / 2:
@@ -164,8 +166,9 @@ def _header_of(path: Path) -> list[str]:
 
 
 def _fitting(path: Path, rows: list[list[str]], names: list[str], source: str) -> list[str]:
-    """Return the names, if each row has as many values: otherwise a name would be over another
-    column.
+    """Return the names, if each row has as many values.
+
+    Otherwise a name would be over another column.
     """
     widths = {len(row) for row in rows}
     usual = max(widths, key=[len(row) for row in rows].count)
@@ -207,8 +210,9 @@ def _is_units(row: list[str]) -> bool:
 
 
 def _without_units(path: Path, rows: list[list[str]], units: list[str]) -> list[list[str]]:
-    """Return the rows without the line of units, which may be repeated; `TrackError` for another
-    one.
+    """Return the rows without the line of units, which may be repeated.
+
+    Raises `TrackError` for another line of units.
     """
     kept: list[list[str]] = []
     for row in rows:

@@ -17,10 +17,10 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
 
 
 def read_text(path: Path) -> str:
-    """Return a file's text, from UTF-8 or from UTF-16 with its mark, with line endings as in
-    Python.
+    """Return a file's text, with line endings as in Python.
 
-    `InputError` says what is wrong with the file.
+    It is read from UTF-8, or from UTF-16 with its mark. `InputError` says what is wrong with the
+    file.
     """
     data = _read(path)
     try:
@@ -30,8 +30,9 @@ def read_text(path: Path) -> str:
 
 
 def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
-    """Read as `read_text`, and also Windows' old code page, as spreadsheets save it, with a
-    note.
+    """Read as `read_text` does, but also the old code page of Windows, with a note.
+
+    Spreadsheets save that.
     """
     data = _read(path)
     try:

@@ -145,9 +145,9 @@ def _pauses(
 def _in_order(
     lonlat: NDArray[np.float64], times: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.intp], list[str]]:
-    """Return the order (n,) of the rows by their times, if the times run back and sorting does not
-    lengthen the boat's path.
+    """Return the order (n,) of the rows, and notes.
 
+    Rows are sorted by their times if these run back and sorting does not lengthen the boat's path.
     If it does, the clock was set back, and the rows keep their order.
     """
     as_read = np.arange(len(lonlat))
@@ -206,8 +206,9 @@ def read_readings(
 def _of_a_sounder(
     found: dict[str, Column], given: TrackColumns, quantities: Quantities
 ) -> tuple[dict[str, Column], list[str]]:
-    """Return the columns, and a note: a depth without readings of a sonde beside it is the
-    water's.
+    """Return the columns, and a note.
+
+    A depth is the water's if there are no readings of a sonde beside it.
     """
     beside = [key for key in quantities if key in found and quantities[key].on_sonde]
     depth = found.get(SONDE_DEPTH)
@@ -279,8 +280,9 @@ def _present(values: NDArray[np.float64], missing: tuple[float, ...]) -> NDArray
 def _find_glitches(
     lonlat: NDArray[np.float64], times: NDArray[np.float64] | None, order: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], list[str]]:
-    """Mark the rows to keep and count what is wrong with the others; `order` (n,) are their places
-    in the file.
+    """Mark the rows to keep and count what is wrong with the others.
+
+    `order` (n,) are their places in the file.
     """
     finite = np.isfinite(lonlat).all(axis=1)
     zero = finite & (np.abs(lonlat) < 1e-9).all(axis=1)

@@ -54,8 +54,9 @@ def drop(path: Path, lock: TextIO) -> None:
 
 @contextmanager
 def claimed(path: Path, why: str) -> Generator[None]:
-    """Hold a claim within the block; `SurveyFileError`, beginning with `why`, if it cannot
-    be had.
+    """Hold a claim within the block.
+
+    Raises `SurveyFileError`, beginning with `why`, if it cannot be had.
     """
     try:
         lock = take(path)
@@ -82,8 +83,9 @@ def _is_at(path: Path, lock: TextIO) -> bool:
 
 
 def _lock_path(path: Path) -> Path:
-    """Return the path of the lock, beside the file that `path` resolves to: one file has one lock,
-    whatever link leads to it.
+    """Return the path of the lock of a survey file.
+
+    It is beside the file that `path` resolves to: one file has one lock, whatever link leads to it.
     """
     path = path.resolve()
     return path.with_name(path.name + ".lock")

@@ -75,16 +75,15 @@ PATIENCE_S = 10.0
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Open for one thread at a time: a mission writes in another thread than the one that opened
-    it.
+    """Open for one thread at a time.
+
+    A mission writes in another thread than the one that opened the file.
     """
     return sqlite3.connect(path, isolation_level=None, timeout=PATIENCE_S, check_same_thread=False)
 
 
 def make_durable(connection: sqlite3.Connection) -> None:
-    """Keep commits on the disk even after a power cut, and let readers and the writer work
-    at once.
-    """
+    """Keep commits on the disk even after a power cut, without readers getting in the way."""
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
     # The journal grows while another program holds a read, and shrinks to this afterwards.

@@ -39,8 +39,9 @@ def write_quantities(connection: sqlite3.Connection, quantities: Iterable[Quanti
 
 
 def declare_quantities(connection: sqlite3.Connection) -> None:
-    """Declare the quantities in the columns of the samples: older files had five and did not
-    declare them.
+    """Declare the quantities in the columns of the samples.
+
+    Older files had five and did not declare them.
     """
     columns = {row[1] for row in connection.execute("PRAGMA table_info(samples)")}
     held = Quantities(one for one in BUILTIN.values() if {one.key, f"{one.key}_qc"} <= columns)

@@ -130,8 +130,9 @@ def _typed(old: Mapping[str, Any]) -> PlanSettings | None:
 
 
 def _undrawn(footprints: NDArray[np.object_], core: float) -> NDArray[np.object_]:
-    """Return the cells whose cores some footprints are; a share is the same in degrees as in
-    metres.
+    """Return the cells whose cores some footprints are.
+
+    A share is the same in degrees as in metres.
     """
     if core == 1.0 or not len(footprints):
         return footprints

@@ -222,9 +222,7 @@ class SurveyFile(SurveyReader):
     # -- writing ---------------------------------------------------------------------
 
     def together(self) -> AbstractContextManager[None]:
-        """Write everything within the block as one: at the end all of it is on the disk, or
-        nothing.
-        """
+        """Write everything within the block as one: all of it is on the disk in the end, or none."""
         return self._together
 
     def declare(self, quantities: Quantities) -> None:
@@ -350,8 +348,9 @@ class SurveyFile(SurveyReader):
             self._insert("meta", {"key": key, "value": value})
 
     def clear_mission(self) -> None:
-        """Delete track, samples, events and what was reached; restore the plan as it was before
-        missions revised it.
+        """Delete the track, the samples, the events and what was reached.
+
+        The plan is restored to what it was before missions revised it.
         """
         again = begun_anew(self.revisions())
         with self._together:

@@ -77,9 +77,7 @@ class SurveyReader:
         return track_of(rows)
 
     def track_ends(self, boat: int | None = None) -> tuple[TrackEnd, TrackEnd] | None:
-        """Return the first and the last row of the track, or of one boat's; None if there
-        is none.
-        """
+        """Return the first and the last row of the track, or of one boat's; None if it is empty."""
         columns = ", ".join(schema.STATE_COLUMNS)
         some = "track" if boat is None else f"track WHERE boat = {int(boat)}"
         rows = self._query(
@@ -94,8 +92,9 @@ class SurveyReader:
         return first, last
 
     def last_target(self, boat: int | None = None) -> int | None:
-        """Return the number of the target that a boat, or any boat, steered to last; None if there
-        is none.
+        """Return the number of the target that was steered to last; None if there is none.
+
+        It is that of one boat, or of any.
         """
         whose = "" if boat is None else f"AND boat = {int(boat)} "
         rows = self._query(

@@ -114,8 +114,9 @@ def track_row(point: Step, place: bytes, boat: int) -> dict[str, Any]:
 
 
 def track_of(rows: Sequence[tuple[Any, ...]]) -> TrackTable:
-    """Return the track from its rows: time, status, target, boat, the state, both thrusts, ms of
-    the solver.
+    """Return the track from its rows.
+
+    A row holds time, status, target, boat, the state, both thrusts, and ms of the solver.
     """
     times = tuple(parse_time(row[0]) for row in rows)
     numbers = np.array([row[4:] for row in rows], dtype=float).reshape(-1, 9)
@@ -193,9 +194,7 @@ def samples_of(
 def _block(
     rows: list[tuple[Any, ...]], width: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return times (n,), longitude and latitude (n, 2) and the other columns (n, width) of some
-    rows.
-    """
+    """Return times (n,), longitudes and latitudes (n, 2), and other columns (n, width) of rows."""
     return (
         parse_times([row[1] for row in rows]),
         geopackage.point_coordinates([row[0] for row in rows]),

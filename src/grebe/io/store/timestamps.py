@@ -22,9 +22,7 @@ def time_text(time: datetime) -> str:
 
 
 def time_texts(seconds: NDArray[np.float64]) -> list[str]:
-    """Return unix seconds (n,) as `time_text` writes one: milliseconds are truncated, not
-    rounded.
-    """
+    """Return unix seconds (n,) as `time_text` writes one; milliseconds are truncated."""
     fraction, whole = np.modf(seconds)
     micros = 1_000_000 * whole.astype(np.int64) + np.rint(1e6 * fraction).astype(np.int64)
     texts = np.datetime_as_string((micros // 1000).astype("datetime64[ms]"))
