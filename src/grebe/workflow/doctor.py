@@ -17,8 +17,7 @@ from grebe.links.checks import Check, Verdict, check
 from grebe.workflow.boats import MAVLINK_SCHEME, mavlink_address, open_mavlink
 from grebe.workflow.instruments import checks_of
 
-# An hour of a mission writes this much at most, with all its tables: measured at some 9 MB at 10
-# Hz.
+# Ample room for a survey: an hour of a mission writes some 9 MB at 10 Hz, with all its tables.
 ROOM_BYTES = 500e6
 # A clock that shows a time before this was never set.
 RELEASED = datetime(2026, 1, 1, tzinfo=UTC)

@@ -175,8 +175,8 @@ def read_zones(
 ) -> tuple[list[shapely.Polygon], tuple[str, ...]]:
     """Return the no-go zones of some files, in the region's frame, and notes.
 
-    The notes name files that do not touch the region's water. With `mends`, invalid polygons are
-    repaired; otherwise they raise `InputError`.
+    The notes are those of the readers, and name files that do not touch the region's water. With
+    `mends`, invalid polygons are repaired; otherwise they raise `InputError`.
     """
     zones: list[shapely.Polygon] = []
     notes: list[str] = []

@@ -27,8 +27,8 @@ from grebe.planning.ways.travel import travel_of
 class Preview:
     """What a mission has before it.
 
-    Of `targets`, those of one `sortie` if the plan is in sorties, `reached` are done and
-    `next_target` is ahead (None: nothing is left). `boat` is the number of a fleet's boat.
+    `reached` of `targets` are done and `next_target` is ahead (None: nothing is left); they are
+    those of one `sortie` if the plan is in sorties. `boat` is the number of a fleet's boat.
 
     The boat is expected at `lat_deg`, `lon_deg`, `distance_m` in a straight line from that target.
     The rest takes `remaining_s` by the shortest (taut) path in the weather that was planned for.

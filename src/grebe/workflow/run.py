@@ -171,7 +171,7 @@ def _replanner(
 def spent_as_said(departure: Departure, settings: MissionSettings | None) -> Departure:
     """Return the departure with the energy that the battery has given, if the settings state it.
 
-    A battery that was changed starts with its full time as well.
+    This is another battery than that of the track, and so it also has its full time ahead.
     """
     used_wh = None if settings is None else settings.safety.used_wh
     return departure if used_wh is None else replace(departure, spent=Spent(energy_wh=used_wh))

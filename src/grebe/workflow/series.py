@@ -106,7 +106,7 @@ def map_series(
 def _by_day(rows: list[tuple[float, Array, Array]]) -> list[tuple[float, Array, Array]]:
     """Return maps (time, mean, sd) with those of one day merged into one.
 
-    The maps of a day have in common what the day was like, and how the sensors were calibrated.
+    The maps of a day share the day's conditions and the calibration of the sensors.
     """
     found: list[tuple[float, Array, Array]] = []
     first = 0

@@ -50,8 +50,7 @@ JITTER_S = 600.0
 _DAYS_FIRST = ("%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%d/%m/%y", "%d.%m.%y")
 _MONTHS_FIRST = ("%m/%d/%Y", "%m-%d-%Y", "%m/%d/%y", "%m%d%y")
 _YEAR_FIRST = ("%Y-%m-%d", "%Y/%m/%d", "%Y%m%d", "%y%m%d")
-# With a two-digit year and separators, these are read only if the header says that the year is
-# first.
+# Formats with a two-digit year first and separators are tried only if the header says so.
 _SHORT_YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d", "%y.%m.%d")
 _MONTH_NAMED = ("%d-%b-%Y", "%d %b %Y", "%b %d %Y", "%b %d, %Y", "%d/%b/%Y", "%d-%b-%y")
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H%M%S")

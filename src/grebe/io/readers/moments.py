@@ -48,7 +48,7 @@ class Moments:
     """The times (n,) of a table [unix s], None if it has none.
 
     `columns` are those that they came from, if not the one named like a time; `clues` are the
-    columns that give their zone.
+    columns that give their zone; `notes` are for the user.
     """
 
     times: NDArray[np.float64] | None = None

@@ -1,7 +1,7 @@
 """Read the outline of a region: vector files of many kinds, or the convex hull of a track.
 
-The result is in WGS 84 degrees (longitude, latitude), as it is in the file; `grebe.planning.region`
-judges and cleans it.
+The result is in WGS 84 degrees (longitude, latitude) and otherwise as in the file;
+`grebe.planning.region` judges and cleans it.
 """
 
 from __future__ import annotations

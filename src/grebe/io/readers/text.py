@@ -32,7 +32,7 @@ def read_text(path: Path) -> str:
 def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
     """Read as `read_text` does, but also the old code page of Windows, with a note.
 
-    Spreadsheets save that.
+    Spreadsheets save files in it.
     """
     data = _read(path)
     try:

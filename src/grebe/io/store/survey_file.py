@@ -222,7 +222,7 @@ class SurveyFile(SurveyReader):
     # -- writing ---------------------------------------------------------------------
 
     def together(self) -> AbstractContextManager[None]:
-        """Write everything within the block as one: all of it is on the disk in the end, or none."""
+        """Write everything within the block as one: in the end all is on the disk, or nothing."""
         return self._together
 
     def declare(self, quantities: Quantities) -> None:
