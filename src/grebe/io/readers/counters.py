@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Times larger than any survey's seconds since 1970 are milliseconds, and still larger ones micro- or
-# nanoseconds: from which number on, and how many there are in a second.
+# Times larger than any seconds of a survey since 1970 are milliseconds, still larger ones micro- or
+# nanoseconds. Each pair is where they begin, and how many make a second.
 SCALES = ((1e17, 1e9), (1e14, 1e6), (1e11, 1e3))
 # Names that are nothing but a unit. In capitals, mS and uS are units of conductivity.
 BARE = frozenset({"ms", "us", "ns", "millis", "micros"})

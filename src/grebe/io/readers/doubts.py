@@ -38,7 +38,7 @@ def doubts(column: Column, quantity: Quantity, found: Collection[str]) -> list[s
 def _of_unit(column: Column, quantity: Quantity) -> list[str]:
     if column.unknown:
         unit = quantity.unit or "its unit"
-        return [f"{column.unknown!r} is no unit that is known; taken as {unit}"]
+        return [f"{column.unknown!r} is not a known unit; taken as {unit}"]
     if quantity.key in _OF_MANY_UNITS and not column.unit and not _ends_in_unit(column, quantity):
         return [f"its header names no unit; taken as {quantity.unit}"]
     if re.search("f[nt]u", column.unit.lower()):

@@ -46,7 +46,7 @@ def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
         rest = data.decode("utf-8", "ignore")
         if _CONTROL.search(text) or not rest.isascii():
             raise _undecoded(path, error) from None
-        return _checked(path, text), ("read as text of Windows-1252, for it is no UTF-8",)
+        return _checked(path, text), ("read as Windows-1252 text, because it is not UTF-8",)
 
 
 def _read(path: Path) -> bytes:

@@ -161,7 +161,7 @@ def _in_order(
 
     if way(order) > NO_LONGER * way(as_read):
         return as_read, []
-    return order, ["rows out of order: put in the order of their times"]
+    return order, ["rows out of order: sorted by their times"]
 
 
 def read_readings(
