@@ -41,7 +41,7 @@ def test_the_edges_of_the_globe_are_places_too(place):
 
 
 def test_a_swapped_lake_that_ends_at_sea_is_named_with_its_place(tmp_path):
-    """A lake in Labrador at 51 N, 55 W ends in the southern ocean if its coordinates are swapped."""
+    """A lake in Labrador at 51 N, 55 W, with swapped coordinates, ends in the southern ocean."""
     path = tmp_path / "lake.geojson"
     swapped = sea_warning(51.0, -55.0)
     assert "-55.000 N, 51.000 E" in swapped

@@ -49,7 +49,9 @@ def under_one_header(
     notes = [f"{counted(again, 'header')} among the rows: not used"] if again else []
     if moved:
         rows_moved = counted(moved, "row")
-        notes.append(f"{rows_moved} below a header of another order: put in the first one's")
+        notes.append(
+            f"{rows_moved} below a header in another order: put in the order of the first one"
+        )
     return kept, notes
 
 

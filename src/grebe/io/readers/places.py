@@ -127,7 +127,7 @@ def _with_side(
         said = np.array([cell.strip().upper() for cell in cells])
         if np.isin(said, (here, there, "")).all() and (said != "").any():
             turned = np.where(said == there, -np.abs(degrees), degrees)
-            return turned, [f"{name}: the side of {column}"], [name]
+            return turned, [f"{name}: the hemisphere of {column}"], [name]
     if _WESTWARDS[key].search(column):
         text = f"{column}: counted to the {'west' if key == 'lon' else 'south'}"
         return -np.abs(degrees), [text], []

@@ -94,7 +94,7 @@ def read_table(
         body = _without_units(path, body, units)
         header = [_with_unit(name, unit.strip()) for name, unit in zip(header, units, strict=False)]
     if not body:
-        raise TrackError(f"{path}: a header and no rows.")
+        raise TrackError(f"{path}: the file holds a header, but no rows.")
     header, clues, mixed = with_units(path, header, body)
     header, twice = _told_apart(header)
     before = [f"{counted(place, 'line')} before the header: not used"] if place else []
