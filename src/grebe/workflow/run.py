@@ -63,16 +63,15 @@ def run_survey(
 
     A plan in sorties sails the one that `sortie` names, by default the first that is not done. With
     `replans` the rest is planned anew when a target is out of reach, the current has changed or the
-    sortie is late; when an area is closed, this happens without it as well. `extends` says where
-    the mission goes on once its order is sailed.
+    sortie is late; a closed area always does that. `extends` says where the mission goes on
+    afterwards.
 
-    `boat_at` opens the link and `helm_of` makes the helm, once it is known where the mission sets
-    out and what the link knows of the boat. `listeners` receive the mission's events. `on_ready` is
-    given the mission before it begins, so that it can be stopped or called home. `instruments` are
-    sondes apart from the boat; the caller closes them, and the file declares their quantities. A
-    recorded mission is discarded (`force`) only once everything that the new one needs is there.
-
-    Raises what `prepare` raises. A link that fails during the mission is in the report, not raised.
+    `boat_at` opens the link and `helm_of` makes the helm, once the start and the link's knowledge
+    of the boat are known. `listeners` receive the events; `on_ready` gets the mission before it
+    begins, to stop it or call it home. `instruments` are sondes apart from the boat, which the
+    caller closes; the file declares their quantities. `force` discards a recorded mission only once
+    all that the new one needs is there. Raises what `prepare` raises; a link that fails on the way
+    is in the report instead.
     """
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     departure = spent_as_said(departure, settings)
