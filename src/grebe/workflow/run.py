@@ -63,8 +63,7 @@ def run_survey(
 
     A plan in sorties sails the one that `sortie` names, by default the first that is not done. With
     `replans` the rest is planned anew when a target is out of reach, the current has changed or the
-    sortie is late; a closed area always does that. `extends` says where the mission goes on
-    afterwards.
+    sortie is late; a closed area always does that. `extends` says where it goes on after its order.
 
     `boat_at` opens the link and `helm_of` makes the helm, once the start and the link's knowledge
     of the boat are known. `listeners` receive the events; `on_ready` gets the mission before it
