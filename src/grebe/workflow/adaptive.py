@@ -1,4 +1,4 @@
-"""Go on where it pays: turn what was measured into the revision that is sailed next."""
+"""Extend a survey where readings pay: plan the next revision from what was measured."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ NOWHERE_SD = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class Adapted:
-    """The revision that goes on where it pays, and the standard deviation before and after.
+    """The revision that extends a survey, and the standard deviation before and after.
 
     `before_sd` and `expected_sd` are the root mean square of the map's standard deviation before
-    and as expected after, weighted by what matters; after includes what other boats have announced.
+    and as expected after, weighted by importance. The latter includes announcements of other boats.
     """
 
     revision: PlanRevision
@@ -88,7 +88,7 @@ def adapted(
     """Return where a survey, or its boat's sortie, goes on from halfway.
 
     `announced` are the paths (k, 2) along which other boats are going to read; this one reads
-    elsewhere. It keeps out of what is `closed`. Raises `InputError` if what was measured makes no
+    elsewhere. It stays out of the `closed` areas. Raises `InputError` if the measurements yield no
     map, and `PlanError` if the time is too short for any place.
     """
     place, sortie = halfway.place, halfway.sortie
@@ -227,7 +227,7 @@ def worth_of(
 ) -> Worth:
     """Return what places (m, 2) are worth, by the map of what was measured so far.
 
-    Passing one takes `pass_s` [s]. Raises `InputError` if the measurements make no map, and
+    Passing one takes `pass_s` [s]. Raises `InputError` if the measurements yield no map, and
     `PlanError` if the quantity crosses the threshold nowhere.
     """
     key = wish.quantity
@@ -270,7 +270,7 @@ def worth_of(
 
 
 def _variation(mapped: QuantityMap, places: Array, area_m2: float, cell_m: float) -> Array:
-    """Return how much the water varies about each place.
+    """Return how much the water varies around each place.
 
     The scale is about the distance between two passes. It is estimated from readings that are at
     most two cells apart.

@@ -1,4 +1,4 @@
-"""Continue a mission where it pays, as soon as its order is sailed."""
+"""Extend a mission where readings pay, as soon as its order is sailed."""
 
 from __future__ import annotations
 

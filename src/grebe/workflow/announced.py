@@ -1,4 +1,4 @@
-"""What a fleet's boats have announced that they will read, taken from the plan that all share."""
+"""Where a fleet's boats have announced to read, taken from the plan that all share."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _place_of(file: SurveyFile, sortie: Sortie) -> tuple[float, float]:
 
 
 def lying(file: SurveyFile, sailing: Collection[int]) -> list[shapely.Polygon]:
-    """Return the water about each boat of a fleet that has sailed and is no longer `sailing`."""
+    """Return the water around each boat of a fleet that has sailed and is no longer `sailing`."""
     fleet = file.survey.fleet
     if fleet is None:
         return []

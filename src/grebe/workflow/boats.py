@@ -47,14 +47,14 @@ class Harbour:
     confirm: Confirm = nobody
 
 
-# A scheme turns what follows its colon into an opener of links.
+# A scheme turns the text after its colon into a function that opens links.
 Scheme = Callable[[str, Harbour], BoatAt]
 
 
 def boat_named(
     url: str, harbour: Harbour | None = None, more: Mapping[str, Scheme] | None = None
 ) -> BoatAt:
-    """Return what opens the link of a URL such as `sim:`.
+    """Return the function that opens the link of a URL such as `sim:`.
 
     `more` are schemes in addition to our own. Raises `LinkError` for an unknown scheme.
     """

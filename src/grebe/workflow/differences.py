@@ -29,7 +29,7 @@ LEAST_WATER_M2 = 25.0
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """What changed of one quantity: the first map, and the second one minus the first."""
+    """The change of one quantity: the first map, and the second one minus the first."""
 
     before: QuantityMap
     difference: Difference

@@ -45,10 +45,9 @@ from grebe.workflow.together import Together
 
 # Opens the link of a boat, given its number and where it departs from.
 FleetAt = Callable[[int, Departure], BoatLink]
-# Makes what says where a boat goes on after its part, given a function that returns the boats that
-# still sail.
+# Makes the extension of a boat's mission, given a function that returns the boats that still sail.
 ExtensionOf = Callable[[Callable[[], Collection[int]]], Extension]
-# A boat that ends like this sails no more; another takes over what it has left.
+# A boat that ends like this sails no more; another takes over its remaining targets.
 LOST = frozenset(EndReason) - {EndReason.COMPLETE, EndReason.STOPPED, EndReason.FAILED}
 
 
@@ -101,8 +100,8 @@ class FleetRun:
     run: only whoever resumes it knows about its battery.
 
     `watches` receive the events of each boat; `instruments` are sondes apart from a boat, by its
-    number. With `replans` a boat's rest is planned anew when a target is out of reach, the current
-    has changed or its sortie is late; when an area is closed, this happens without it as well. With
+    number. With `replans` a boat's rest is replanned when a target is out of reach, the current has
+    changed or its sortie is late; when an area is closed, this happens without it as well. With
     `extends` each boat goes on once it has done its part, but only once: after what it takes over
     from a boat that dropped out, it ends. `changed` are the numbers of the boats that have new
     batteries, whatever their tracks say.
@@ -129,8 +128,8 @@ class FleetRun:
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
         """Sail until every boat has done its part.
 
-        The nearest of the others takes over what a boat that drops out has left, and sails it after
-        its own part.
+        If a boat drops out, the nearest of the others takes over its remaining targets, after its
+        own.
 
         Raises `UsageError` for a survey that was not planned for a fleet, and `PlanError` and
         `SurveyFileError` as `prepare` does.
@@ -282,9 +281,9 @@ class FleetRun:
 
     @property
     def _renewed(self) -> tuple[Cause, ...]:
-        """What is renewed at the harbour of a boat that comes home for it.
+        """The causes of coming home that a stay at the harbour removes.
 
-        This is its battery, and the time that the plan gives a sortie, but not the time that was
+        These are the battery, and the time that the plan gives a sortie, but not the time that was
         given to this run.
         """
         of_plan = math.isinf(self.settings.safety.max_s)
@@ -306,7 +305,7 @@ class FleetRun:
         )
 
     def _settings_of(self, boat: int, departure: Departure) -> MissionSettings:
-        """Return what a boat sails with: the plan's battery and time, minus what it has spent.
+        """Return a boat's settings: the plan's battery and time, minus what it has spent.
 
         A battery state that was given for this run applies to the first departure only.
         """
@@ -326,13 +325,16 @@ class FleetRun:
         return spent_as_said(departure, self._as_said_of(sortie.boat))
 
     def _as_said_of(self, boat: int) -> MissionSettings:
-        """Return the settings with what was said about a boat's own battery."""
+        """Return the settings of a boat; a battery that was changed has spent nothing."""
         if boat not in self.changed:
             return self.settings
         return replace(self.settings, safety=replace(self.settings.safety, used_wh=0.0))
 
     def _hand_over(self, fallen: set[int], lost: set[int]) -> bool:
-        """Give what the fallen boats have left to the nearest that sails; False if nobody sails."""
+        """Give the fallen boats' remaining targets to the nearest that sails.
+
+        Returns False if nobody sails.
+        """
         file = self.survey_file
         boats = {one.boat for one in file.revision.sorties} - lost
         if not fallen:

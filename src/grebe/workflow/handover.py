@@ -1,4 +1,4 @@
-"""Hand what a lost boat of a fleet has left to the nearest of the others."""
+"""Hand the remaining targets of a lost boat to the nearest of the fleet's others."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from grebe.workflow.berths import lying
 
 @dataclass(frozen=True, kw_only=True)
 class Handover:
-    """Plans anew what sorties of a survey file have left.
+    """Replans the remaining targets of sorties in a survey file.
 
-    The new plan keeps out of what is `closed`, and out of the water about idle boats on it. Boats
-    that are `adrift` count as such even at a harbour.
+    The new plan keeps out of what is `closed`, and out of the water around idle boats. Boats that
+    are `adrift` count as such even at a harbour.
     """
 
     survey_file: SurveyFile
@@ -33,7 +33,7 @@ class Handover:
     adrift: Collection[int]
 
     def is_shut(self, number: int) -> bool:
-        """Return whether everything that a sortie has left is closed."""
+        """Return whether all remaining targets of a sortie are closed."""
         file = self.survey_file
         sortie = file.revision.sortie(number)
         ends = file.track_ends(sortie.boat)
@@ -47,9 +47,9 @@ class Handover:
         return False
 
     def give(self, lost: Collection[int], boats: Collection[int]) -> None:
-        """Give what the lost boats have left to the nearest of the sailing `boats`.
+        """Give the lost boats' remaining targets to the nearest of the sailing `boats`.
 
-        It is given sortie by sortie, each as a revision of the plan.
+        This is done sortie by sortie, each as a revision of the plan.
         """
         for sortie in [one for one in self.survey_file.revision.sorties if one.boat in lost]:
             self._take_over(sortie, boats)
@@ -78,7 +78,7 @@ class Handover:
         file.append_revision(replace(new, sorties=tuple(sorties)))
 
     def _about_lying(self, boats: Collection[int]) -> list[shapely.Polygon]:
-        """Return the water that is kept free about all idle boats on it, except for `boats`."""
+        """Return the water that is kept free around idle boats, which are all but `boats`."""
         fleet = self.survey_file.survey.fleet
         assert fleet is not None
         radius_m = fleet.apart_m + 2 * WANDER_M
@@ -99,7 +99,7 @@ class Handover:
         vessel: Vessel,
         about: Sequence[shapely.Polygon] = (),
     ) -> PlanRevision:
-        """Return the plan in which the rest of a sortie is planned anew, starting from a place."""
+        """Return the plan with the rest of a sortie replanned from a place on."""
         survey, revision = self.survey_file.survey, self.survey_file.revision
         weather = survey.settings.weather if survey.settings else None
         if weather is None:

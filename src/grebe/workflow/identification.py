@@ -163,7 +163,7 @@ def _comment(one: Told) -> str:
 
 
 def _head(found: Identification) -> list[str]:
-    """Return the text above the numbers: latency, how well the boat predicts, and notes."""
+    """Return the text above the numbers: latency, accuracy of the predictions, and notes."""
     check = found.hold_out
     latency = found["latency_s"]
     return [

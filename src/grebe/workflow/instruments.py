@@ -1,4 +1,4 @@
-"""Instruments by what a user gives: `ADDRESS@PROFILE`, as in serial:/dev/ttyUSB0@ysi-exo."""
+"""Instruments as users name them: `ADDRESS@PROFILE`, as in serial:/dev/ttyUSB0@ysi-exo."""
 
 from __future__ import annotations
 

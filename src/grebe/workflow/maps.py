@@ -202,7 +202,7 @@ def _assets(
 
 
 def _projection(data: ReportData) -> dict[str, Any]:
-    """Return what the rasters share, by STAC's projection extension."""
+    """Return the properties that all rasters share, by STAC's projection extension."""
     from pyproj import CRS
 
     grid = data.maps[0].grid
@@ -215,7 +215,7 @@ def _projection(data: ReportData) -> dict[str, Any]:
 
 
 def catalogue_entry(data: ReportData, credits_file: Path | None = None) -> CatalogueEntry:
-    """Return what a catalogue finds the maps by; `InputError` if the credits cannot be read."""
+    """Return the catalogue entry of the maps; `InputError` if the credits cannot be read."""
     said = read_credits(credits_file).said()
     water = shapely.transform(data.survey.water, data.survey.frame.to_wgs84)
     times = data.samples.times
@@ -265,7 +265,7 @@ def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
 
 
 def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list[str]:
-    """Return what mapping some quantities together has gained, in a sentence each."""
+    """Return a note for each quantity on the gain of mapping some together."""
     labels = {one.quantity.key: inline(one.quantity.label) for one in maps}
     notes: list[str] = []
     for one in maps:

@@ -67,7 +67,7 @@ def serve_physics(
     tell: Callable[[str], None] = lambda _: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Be the physics under a firmware until `stopped` returns True or the keyboard interrupts it.
+    """Simulate the physics under a firmware, until `stopped` returns True or Ctrl-C is pressed.
 
     Returns counts of what was served. Raises `LinkError` if the port is taken.
     """

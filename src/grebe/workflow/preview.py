@@ -25,7 +25,7 @@ from grebe.planning.ways.travel import travel_of
 
 @dataclass(frozen=True, kw_only=True)
 class Preview:
-    """What a mission has before it.
+    """The preview of a mission.
 
     `reached` of `targets` are done and `next_target` is ahead (None: nothing is left); they are
     those of one `sortie` if the plan is in sorties. `boat` is the number of a fleet's boat.
@@ -54,7 +54,7 @@ class Preview:
 
 
 def preview_of(departure: Departure) -> Preview:
-    """Return what a mission from `departure` has before it; nothing is opened or changed."""
+    """Return the preview of a mission from `departure`; nothing is opened or changed."""
     survey, (north, east, heading, *_) = departure.survey, departure.state
     lon, lat = survey.frame.to_wgs84((north, east)).tolist()
     ahead = survey.targets[departure.reached :]
@@ -75,7 +75,7 @@ def preview_of(departure: Departure) -> Preview:
 
 
 def fleet_preview(survey_file: SurveyFile, now: datetime) -> dict[str, Any]:
-    """Return what the next sortie of each boat of a fleet has before it, by name.
+    """Return the preview of the next sortie of each boat of a fleet, by name.
 
     `remaining_s` is that of the boat that takes longest. Raises what `prepare` raises.
     """
@@ -114,7 +114,7 @@ def _detour(departure: Departure) -> tuple[str, ...]:
 
 
 def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:
-    """Return what a boat that is brought home from where it is has before it, by name.
+    """Return the preview of bringing a boat home from where it is, by name.
 
     Raises what `ways_home` raises, and `PlanError` if no path leads there.
     """

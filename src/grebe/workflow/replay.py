@@ -26,7 +26,7 @@ FASTEST = "max"
 
 
 def replay_boat(rest: str) -> BoatAt:
-    """Return what opens the boat of `replay:FILE?speed=N`.
+    """Return the function that opens the boat of `replay:FILE?speed=N`.
 
     The speed is a multiple of the recorded one, 1 by default; `max` is as fast as the mission
     computes.

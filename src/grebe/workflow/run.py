@@ -62,7 +62,7 @@ def run_survey(
     """Steer a boat through the targets of a survey file and record what it measures.
 
     A plan in sorties sails the one that `sortie` names, by default the first that is not done. With
-    `replans` the rest is planned anew when a target is out of reach, the current has changed or the
+    `replans` the rest is replanned when a target is out of reach, the current has changed or the
     sortie is late; a closed area always does that. `extends` says where it goes on after its order.
 
     `boat_at` opens the link and `helm_of` makes the helm, once the start and the link's knowledge
@@ -149,7 +149,7 @@ def _replanner(
     heeds: bool,
     extends: Extension | None,
 ) -> Replanner:
-    """Return what plans the rest anew.
+    """Return the replanner of the mission.
 
     A simulated boat, whose time is not the clock's, waits for it.
     """
@@ -176,7 +176,7 @@ def spent_as_said(departure: Departure, settings: MissionSettings | None) -> Dep
 
 
 def counting(settings: MissionSettings | None, departure: Departure) -> MissionSettings:
-    """Return settings that count what the battery had given before, unless they state it."""
+    """Return settings with the energy that the battery had given before, unless they state it."""
     settings = settings or MissionSettings()
     if settings.safety.used_wh is not None:
         return settings

@@ -78,7 +78,7 @@ class SecondSurvey:
     """The revision of a second survey, its plan by itself, and the accuracy before and after.
 
     `before_sd` and `expected_sd` are the root mean square of the map's standard deviation before
-    and as expected after, weighted by what matters.
+    and as expected after, weighted by importance.
     """
 
     revision: PlanRevision
@@ -105,7 +105,7 @@ def second_survey(
     boat; without any, each is launched where its part begins. `on_done` is called with the progress
     of the search.
 
-    Raises `InputError` if what was measured makes no map, and `PlanError` if the time is too short
+    Raises `InputError` if the measurements yield no map, and `PlanError` if the time is too short
     for any place, or if an independent check does not prove the plan.
     """
     if wish.quantity not in samples.values:

@@ -17,7 +17,7 @@ LAST_WORDS_S = 0.5
 
 
 class Together:
-    """What the missions of one round share, such as which of their boats are still busy."""
+    """The state that the missions of one round share, such as which boats are still busy."""
 
     def __init__(self, traffic: Traffic, file: SurveyFile) -> None:
         boats = list(traffic.order)

@@ -1,4 +1,4 @@
-"""Vessels by what a user gives: a preset's name, or a TOML file of a boat of their own."""
+"""Vessels as users name them: a preset, or a TOML file of their own boat."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a catalogue finds a set of maps by: place, time, what was measured, who, and on what terms.
+"""The catalogue entry of a set of maps: place, time, quantities, authors, and terms of use.
 
 One record provides the global attributes of `map.nc`, by ACDD 1.3 (Attribute Convention for Data
 Discovery), and the STAC item beside the GeoTIFFs. What is not known is left out, never made up.
@@ -55,7 +55,7 @@ class CatalogueEntry:
 
     @property
     def summary(self) -> str:
-        """What there is, in a sentence."""
+        """A summary in one sentence."""
         when = f"{datetime.fromtimestamp(self.first_s, UTC):%Y-%m-%d}"
         boat = "a simulated boat (of simulated water)" if self.simulated else "a boat"
         return self.credits.get("summary") or (

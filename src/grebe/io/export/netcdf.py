@@ -186,7 +186,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap, beside: Sequence[str]
 
 
 def _worth(one: QuantityMap) -> dict[str, float]:
-    """Return what is known of the noise, the direction, and the reliability of the map."""
+    """Return attributes on the noise, the direction, and the reliability of the map."""
     found = {
         "sensor_noise_sd": one.noise_sd,
         "sd_factor_on_the_way": one.calibration.on_way,

@@ -35,7 +35,7 @@ _DATAFLASH = ["XKF1", "NKF1", "ATT", "POS", "IMU", "RCOU", "PARM"]
 
 @dataclass
 class _Rows:
-    """What is gathered from the messages, by the log's own clock [s]."""
+    """The rows gathered from the messages, by the log's own clock [s]."""
 
     places: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
     headings: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
@@ -108,7 +108,7 @@ def _without_wraps(rows: list[tuple[float, ...]], period_s: float) -> list[tuple
 
 
 def _places(fixes: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """Return fixes in degrees as metres about the first; their velocities are unknown."""
+    """Return fixes in degrees as metres relative to the first; their velocities are unknown."""
     if not fixes:
         return []
     table = np.array(fixes)
@@ -123,7 +123,7 @@ def _places(fixes: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
 def _with_rates(
     headings: list[tuple[float, ...]], rates: list[tuple[float, float]]
 ) -> list[tuple[float, ...]]:
-    """Return headings with the gyroscope's yaw rate, averaged about each of them."""
+    """Return headings with the gyroscope's yaw rate, averaged around each of them."""
     if not headings or len(rates) < 2:
         return headings
     table = np.array(rates)

@@ -59,7 +59,7 @@ def read_autopilot_track(path: Path) -> Table:
 
 
 def _telemetry(path: Path) -> Iterator[_Fix | _Sounding]:
-    """Yield what a .tlog holds.
+    """Yield the fixes and soundings of a .tlog.
 
     Times are the autopilot's if it knows them from its receiver, and otherwise those of the station
     that wrote the log.
@@ -80,7 +80,7 @@ def _telemetry(path: Path) -> Iterator[_Fix | _Sounding]:
 
 
 def _dataflash(path: Path) -> Iterator[_Fix | _Sounding]:
-    """Return what a .bin holds.
+    """Return the fixes and soundings of a .bin.
 
     Pymavlink dates each message with the receiver's week and time, in UTC.
     """

@@ -45,7 +45,7 @@ class Credits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     instrument: str = ""
 
     def said(self) -> dict[str, str]:
-        """Return what is not empty."""
+        """Return the entries that are not empty."""
         return {name: value for name, value in msgspec.structs.asdict(self).items() if value}
 
 

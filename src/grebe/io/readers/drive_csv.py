@@ -112,7 +112,7 @@ def _number(cell: str) -> float:
 
 
 def _times(path: Path, cells: list[str]) -> Array:
-    """Return seconds, from numbers as they are or from ISO 8601."""
+    """Return seconds: numbers are taken as they are, and texts are read as ISO 8601."""
     times = _numbers(cells)
     if np.isnan(times).all():
         times = np.array([_iso_seconds(cell) for cell in cells])

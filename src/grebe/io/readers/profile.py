@@ -30,7 +30,7 @@ _KEYS = ("names", "columns", "zone", "note")
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """What a logger's file holds.
+    """The description of a logger's file.
 
     `names` of the columns of a file without a header, None if it has one; `columns` by key; `zone`
     of its clock, None if it is not known.

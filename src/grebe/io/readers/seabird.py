@@ -62,10 +62,10 @@ _CLOCKS = (
 
 @dataclass(frozen=True, kw_only=True)
 class _Header:
-    """What the lines before `*END*` say.
+    """The header of a .cnv file, which ends at `*END*`.
 
-    The short and the long name of each column, and the settings by their names; `begins` is None if
-    no start is given, and `by` is the source of the start.
+    It holds the short and the long name of each column, and the settings by their names; `begins`
+    is None if no start is given, and `by` is the source of the start.
     """
 
     names: tuple[tuple[str, str], ...]

@@ -62,7 +62,7 @@ def keep_revisions(connection: sqlite3.Connection) -> None:
 
 
 def write_first(connection: sqlite3.Connection, frame: LocalFrame, revision: PlanRevision) -> None:
-    """Write what the layers of the plan do not hold of its first revision."""
+    """Write the parts of a plan's first revision that its layers do not hold."""
     _write_revision(connection, frame, revision)
 
 

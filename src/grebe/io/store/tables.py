@@ -1,4 +1,4 @@
-"""What a survey file returns besides its plan, and how samples are stored in its rows."""
+"""The tables of a survey file besides its plan, and the form of samples in its rows."""
 
 from __future__ import annotations
 
