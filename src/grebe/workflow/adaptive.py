@@ -225,7 +225,7 @@ def worth_of(
     wish: Wish,
     pass_s: float,
 ) -> Worth:
-    """Return what places (m, 2) are worth, by the map of what was measured so far.
+    """Return the worth of places (m, 2), by the map of the measurements so far.
 
     Passing one takes `pass_s` [s]. Raises `InputError` if the measurements yield no map, and
     `PlanError` if the quantity crosses the threshold nowhere.

@@ -29,7 +29,7 @@ def announced(
     """Return the taut paths (k, 2) through what the other sorties of a revision have left.
 
     Each begins where its boat was last. There are none if there is only one mission. For a boat
-    that is no longer `sailing` only what was planned counts: another boat takes that over, and
+    that is no longer `sailing` only the planned targets count: another boat takes them over, and
     nobody goes to the places that it had added itself.
     """
     if own is None:

@@ -28,7 +28,7 @@ Mark = tuple[int, int]
 
 @dataclass(kw_only=True)
 class Closures:
-    """The areas that a file closes to one mission; `say` is called with what cannot be read.
+    """The areas that a file closes to one mission; `say` is called with messages about the file.
 
     The constructor raises what `read_zones` raises if the file exists and is wrong. A file that
     does not exist yet closes nothing.
@@ -48,7 +48,7 @@ class Closures:
             self._read()
 
     def begin(self, mission: Mission) -> None:
-        """Close to a mission what the file holds now, and what it holds from now on."""
+        """Close the areas to a mission that the file holds now or later."""
         self._mission, self._seen, self._closed, self._next_s = mission, None, [], -math.inf
 
     def __call__(self, event: MissionEvent) -> None:

@@ -27,8 +27,8 @@ def uncollected() -> Generator[None]:
 def no_long_pauses() -> Generator[None]:
     """Exclude everything that was imported and compiled from collection within the block.
 
-    Each scan of it takes some 100 ms, in which the loop hears nothing from the boat. What a mission
-    makes itself is still collected.
+    Each scan of it takes some 100 ms, in which the loop hears nothing from the boat. Objects that
+    the mission creates are still collected.
     """
     gc.freeze()
     try:

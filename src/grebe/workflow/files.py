@@ -47,7 +47,7 @@ def write_survey(
 
 @contextmanager
 def filled_folder(path: Path) -> Generator[Path]:
-    """Make a folder for what is about to be written; remove it again if it was made in vain."""
+    """Make a folder for new files; remove it again if it was made and nothing was written."""
     was_there = path.is_dir()
     make_folder(path)
     try:

@@ -177,9 +177,9 @@ class FleetRun:
     def _fallen(self, done: list[tuple[int, int, MissionReport]], before: int) -> set[int]:
         """Return the boats that sail no more.
 
-        A boat is not lost if it came home because nothing of its sortie is open any more: it has
-        done what there was. Nor is one that came home for the sake of others, or for what is
-        renewed at its harbour: it sails the rest itself, as long as any boat makes progress.
+        A boat is not lost if it came home because nothing of its sortie is open any more: there was
+        nothing more to do. Nor is one that came home for the sake of others, or for what is renewed
+        at its harbour: it sails the rest itself, as long as any boat makes progress.
         """
         fallen: set[int] = set()
         gets_on = self.survey_file.progress().reached > before

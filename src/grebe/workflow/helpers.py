@@ -1,7 +1,7 @@
 """Processes that help this one while it has several things to do.
 
-They do not affect the results: a task is a pure function, and this process does what a helper
-cannot do, because it was killed or because a user's own function cannot be sent to it.
+They do not affect the results. A task is a pure function, and this process does any task that a
+helper cannot do because it was killed, or because a user's own function cannot be sent to it.
 """
 
 from __future__ import annotations

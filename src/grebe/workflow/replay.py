@@ -46,8 +46,8 @@ def replay_boat(rest: str) -> BoatAt:
 def recording_of(path: Path, survey: Survey, quantities: Quantities) -> Recording:
     """Read the track of a survey file and its samples of some quantities.
 
-    They are in the frame of `survey`, the one that they are played to. Raises `LinkError` for a
-    file without a track, `SurveyFileError` for one that is not a survey file.
+    They are in the frame of `survey`, to which they are played. Raises `LinkError` for a file
+    without a track, `SurveyFileError` for one that is not a survey file.
     """
     with SurveyFile.open(path) as file:
         track, samples, recorded = file.track(), file.samples(), file.survey

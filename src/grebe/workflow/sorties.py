@@ -44,7 +44,7 @@ def sortie_states(survey_file: SurveyFile) -> list[SortieState]:
 def kept_by_plan(safety: SafetySettings, survey: Survey, spent: Spent = NOTHING) -> SafetySettings:
     """Return the settings with the battery and the time that the plan's sorties are made for.
 
-    The time `spent` since the harbour is subtracted. What the run states itself is kept. `survey`
+    The time `spent` since the harbour is subtracted. Values that the run states are kept. `survey`
     is that of the sortie, with the battery of its own boat.
     """
     bounds = None if survey.settings is None else survey.settings.sorties

@@ -1,7 +1,7 @@
 """The catalogue entry of a set of maps: place, time, quantities, authors, and terms of use.
 
 One record provides the global attributes of `map.nc`, by ACDD 1.3 (Attribute Convention for Data
-Discovery), and the STAC item beside the GeoTIFFs. What is not known is left out, never made up.
+Discovery), and the STAC item beside the GeoTIFFs. Unknown attributes are omitted, never made up.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Find what separates the values of a table: a mark, or blanks.
 
 A mark or a blank may also be within values: a decimal comma, a date and a time, a name of two
-words. The separator is what most lines have equally many of.
+words. The separator is the one that occurs equally often in most lines.
 """
 
 from __future__ import annotations

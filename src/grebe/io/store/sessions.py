@@ -1,8 +1,7 @@
 """Note in a survey file that a mission is writing it, from its beginning until it is closed.
 
-What is written goes into a journal beside the file first (`-wal`), and is moved into the file from
-time to time. A copy of the file without its journal is sound, but older: the note reveals such a
-copy.
+Writes go to a journal beside the file first (`-wal`), which is moved into the file from time to
+time. A copy of the file without its journal is sound, but older: the note reveals such a copy.
 """
 
 from __future__ import annotations

@@ -204,8 +204,8 @@ class SurveyFile(SurveyReader):
     def _note_whole(self) -> None:
         """Note that nothing is missing, although nobody closed the file.
 
-        What a dead mission left in its journal is being moved into the file. If a mission is still
-        writing, nothing is noted.
+        The journal of a dead mission is being moved into the file. If a mission is still writing,
+        nothing is noted.
         """
         lock = self._lock or claims.take(self.path)
         if lock is None:
