@@ -1,4 +1,4 @@
-"""A file is written whole or not at all, also on a disk that is full."""
+"""A file is written completely or not at all, even on a full disk."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from grebe.report.canvas import save
 
 @contextmanager
 def full_disk(room: int = 1024) -> Generator[None]:
-    """Let files hold so many bytes and no more: what a full disk does to a writer."""
+    """Limit files to so many bytes: a writer sees the same as on a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     # Python ignores SIGXFSZ, so a write fails instead of ending the process.
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
@@ -72,7 +72,7 @@ WRITERS = {
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_full_disk_leaves_the_older_file_whole_and_no_part(tmp_path, one, name):
     path = tmp_path / name
-    WRITERS[name](path, one)  # what is compiled or cached on first use is so by now
+    WRITERS[name](path, one)  # anything compiled or cached on first use is ready now
     path.write_text("older")
     with full_disk(), pytest.raises(InputError) as failed:
         WRITERS[name](path, one)
@@ -85,7 +85,7 @@ def test_a_full_disk_leaves_the_older_file_whole_and_no_part(tmp_path, one, name
 
 
 class OddError(RuntimeError):
-    """A writer's own."""
+    """An error of a writer's own."""
 
 
 def test_what_fails_midway_leaves_nothing_and_keeps_its_own_error(tmp_path):

@@ -59,7 +59,7 @@ def test_milliseconds_since_1970_are_what_they_were(path: Path) -> None:
 
 
 def test_a_siemens_is_no_second(path: Path) -> None:
-    """The conductivity of a file without times had become its clock."""
+    """The conductivity of a file without times used to become its clock."""
     track = read(path, "uS", lambda k: 400 + k)
     assert track.times is None
 
@@ -74,7 +74,7 @@ def test_a_siemens_is_no_second(path: Path) -> None:
     ],
 )
 def test_a_date_counts_before_a_counter(path: Path, names: str, stamp: str) -> None:
-    """Of a microsecond's counter the size may be that of seconds since 1970."""
+    """A counter of microseconds may be as large as seconds since 1970."""
     track = read(path, names, lambda k: f"{1_719_998_100 + k},{stamp.format(k=k)}")
     assert track.times is not None
     assert track.times.tolist() == [1_719_998_100.0 + k for k in range(20)]

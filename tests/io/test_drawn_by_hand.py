@@ -1,4 +1,4 @@
-"""Lakes as people draw them: collections, islands of their own, open lines, another grid."""
+"""Lakes as people draw them: collections, separate islands, open lines, another grid."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RAMP = shapely.Point(8.0, 46.5)
 
 
 def drawn(path: Path, *geometries: object) -> Path:
-    """A GeoJSON file of some geometries."""
+    """Write some geometries to a GeoJSON file."""
     features = [
         {"type": "Feature", "properties": {"name": "Lake"}, "geometry": shapely.geometry.mapping(g)}
         for g in geometries

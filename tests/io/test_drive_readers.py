@@ -1,4 +1,4 @@
-"""One drive in every format that it may be logged in: it is read as the same drive."""
+"""One drive in every log format: each is read as the same drive."""
 
 import io
 import math
@@ -30,7 +30,7 @@ PARAMETERS = {
 
 
 def sailed(seconds=40.0):
-    """Times (n,), states (n, 6) and throttles (n, 2) of a short drive, ten rows a second."""
+    """Return times (n,), states (n, 6) and throttles (n, 2) of a short drive, ten rows a second."""
     plant = Plant(BOAT, (5.0, -3.0, 3.0, 0.0, 0.0, 0.0))
     times, states, throttles = [], [], []
     for k in range(int(10 * seconds)):
@@ -45,7 +45,7 @@ def sailed(seconds=40.0):
 
 
 def pulses(pair):
-    """What the autopilot sends to outputs 1 and 3 [us], by its parameters."""
+    """Return what the autopilot sends to outputs 1 and 3 [us], by its parameters."""
     right = 1500 + 500 * pair[1]
     port = -pair[0]
     left = 1480 + (420 if port >= 0 else 380) * port
@@ -89,7 +89,7 @@ def test_a_log_of_our_own_reads_back(tmp_path):
 
 
 def test_a_table_of_somebody_else_is_understood(tmp_path):
-    """Semicolons, degrees, velocities north and east, milliseconds since 1970, pulses."""
+    """It has semicolons, degrees, velocities north and east, milliseconds since 1970, pulses."""
     path = tmp_path / "other.csv"
     rows = ["timestamp;Latitude;Longitude;Yaw (deg);VN;VE;yaw_rate_degps;pwm_left;pwm_right"]
     for time, state, pair in zip(*sailed(), strict=True):
@@ -120,7 +120,7 @@ def test_telemetry_reads_back(tmp_path):
     for name, value in PARAMETERS.items():
         say(voice.param_value_encode(name.encode(), value, 9, len(PARAMETERS), 0), 0.0)
     for time, state, pair in zip(*sailed(), strict=True):
-        # The autopilot has been up for so long that its clock of microseconds starts anew.
+        # The autopilot has been up for so long that its clock of microseconds starts again.
         boot = 4280.0 + float(time)
         right, left = pulses(pair)
         yaw = math.remainder(state[2], 2 * math.pi)
@@ -174,7 +174,7 @@ def test_dataflash_reads_back(tmp_path, source):
         shown = found.states[known, 0]
         assert shown - shown[0] == pytest.approx(north - north[0], abs=0.03)
         return
-    # The gyroscope's mean over a step lags and leads a jump of the yaw acceleration a little.
+    # The gyroscope's mean over a step slightly lags or leads a jump of the yaw acceleration.
     assert_same(found, 0.03)
 
 

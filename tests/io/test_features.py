@@ -1,4 +1,4 @@
-"""One lake out of a file of several, by its name or number."""
+"""Select one lake of a file of several, by its name or number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a report must say: of a hull, a simulation, a lag that was corrected, one moment."""
+"""What a report must say about a hull, a simulation, a corrected lag, and a map of one moment."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from grebe.report.texts import texts_of
 
 
 def run(*words: object) -> str:
-    """What a command prints; it must succeed."""
+    """Return what a command prints; it must succeed."""
     done = CliRunner().invoke(grebe, [str(one) for one in words], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.stdout
@@ -22,7 +22,7 @@ def run(*words: object) -> str:
 
 @pytest.fixture(scope="module")
 def china(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A real track, its oxygen put back by 18 s."""
+    """Import a real track, with its oxygen delayed by 18 s."""
     file = tmp_path_factory.mktemp("china") / "china.gpkg"
     run("import", CHINA, "-o", file)
     run("check", file, "--lag", "dissolved_oxygen_mgl=18")
@@ -37,7 +37,7 @@ def test_a_report_says_of_a_track_what_it_is_of(china: Path, tmp_path: Path) -> 
     assert "ha within the convex hull of the track from 2,655 samples" in text
     assert "The sensor&#39;s delay of 18 s and its time constant of 0 s were made up for" in text
     assert text.count("The map is of 2020-09-15 16:36 UTC") == 8
-    # Of three quantities no change was found, and nothing is taken out.
+    # No change was found in three quantities, so nothing is removed from them.
     assert text.count("The map is of 2020-09-15 16:36 UTC: this is taken out.") == 5
     assert "by quantity, " in text
     run("report", china, "-o", page, "--resolution", "8", "--language", "fr", "--force")

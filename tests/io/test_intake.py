@@ -1,4 +1,4 @@
-"""Loggers' files of all kinds: what contradicts is refused, what is converted is told."""
+"""Loggers' files of all kinds: contradictions are refused, conversions are reported."""
 
 import json
 from datetime import UTC, datetime
@@ -182,12 +182,12 @@ def test_a_sonde_of_another_day_is_refused(tmp_path):
 
 
 def at(path, seconds=0):
-    """The time of a row, in the words of the file's own clock brought to UTC."""
+    """Return the time of a row, from the file's own clock converted to UTC."""
     return datetime.fromtimestamp(float(read_track(path).times[seconds]), UTC).isoformat()
 
 
 def track_of(folder, header, cells, count=40, name="t.csv"):
-    """A straight track in which row k has `cells(k)` behind its position."""
+    """Write a straight track in which row k has `cells(k)` after its position."""
     lines = [header]
     lines += [f"{cells(k)},{50 + k * 2e-5:.6f},3.0,{20 + k * 0.01:.3f}" for k in range(count)]
     path = folder / name
@@ -211,7 +211,7 @@ def track_of(folder, header, cells, count=40, name="t.csv"):
     ],
 )
 def test_times_are_those_that_the_file_says(tmp_path, header, cell, expected):
-    """Whatever the unit since 1970, whichever column names the zone."""
+    """This holds for any unit since 1970, and for any column that names the zone."""
 
     def cells(k):
         return cell.format(s=1719998100 + k, m=f"15:{k:02}")
@@ -238,7 +238,7 @@ def test_a_spreadsheet_s_days_are_times(tmp_path):
 
 @pytest.mark.parametrize("wrong", ["0", "315532800", "1e19", "4900000000"])
 def test_one_clock_that_was_not_set_costs_one_row(tmp_path, wrong):
-    """A logger writes 1970 or 1980 until it has a fix: that condemned the whole survey."""
+    """A logger writes 1970 or 1980 until it has a fix, which used to spoil the complete survey."""
     path = track_of(tmp_path, "time,lat,lon,temp", lambda k: wrong if k == 0 else 1719998100 + k)
     track = read_track(path)
     assert len(track.times) == 39

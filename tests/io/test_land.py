@@ -1,4 +1,4 @@
-"""Who swaps longitude and latitude is told so; who surveys a lake is not bothered."""
+"""Swapped longitude and latitude are reported, and real lakes cause no warning."""
 
 import json
 
@@ -8,7 +8,7 @@ import shapely
 from grebe.io.readers.land import is_near_land, sea_warning
 from grebe.workflow.plans import read_region
 
-# Longitude, latitude: large lakes, a lagoon, an island's lake, lakes far north and south.
+# Longitude, latitude: large lakes, a lagoon, a lake on an island, lakes far north and south.
 LAKES = {
     "Geneva": (6.5, 46.45),
     "Victoria": (33.0, -1.0),
@@ -41,7 +41,7 @@ def test_the_edges_of_the_globe_are_places_too(place):
 
 
 def test_a_swapped_lake_that_ends_at_sea_is_named_with_its_place(tmp_path):
-    """A lake in Labrador at 51 N, 55 W, its coordinates swapped, ends in the southern ocean."""
+    """A lake in Labrador at 51 N, 55 W, with swapped coordinates, ends in the southern ocean."""
     path = tmp_path / "lake.geojson"
     swapped = sea_warning(51.0, -55.0)
     assert "-55.000 N, 51.000 E" in swapped

@@ -1,5 +1,6 @@
-"""A track in whatever a boat or a handheld wrote: each is read as the same way, and a sonde's file
-is joined to each by the clock.
+"""A track in every format that a boat or a handheld writes.
+
+Each is read as the same path, and a sonde's file is joined to each by the clock.
 """
 
 import io
@@ -45,7 +46,7 @@ def telemetry(path):
     data = bytearray()
 
     def say(message, second):
-        # The station's own clock is an hour slow: the receiver's counts.
+        # The station's own clock is an hour slow; the receiver's is the one that counts.
         stamp = int((BEGIN - 3600 + second) * 1e6)
         data.extend(struct.pack(">Q", stamp) + message.pack(boat))
 

@@ -1,7 +1,7 @@
-"""Files that version 0.1.0 made are brought up to date, and nothing in them is lost.
+"""Files of version 0.1.0 are brought up to date, and nothing in them is lost.
 
-The files in `tests/data` were made by that version, of made-up water: a plan drawn in to cores, a
-mission, and an imported track. What they must hold is read from them by SQLite, before.
+The files in `tests/data` were made by that version, with made-up water: a plan with cells drawn in
+to cores, a mission, and an imported track. SQLite first reads from them what they must hold.
 """
 
 import json
@@ -89,7 +89,7 @@ def test_a_target_drawn_in_to_its_core_gets_its_cell_back(tmp_path):
         assert target.set.polygon.area == pytest.approx(0.25 * target.cell.area, rel=1e-6)
         assert target.cell.buffer(1e-6).contains(target.set.polygon)
         assert survey.water.buffer(1e-3).contains(target.cell)
-    # A margin along the shore was left out of the plan.
+    # The plan left out a margin along the shore.
     assert 0.9 < survey.coverage < 1.0
 
 

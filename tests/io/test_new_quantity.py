@@ -1,4 +1,4 @@
-"""A quantity that Grebe does not know goes the whole way by one file of the user's."""
+"""One file of the user's takes a quantity unknown to Grebe from the track to the report."""
 
 import json
 
@@ -58,7 +58,7 @@ def own(tmp_path):
 
 @pytest.fixture
 def track(tmp_path):
-    """Lanes over a made-up pond; one value is impossible, one a spike."""
+    """Write lanes over a made-up pond; one value is impossible, one a spike."""
     rng = np.random.default_rng(7)
     i = np.arange(200)
     lane, place = i // 20, i % 20
@@ -78,7 +78,7 @@ def track(tmp_path):
 
 
 def held(path, tmp_path):
-    """Map and report a file; what the products say of the new quantity."""
+    """Map and report a file, and return what the products say about the new quantity."""
     profile = tmp_path / "profile.toml"
     profile.write_text(PROFILE)
     run("map", path, "--out", tmp_path / "maps", "--resolution", 5, "--profile", profile)
@@ -98,7 +98,7 @@ def held(path, tmp_path):
 def test_imported_checked_mapped_and_reported(tmp_path, own, track):
     path = tmp_path / "s.gpkg"
     run("import", track, "-o", path, "--quantities", own)
-    own.unlink()  # what the file declares is whole
+    own.unlink()  # the survey file's declaration is complete
     with SurveyFile.open(path) as file:
         assert list(file.quantities) == ["tryptophan_rfu"]
         assert file.quantities["tryptophan_rfu"].limits.spike_fail == 20.0
@@ -121,7 +121,7 @@ def test_planned_simulated_mapped_and_reported(tmp_path, own):
     ring = [[3.1700, 50.6360], [3.1705, 50.6360], [3.1705, 50.6363], [3.1700, 50.6363],
             [3.1700, 50.6360]]  # fmt: skip
     outline.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-    own.rename(tmp_path / "quantities.toml")  # beside the survey, it is found
+    own.rename(tmp_path / "quantities.toml")  # it is found beside the survey
     run("plan", outline, "-o", path, "--cell", 8)
     run("run", path)
     with SurveyFile.open(path) as file:

@@ -1,4 +1,4 @@
-"""Clocks, names and units of loggers from elsewhere: what they say counts, and is told."""
+"""Clocks, names and units of foreign loggers are respected and reported."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOMENT = datetime(2024, 7, 18, 9, 15, tzinfo=UTC).timestamp()
 
 
 def seconds(cell: str, header: str = "") -> float:
-    """What one time comes to."""
+    """Return one time in seconds."""
     read = read_times([cell] * 3, header)
     assert read is not None
     return float(read[0][0])
@@ -63,7 +63,7 @@ def test_a_year_of_two_digits_is_told_where_it_may_stand_first() -> None:
 
 
 def read(path: Path, header: str, *cells: str, before: str = "", zone: str = "") -> RawTrack:
-    """A track whose boat goes north, with the same cells in each row."""
+    """Read the track of a boat that goes north, with the same cells in each row."""
     rows = [",".join((f"{46.5 + 1e-5 * k:.6f}", "8.0", *cells)) for k in range(20)]
     path.write_text("\n".join([*before.splitlines(), f"Lat,Long,{header}", *rows]) + "\n")
     return read_track(path, zone=zone_of(zone) if zone else None)

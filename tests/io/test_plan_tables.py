@@ -1,4 +1,4 @@
-"""What a plan was made with is kept whole: nothing is lost on the way to the file and back."""
+"""The settings of a plan are stored completely: nothing is lost on the way to the file and back."""
 
 import dataclasses
 import json
@@ -71,9 +71,7 @@ def test_settings_come_back_exactly(settings):
 
 @given(plan_settings())
 def test_every_setting_is_in_the_text_that_the_hash_is_made_of(settings):
-    """A plan in one piece has the text, and so the hash, that it had before there were sorties and
-    fleets.
-    """
+    """A plan in one piece has the same text and hash as before there were sorties and fleets."""
     named = {field.name for field in dataclasses.fields(PlanSettings)}
     absent = {name for name in ("sorties", "fleet") if getattr(settings, name) is None}
     assert set(json.loads(settings_text(settings))) == named - absent

@@ -1,4 +1,4 @@
-"""What the maps are given in, accepted and read back by other people's readers."""
+"""The formats of the maps, accepted and read back by other people's readers."""
 
 import json
 import shutil
@@ -68,7 +68,7 @@ def test_the_checkers_of_cf_and_acdd_accept_the_netcdf(oxygen, tmp_path):
     key = oxygen.quantity.key
     entry = replace(ENTRY, comment="c", credits=CREDITS)
     write_netcdf(path, [oxygen], FRAME, entry, {key: fields}, {key: oxygen.draws(3)})
-    # No name of the CF table is a probability.
+    # The CF table has no name for a probability.
     assert sorted(told_of(path)) == sorted(["standard_name", *NOT_KNOWN])
     with netCDF4.Dataset(path) as file:
         assert file[f"{key}_draw"].shape == (3, *oxygen.mean.shape)
@@ -84,7 +84,7 @@ def test_the_geotiff_is_cloud_optimized_and_lies_where_the_map_does(oxygen, tmp_
     assert valid, errors
     with rasterio.open(path) as file:
         assert file.descriptions == ("mean", "sd", "P(x)")
-        # A value asked for at a longitude and latitude is the map's there.
+        # The value at a longitude and latitude is the map's there.
         rows, columns = np.nonzero(oxygen.grid.inside)
         for i in (0, len(rows) // 2, len(rows) - 1):
             place = (oxygen.grid.north[rows[i]], oxygen.grid.east[columns[i]])
@@ -128,7 +128,7 @@ def test_contours_are_further_apart_than_the_map_errs(tmp_path, noise):
     assert len(levels) <= 12
     if np.ptp(one.mean[one.grid.inside]) < error:
         assert contour_lines(one) == []
-    # A layer is there even where nothing is drawn.
+    # The layer exists even if nothing is drawn.
     write_contours(tmp_path / "c.gpkg", [one], FRAME)
     meta, _, blobs, _ = pyogrio.raw.read(tmp_path / "c.gpkg", layer=OXYGEN.key)
     assert meta["crs"] == "EPSG:4326"
@@ -174,7 +174,7 @@ def test_a_drift_carries_the_map_beyond_the_samples():
 
 
 def test_a_bathymetry_carries_the_map(tmp_path):
-    """The depth grows to the north, and so does the quantity, beyond what was sampled."""
+    """The depth and the quantity grow to the north, beyond what was sampled."""
     path = tmp_path / "depth.tif"
     north = np.arange(99.5, 0, -1.0)
     depth = np.repeat((north / 10)[:, None], 60, axis=1).astype("float32")
@@ -258,7 +258,7 @@ def test_a_label_is_a_text_or_one_for_each_language(tmp_path):
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
-    """The demo's survey file, made as a user does."""
+    """Make the demo's survey file as a user does."""
     out = tmp_path_factory.mktemp("demo")
     command = [sys.executable, "-c", "from grebe.cli.main import main; main()"]
     subprocess.run([*command, "demo", "--out", str(out)], check=True, capture_output=True)
@@ -305,7 +305,7 @@ def test_a_report_is_printed(demo):
 
 @pytest.mark.slow
 def test_a_change_of_one_quantity_alone_is_found(demo):
-    """The later survey has water that is two degrees warmer, and is otherwise the same."""
+    """The later survey's water is two degrees warmer, and otherwise the same."""
     file, later, out = demo / "survey.gpkg", demo / "warmer.gpkg", demo / "diff"
     shutil.copy(file, later)
     with sqlite3.connect(later) as connection:
@@ -344,8 +344,9 @@ def test_the_item_beside_the_maps_is_what_a_catalogue_takes_in(tmp_path):
 
 
 def test_the_item_keeps_to_the_schema_of_the_specification(simulated_survey, tmp_path):
-    """By the schemas of STAC 1.1.0 that pystac brings, for a whole set of maps; and what the
-    projection extension, whose schema is on the net alone, asks for.
+    """A complete set of maps passes the schemas of STAC 1.1.0 that come with pystac.
+
+    It also meets the projection extension, whose schema is only on the net.
     """
     out = tmp_path / "maps"
     run("map", simulated_survey[0], "--out", out, "--resolution", "8", "--json")

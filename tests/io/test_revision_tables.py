@@ -1,4 +1,4 @@
-"""Every order that a survey has had is in its file, as it was."""
+"""Every order that a survey has had is unchanged in its file."""
 
 import shutil
 from dataclasses import replace

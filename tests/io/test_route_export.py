@@ -72,7 +72,7 @@ def test_the_waypoints_file_has_twelve_columns_and_home_first(survey):
 
 
 def heartbeat():
-    """A MAVLink 2 heartbeat of a surface boat's autopilot: the importers want one to speak to."""
+    """Return a MAVLink 2 heartbeat of a surface boat's autopilot: the importers need a vehicle."""
     payload = struct.pack("<IBBBBB", 0, 11, 3, 81, 4, 3)
     head = struct.pack("<BBBBBBBHB", 0xFD, len(payload), 0, 0, 0, 1, 1, 0, 0)
     checksum = 0xFFFF
@@ -85,7 +85,7 @@ def heartbeat():
 
 @pytest.fixture(scope="module")
 def importers():
-    """MAVSDK's mission importers, on a link that leads nowhere."""
+    """Yield MAVSDK's mission importers, on a link that leads nowhere."""
     with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
         mavsdk.add_any_connection("raw://")
         mavsdk.pass_received_raw_bytes(heartbeat())
@@ -110,7 +110,7 @@ def test_mavsdk_imports_the_plan_with_fence_and_rally_point(survey, importers):
 def test_mavsdk_imports_the_waypoints(survey, importers):
     text = export_text(survey, ".waypoints")
     data = importers.import_mission_planner_mission_from_string(text)
-    # The importer puts home before the file's own items, of which the first is home as well.
+    # The importer puts home before the file's own items, and the first of these is home as well.
     assert waypoints_of(data.mission_items)[2:] == pytest.approx(centres(survey), abs=2e-7)
 
 

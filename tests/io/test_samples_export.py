@@ -1,4 +1,4 @@
-"""Samples as other programs take them: a table, GeoParquet, results for the exchange."""
+"""Samples for other programs: a table, GeoParquet, results for the exchange."""
 
 import csv
 import json
@@ -29,7 +29,7 @@ N = 6
 
 @pytest.fixture
 def measured():
-    """Six samples: one value missing, one failed; the exchange has no name for one quantity."""
+    """Return six samples: a missing value, a failed one, a quantity unnamed in the exchange."""
     samples = Samples.of(
         times=1.75e9 + 0.5 * np.arange(N),
         positions=np.column_stack([np.arange(N), 2.0 * np.arange(N)]),

@@ -42,7 +42,7 @@ def cnv(
     told: int | None = None,
     more: tuple[str, ...] = (),
 ) -> Path:
-    """A file of `count` scans, their values in columns of eleven."""
+    """Return a file of `count` scans, with values in columns of eleven characters."""
     header = [
         "* Sea-Bird SBE 19plus V 2 Data File:",
         r"* FileName = C:\data\lake.hex",
@@ -108,7 +108,7 @@ def test_a_track_has_its_units_from_the_names(tmp_path: Path) -> None:
 def test_every_clock_tells_the_same_times(
     tmp_path: Path, name: str, value: Callable[[int], object], start: str
 ) -> None:
-    """Elapsed, of the year, since 2000 and 1970, and by the interval between scans alone."""
+    """They are elapsed, of the year, since 2000 or 1970, or only by the interval between scans."""
     path = cnv(tmp_path / "a.cnv", (name, *SENSORS), lambda k: (value(k), *sensed(k)), start=start)
     read = read_readings(path, placed=False)
     assert read.times is not None
@@ -159,7 +159,7 @@ def test_a_temperature_of_the_scale_of_1968_is_converted(tmp_path: Path) -> None
     ],
 )
 def test_what_is_none_of_the_quantities_is_told_as_not_used(tmp_path: Path, name: str) -> None:
-    """What the water could hold is none of what it holds, and a voltage is no oxygen."""
+    """The oxygen that water could hold is not what it holds, and a voltage is not oxygen."""
     read = read_readings(cnv(tmp_path / "a.cnv", (name,), lambda k: (5.0,)), placed=False)
     assert not read.values
     assert read.unused == (name.partition(": ")[2],)

@@ -1,4 +1,4 @@
-"""Tables that blanks or strokes separate."""
+"""Tables that are separated by blanks or strokes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def read(path: Path, header: str, row: str, **more: str) -> RawTrack:
-    """A boat that goes north, of a header and of what each row is like."""
+    """Read the track of a boat that goes north, from a header and a template of its rows."""
     clocks = [f"{26 + k // 60}:{k % 60:02}" for k in range(40, 60)]
     cells = [
         {"t": 1_600_000_000 + k, "s": clock, "lat": f"{44.4 + 1e-5 * k:.5f}"}
@@ -63,7 +63,7 @@ def test_blanks_and_strokes_separate(path: Path, header: str, row: str) -> None:
 
 
 def test_a_name_of_two_words_is_refused_where_blanks_separate(path: Path) -> None:
-    """Each value behind it would stand under another name."""
+    """Each value after it would be under another name."""
     with pytest.raises(TrackError, match="header has 6 names and its rows 5 values"):
         read(path, "time lat lon Temp (C) ph", "{t} {lat} -69.6 20.5 7")
 

@@ -1,4 +1,4 @@
-"""Tables as people bring them: headers that come again, units apart, texts among numbers."""
+"""Tables as people bring them: repeated headers, separate units, texts among numbers."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ TIMES = range(1_600_000_000, 1_600_000_020)
 
 
 def row(k: int, *values: object) -> str:
-    """Row k of a boat that goes north."""
+    """Return row k of a boat that goes north."""
     return ",".join(map(str, (TIMES[k], 44.4 + 1e-5 * k, -69.6, *values)))
 
 
 def read(path: Path, *lines: str) -> RawTrack:
-    """A track of some lines."""
+    """Read a track of some lines."""
     path.write_text("\n".join(lines) + "\n")
     return read_track(path)
 
@@ -136,7 +136,7 @@ def test_a_record_that_goes_over_midnight_tells_day_from_month(path: Path) -> No
         assert np.datetime64(int(track.times[0]), "s") == np.datetime64(begun)
         assert np.ptp(track.times) == 19 * 60
         assert any("goes on over midnight" in note for note in track.notes)
-    # Outings on the first of each month, or on days that follow: nobody can tell.
+    # These are trips on the first of each month, or on consecutive days: nobody can know.
     monthly = [f"0{k}/0{m}/20 10:00:00 AM,44.4,-69.6,20,7" for m in (3, 4, 5, 6) for k in (1,)]
     with pytest.raises(InputError, match="may be day and month"):
         read(path, HEADER, *monthly)

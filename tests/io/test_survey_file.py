@@ -1,4 +1,4 @@
-"""The survey file: round trips, other people's readers, failures injected."""
+"""The survey file: round trips, other people's readers, injected failures."""
 
 import shutil
 import sqlite3
@@ -114,7 +114,7 @@ def test_gdal_reads_the_file_while_it_is_written(path, survey_file):
     """Each sample is visible to another program before the next one is taken."""
     for i in range(3):
         survey_file.append_samples([sample(i)])
-        # Another process, as another program would be: two SQLites in one share no locks.
+        # This is another process, as another program would be: two SQLites in one share no locks.
         count = (
             "import pyogrio, sys;print(pyogrio.read_info(sys.argv[1], layer='samples')['features'])"
         )
@@ -230,8 +230,9 @@ def test_blobs_with_an_envelope_are_read():
 def test_who_reads_in_the_missions_own_process_does_not_free_its_journal_for_others(
     path, survey_file
 ):
-    """The system drops a process's locks on a file as soon as any part of it closes that file: then
-    the next reader elsewhere takes itself for the last, and removes the journal that is written.
+    """The system drops all locks of a process on a file as soon as any part of it closes the file.
+
+    The next reader elsewhere would then assume that it is the last, and remove the live journal.
     """
     read = (
         "from pathlib import Path; from grebe.io.store import SurveyFile; "

@@ -1,4 +1,4 @@
-"""Oxygen in moles and millilitres, and short names: converted, or said to leave a doubt."""
+"""Oxygen in moles and millilitres, and short names: converted, or reported as doubtful."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def read(path: Path, names: str, *cells: object, **given: str) -> RawTrack:
-    """A boat that goes north, with `cells` under `names` in each row."""
+    """Read the track of a boat that goes north, with `cells` under `names` in each row."""
     rows = [
         ",".join(map(str, (1_600_000_000 + k, 44.4 + 1e-5 * k, -69.6, *cells))) for k in range(20)
     ]
@@ -28,7 +28,7 @@ def read(path: Path, names: str, *cells: object, **given: str) -> RawTrack:
     return read_track(path, given)
 
 
-# 250 µmol of 31.9988 g/mol; and 5.6 mL of 1.42903 mg.
+# 250 µmol at 31.9988 g/mol; and 5.6 mL at 1.42903 mg/mL.
 @pytest.mark.parametrize(
     ("name", "cell", "mgl"),
     [

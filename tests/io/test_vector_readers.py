@@ -1,4 +1,4 @@
-"""Outlines from other people's files, and files that are made to harm."""
+"""Outlines from other people's files, and files that are made to do harm."""
 
 import resource
 import time

@@ -1,4 +1,4 @@
-"""Plans for the map's accuracy: they expect what kriging then says, and choose the surest."""
+"""Plans for accuracy predict what kriging then finds, and choose the most accurate map."""
 
 from __future__ import annotations
 

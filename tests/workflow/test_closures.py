@@ -26,7 +26,7 @@ class Mission:
 
 
 def write(path, *boxes, at):
-    """Write boxes of local metres, as of a second of the disk's clock."""
+    """Write boxes in local metres, with the file's time set to a given second."""
     features = []
     for box in boxes:
         ring = FRAME.to_wgs84(np.array(shapely.box(*box).exterior.coords))

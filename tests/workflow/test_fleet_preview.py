@@ -1,4 +1,4 @@
-"""What a fleet has before it: each boat's next sortie."""
+"""The preview of a fleet: each boat's next sortie."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Helpers give the same results in the same order, and lose nothing, whatever befalls them."""
+"""Helpers give the same results in the same order, and lose nothing, whatever happens to them."""
 
 import os
 import signal
@@ -28,7 +28,7 @@ KEYS = ("temperature_degc", "dissolved_oxygen_mgl", "ph")
 
 
 def rested_in(here, item):
-    """Who did it: this process, `here`, takes so long that helpers do some."""
+    """Return who did it; this process, `here`, is so slow that helpers do some."""
     if os.getpid() == here:
         time.sleep(0.5)
     return item, os.getpid()

@@ -1,4 +1,4 @@
-"""The first mission after installation is the same as all later ones, to the last digit."""
+"""The first mission after installation is the same as all later ones, bit for bit."""
 
 import os
 import shutil
@@ -41,7 +41,7 @@ def test_a_mission_is_the_same_before_and_after_its_kernels_are_cached(tmp_path)
             tracks.append(connection.execute(TRACK).fetchall())
     assert len(tracks[0]) > 50
     assert tracks[0] == tracks[1]
-    # A boat that waits for a compiler has no helm: nothing was left to compile when it sailed.
+    # A boat that waits for a compiler is not steered: nothing was left to compile when it sailed.
     noted = (fresh / "core" / "__pycache__" / "missions_are_compiled").stat().st_mtime
     late = [
         one.name
@@ -64,7 +64,7 @@ def test_another_source_is_compiled_anew(tmp_path, monkeypatch):
     assert kernels.is_compiled()
     source.write_text("another")
     assert not kernels.is_compiled()
-    # A kernel in a file that stayed the same may hold one that did not.
+    # A kernel in an unchanged file may contain one from a changed file.
     old = tmp_path / "mission" / "__pycache__" / "loop.step-1.py311.1.nbc"
     old.parent.mkdir(parents=True)
     old.write_bytes(b"machine code")
@@ -93,8 +93,10 @@ print(len(prepared))
 
 
 def test_a_mission_s_machine_code_is_loaded_without_the_compiler():
-    """What the compiler needs to begin with takes a tenth of a second and more. A name that machine
-    code calls and that nobody has said would end the process: here all of it is loaded and run.
+    """Loading what the compiler needs takes a tenth of a second or more.
+
+    An undeclared name that machine code calls would end the process: here all of it is loaded and
+    run.
     """
     assert compile_controller()
     done = subprocess.run(
@@ -124,7 +126,7 @@ print({len(one.signatures) for one in parts})
 
 
 def test_what_two_processes_compile_is_what_a_mission_needs():
-    """A half for other arguments than the solver has would be compiled for nothing, and again."""
+    """A half for other arguments than the solver's would be compiled in vain, and once more."""
     assert compile_controller()
     done = subprocess.run(
         [sys.executable, "-c", SHARED], capture_output=True, text=True, check=True

@@ -1,4 +1,4 @@
-"""Surveys of one water over the years, from loggers' files to trends."""
+"""Surveys of the same water over the years, from loggers' files to trends."""
 
 import csv
 import json
@@ -21,9 +21,7 @@ WIDE_M, DEG_M = 120.0, 111_320.0
 
 
 def sailed(folder, year, month=7, warmer=0.0, seed=0, columns=("temperature_degc", "ph")):
-    """A survey file of lanes 10 m apart; the water's eastern half is warmer, and its pH is its own
-    wave.
-    """
+    """Make a survey file of lanes 10 m apart; its eastern half is warmer, and its pH is a wave."""
     rng = np.random.default_rng(seed)
     along = np.arange(0, WIDE_M + 1, 3.0)
     lanes = [(n, e) for k, n in enumerate(range(0, 121, 10)) for e in along[:: (-1) ** k]]
@@ -56,7 +54,7 @@ def years(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def told(years, tmp_path_factory):
-    """What the command line says of the five, given in no order, and its folder."""
+    """Return what the command line says about the five, given in no order, and its folder."""
     out = tmp_path_factory.mktemp("out") / "trend"
     words = ["diff", *map(str, years[::-1]), "--out", str(out), "--resolution", "5", "--json"]
     done = CliRunner().invoke(grebe, words, standalone_mode=False, catch_exceptions=False)
@@ -145,7 +143,7 @@ def test_a_survey_without_samples_and_water_apart_are_refused(years, tmp_path):
 
 
 def test_surveys_of_one_day_are_one_date(years, tmp_path):
-    """Two on one day and one on another tell no trend, whatever their maps say of themselves."""
+    """Two on one day and one on another show no trend, however accurate their maps claim to be."""
     again = sailed(tmp_path, 2020, seed=7, warmer=0.1)
     with pytest.raises(InputError, match="surveys of 3 days; there are those of 2"):
         map_series([years[0], again, years[1]], 10.0)

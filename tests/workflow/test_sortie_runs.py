@@ -1,4 +1,4 @@
-"""A survey in sorties is flown day by day, from the command line to the end."""
+"""A survey in sorties is sailed day by day, from the command line to the end."""
 
 import json
 

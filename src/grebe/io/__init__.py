@@ -1,1 +1,1 @@
-"""Files: read from outside, written for others, and the survey file."""
+"""Readers for files from outside, exporters for other programs, and the survey file."""

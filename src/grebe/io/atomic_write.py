@@ -1,4 +1,4 @@
-"""Write a file whole or not at all: beside its place first, on the disk, then renamed.
+"""Write a file completely or not at all: beside its place first, synced to the disk, then renamed.
 
 A full disk, a crash or an interruption thus leaves the older file as it was.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from grebe.core.errors import InputError
 
-# Less room than this [bytes] explains any failure to write.
+# If less room than this is left [bytes], it explains any failure to write.
 NEXT_TO_NOTHING = 1_000_000
 
 _under_way: set[Path] = set()
@@ -24,11 +24,11 @@ _under_way: set[Path] = set()
 def written_whole(
     path: Path, *failures: type[Exception], error: type[InputError] = InputError
 ) -> Generator[Path]:
-    """Give the temporary path to write to; what stands there at the end takes `path`'s place.
+    """Yield a temporary path to write to; at the end the file there takes `path`'s place.
 
-    The temporary path lies beside `path` and ends as it does, for writers that go by the ending.
-    Where writing fails by an `OSError`, or one of the writer's own `failures`, an `error`
-    names `path`. Whatever ends the writing, no part of a file is left behind.
+    The temporary path is beside `path` and has the same suffix, for writers that go by it. If
+    writing fails with an `OSError`, or with one of the writer's own `failures`, an `error` names
+    `path`. However the writing ends, no part of a file is left behind.
     """
     part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     _under_way.add(part)
@@ -45,19 +45,22 @@ def written_whole(
 
 
 def forget_parts() -> None:
-    """Remove what is being written now: for whoever ends a process that can no longer do so."""
+    """Remove the parts being written, for a process that can no longer do so itself."""
     for part in tuple(_under_way):
         _forget(part)
 
 
 def write_text_whole(path: Path, text: str) -> None:
-    """Write a text as UTF-8, whole or not at all; `InputError` names `path`."""
+    """Write a text as UTF-8, completely or not at all; `InputError` names `path`."""
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
 def write_rows_whole(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> int:
-    """Write a table as CSV, whole or not at all; return its rows; `InputError` names `path`."""
+    """Write a table as CSV, completely or not at all, and return its number of rows.
+
+    `InputError` names `path`.
+    """
     count = 0
     with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -69,7 +72,7 @@ def write_rows_whole(path: Path, header: Sequence[str], rows: Iterable[Sequence[
 
 
 def _onto_disk(part: Path) -> None:
-    """A rename may reach the disk before what it renames, unless that is told to go first."""
+    """Sync a file: otherwise its renaming may reach the disk before its content."""
     with part.open("rb+") as file:
         os.fsync(file.fileno())
 
@@ -80,7 +83,7 @@ def _reason(error: Exception) -> str:
 
 
 def _is_full(path: Path) -> bool:
-    """Whether there is next to no room where a file was to be: libraries do not always say so."""
+    """Return whether there is next to no room for a file: libraries do not always say so."""
     try:
         return shutil.disk_usage(path.parent).free < NEXT_TO_NOTHING
     except OSError:

@@ -1,4 +1,4 @@
-"""The library that writes Parquet, an extra that is imported when it is needed."""
+"""Import the library that writes Parquet, an extra, only when it is needed."""
 
 from __future__ import annotations
 

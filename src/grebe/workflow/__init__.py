@@ -1,1 +1,1 @@
-"""The whole way as functions with plain arguments: what every front end calls."""
+"""The steps of a survey as functions with plain arguments, which every front end calls."""

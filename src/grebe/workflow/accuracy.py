@@ -1,8 +1,8 @@
-"""Plan for the map and not for the cells: the pattern and the cells that leave it the surest.
+"""Plan for the map instead of for the cells: the pattern and the cells that make it most accurate.
 
-How sure a map will be hangs on where samples are taken and on the water's covariance, not on what
-the samples say. So plans of several patterns, each of the size of cells that its budget allows, are
-compared before anyone goes out, by the variance that is left all over the water.
+A map's accuracy depends on where samples are taken and on the water's covariance, not on the values
+of the samples. So plans of several patterns, each with the cell size that its budget allows, are
+compared before anyone goes out, by the variance that they leave over all of the water.
 """
 
 from __future__ import annotations
@@ -38,18 +38,20 @@ if TYPE_CHECKING:
 
 CORES = (1.0, 0.6, 0.3)
 CHOICES = len(PATTERNS) * len(CORES)
-# Nodes at which plans are compared, and of the picture of the one that is taken.
+# Grid nodes at which plans are compared; the picture of the chosen one has the same.
 NODES = 1_500
-# The sonde's noise, in standard deviations of the quantity, where nothing is known of it.
+# The sonde's noise when it is not known, in standard deviations of the quantity.
 NOISE_SHARE = 0.1
-# The cells for an accuracy are found to so much, in so many trials.
+# The search for the cell size of an accuracy ends within this share of it, or after so many trials.
 ALIKE, TRIALS = 0.03, 10
 
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """How sure a plan's map will be: `sd` (rows, columns) over the quantity's own standard
-    deviation, NaN on land, and its root mean square `share`; `said` is the plan in a few words.
+    """How accurate a plan's map is expected to be.
+
+    `sd` (rows, columns) is the map's standard deviation over the quantity's own, NaN on land, and
+    `share` its root mean square. `said` is the plan in a few words.
     """
 
     planned: Planned
@@ -60,22 +62,23 @@ class Expected:
 
     @property
     def way(self) -> Array:
-        """The taut way (n, 2) along which samples are taken."""
+        """The shortest (taut) path (n, 2) along which samples are taken."""
         return way_through(self.planned.survey)
 
 
 @dataclass(frozen=True, kw_only=True)
 class AccuratePlan:
-    """The plan that leaves the map the surest, and all that were tried, the best first."""
+    """The plan that makes the map most accurate, and all that were tried, the best first."""
 
     best: Expected
     tried: tuple[Expected, ...]
 
 
 def prior_of_range(practical_range_m: float) -> CovarianceModel:
-    """A covariance of variance 1 with this practical range: exponential, rougher than most water.
+    """Return a covariance of variance 1 with this practical range.
 
-    Raises `UsageError` for a range that is none.
+    It is exponential, which is rougher than most water. Raises `UsageError` for an impossible
+    range.
     """
     if not 0 < practical_range_m < math.inf:
         raise UsageError(
@@ -91,8 +94,9 @@ def prior_of_range(practical_range_m: float) -> CovarianceModel:
 
 
 def prior_of_survey(path: Path, quantity: str | None = None) -> CovarianceModel:
-    """The covariance, of variance 1, of what an earlier survey measured: of one quantity, or of the
-    one of the shortest range.
+    """Return the covariance, scaled to variance 1, of what an earlier survey measured.
+
+    It is that of one quantity, by default of the one with the shortest range.
     """
     with SurveyFile.open(path) as file:
         samples = file.samples()
@@ -110,12 +114,12 @@ def prior_of_survey(path: Path, quantity: str | None = None) -> CovarianceModel:
         if model.sill > 0:
             found.append(replace(model, sill=1.0, nugget=model.nugget / model.sill))
     if not found:
-        raise InputError(f"Of what {path} measured nothing varies from place to place.")
+        raise InputError(f"In what {path} measured nothing varies from place to place.")
     return min(found, key=lambda model: model.practical_range_m)
 
 
 def expected(planned: Planned, prior: CovarianceModel, said: str = "") -> Expected:
-    """How sure the map of a plan will be, for a quantity of a covariance of variance 1."""
+    """Return how accurate a plan's map will be, for a quantity with a covariance of variance 1."""
     survey = planned.survey
     grid = make_grid(survey.water, math.sqrt(survey.water.area / NODES))
     pace_m = max(planned.outcome.length_m / max(planned.outcome.time_s, 1.0), 0.1)
@@ -138,10 +142,11 @@ def plan_for_accuracy(
     no_go: Sequence[shapely.Polygon] = (),
     on_done: Callable[[int, int], None] | None = None,
 ) -> AccuratePlan:
-    """Plan for the surest map within the budget of the settings; with `sd_share` for the shortest
-    time in which the map's standard deviation is that share of the quantity's own.
+    """Plan for the most accurate map within the budget of the settings.
 
-    Raises `PlanError` where no pattern keeps the budget, or reaches the accuracy.
+    With `sd_share`, plan for the shortest time in which the map's standard deviation is that share
+    of the quantity's own. Raises `PlanError` if no pattern keeps the budget, or reaches the
+    accuracy.
     """
     if sd_share is None and settings.cell_m is not None:
         raise UsageError(
@@ -185,7 +190,7 @@ def _sure_enough(
     sd_share: float,
     said: str,
 ) -> Expected:
-    """The plan of the largest cells whose map is sure enough."""
+    """Return the plan with the largest cells whose map is accurate enough."""
     low, high, best = 0.0, math.inf, None
     cell_m = prior.practical_range_m * sd_share
     for _ in range(TRIALS):
@@ -194,7 +199,7 @@ def _sure_enough(
                 planned(replace(settings, cell_m=cell_m, minutes=None, energy_wh=None)), prior, said
             )
         except PlanError:
-            # Cells that are larger than the water.
+            # The cells are larger than the water.
             high, cell_m = cell_m, math.sqrt(max(low, 0.1 * cell_m) * cell_m)
             continue
         if one.share <= sd_share:
@@ -211,7 +216,7 @@ def _sure_enough(
         )
     if best is None:
         raise PlanError(
-            f"No plan makes the map as sure as {sd_share:g} of "
+            f"No plan makes the map as accurate as {sd_share:g} of "
             "the quantity's own standard deviation; ask for less, or give a longer range.",
             settings=("sd_share", "range_m"),
         )

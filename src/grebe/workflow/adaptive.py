@@ -1,4 +1,4 @@
-"""A survey goes on where it pays: from what was measured to the revision that is sailed next."""
+"""Extend a survey where readings pay: plan the next revision from what was measured."""
 
 from __future__ import annotations
 
@@ -42,27 +42,30 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
     Ring = tuple[tuple[float, float], ...]
 
-# Places that can be gone to, about so many; a target is drawn in to this share of its cell.
+# About how many places can be visited; and the share of its cell to which a target is drawn in.
 PLACES, CORE = 900, 0.6
-# What the shore leaves of a cell is no place to go to where its target is narrower [m], and less
-# than half as wide as a whole one: boats went round and round splinters of a hand's breadth.
+# A cell that the shore cuts is not visited if its target is narrower than this [m] and less than
+# half as wide as a complete one: boats circled slivers of a hand's breadth.
 NARROWEST_M, NARROWEST_SHARE = 1.0, 0.5
-# The time is used from so much on, in so many trials.
+# A route that uses this share of the time is accepted; otherwise the time is fitted in so many
+# trials.
 FULL, FITTINGS = 0.93, 5
-# The sampler's interval [s]; and how far apart readings on the way are that tell different things,
-# of the practical range.
+# The sampler's interval [s]; and the share of the practical range beyond which readings on the way
+# carry different information.
 READING_EACH_S, APART_SHARE = 1.0, 0.5
-# A hot spot is what may lie above so high a share of the map's values.
+# A hot spot is where values may exceed this quantile of the map.
 HOT_SHARE = 0.95
-# A threshold is crossed nowhere that is everywhere farther from the mean, in standard deviations.
+# A threshold that is everywhere farther than this from the mean, in standard deviations, is not
+# crossed.
 NOWHERE_SD = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Adapted:
-    """The revision that goes on where it pays, with the root mean square of the map's standard
-    deviation before and as it is expected after, weighted by what matters; after with what others
-    have announced.
+    """The revision that extends a survey, and the standard deviation before and after.
+
+    `before_sd` and `expected_sd` are the root mean square of the map's standard deviation before
+    and as expected after, weighted by importance. The latter includes announcements of other boats.
     """
 
     revision: PlanRevision
@@ -82,11 +85,11 @@ def adapted(
     announced: Sequence[Array] = (),
     closed: Sequence[shapely.Polygon] = (),
 ) -> Adapted:
-    """Return where a survey, or its boat's sortie, goes on that has come halfway.
+    """Return where a survey, or its boat's sortie, goes on from halfway.
 
-    `announced` are the ways (k, 2) along which other boats are going to read: this one reads where
-    they do not. It keeps out of what is `closed`. Raises `InputError` where what was
-    measured makes no map, and `PlanError` where the time is too short for any place.
+    `announced` are the paths (k, 2) along which other boats are going to read; this one reads
+    elsewhere. It stays out of the `closed` areas. Raises `InputError` if the measurements yield no
+    map, and `PlanError` if the time is too short for any place.
     """
     place, sortie = halfway.place, halfway.sortie
     settings, vessel = survey.settings, survey.vessel_of(sortie.boat if sortie else 1)
@@ -98,7 +101,7 @@ def adapted(
     if closed:
         open_ = open_.closing(closed, place)
     if not open_.targets:
-        raise PlanError("Nowhere is the water wide enough to go on to.")
+        raise PlanError("The water is nowhere wide enough to go on.")
     places = np.array([target.set.centre for target in open_.targets])
     window = (settings.speed_min_mps, settings.speed_max_mps)
     travel = travel_of(vessel, window, settings.weather)
@@ -108,7 +111,7 @@ def adapted(
     ahead = once_read(worth, ways, announced)
     route, left, sails_s = _best_route(ahead, ways, open_, travel, place, wish)
     before, after = (weighted_sd(one, worth.weights) for one in (np.diag(worth.covariance), left))
-    # New ways around land are numbered after all the places that could be gone to.
+    # New paths around land are numbered after all the places that could be visited.
     known = max(target.seq for target in open_.targets)
     new = put_in_order(
         _numbered(revision, known),
@@ -132,8 +135,10 @@ def _best_route(
     place: tuple[float, float],
     wish: Wish,
 ) -> tuple[list[int], Array, float]:
-    """The places that take most off what matters in the time, in their order; the variances (n,)
-    that they leave, and the predicted time [s]. `PlanError` where none is near enough.
+    """Return the places that reduce the weighted variance most in the time, in their order.
+
+    Also returns the variances (n,) that they leave, and the predicted time [s]. Raises `PlanError`
+    if no place is near enough.
     """
     pace = 1 / float(np.mean(travel.slowness))
     turn_m = travel.turn_s_per_rad * pace
@@ -153,7 +158,7 @@ def _best_route(
         allowed_s *= 0.5 * (1 + FULL) * most_s / max(takes_s, 1.0)
     if not route:
         raise PlanError(
-            f"No place that is worth a reading lies within {wish.minutes:g} minutes; give more.",
+            f"No place that is worth a reading is within {wish.minutes:g} minutes; give more.",
             settings=("minutes",),
         )
     return route, left, sails_s
@@ -166,7 +171,7 @@ def _predicted_s(
     place: tuple[float, float],
     way: list[int],
 ) -> float:
-    """What the way through some places is predicted to take: taut, and around land."""
+    """Return the predicted time [s] of the path through some places: taut, and around land."""
     taut = taut_way(place, footprints_of([open_.targets[one].set for one in way[1:]]))
     straight = np.hypot(*np.diff(ways.places[way], axis=0).T)
     around_m = float((ways.lengths_m[way[:-1], way[1:]] - straight).sum())
@@ -178,8 +183,9 @@ def _numbered(revision: PlanRevision, known: int) -> PlanRevision:
 
 
 def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
-    """Places all over the water, each a small target with a number of its own; those that are too
-    narrow to be hit are none.
+    """Return places all over the water, each a small target with a number of its own.
+
+    Those that are too narrow to be hit are left out.
     """
     assert survey.settings is not None
     water = water_of(survey)
@@ -205,9 +211,7 @@ def _open_water(survey: Survey, highest_seq: int) -> OpenWater:
 
 
 def cores_of(rings: Sequence[Ring], cell_m: float) -> tuple[list[Ring], NDArray[np.bool_]]:
-    """Return the middle of each cell, by its ring, that is to be hit, and whether it is wide
-    enough for that.
-    """
+    """Return the core of each cell ring, which must be hit, and whether it is wide enough."""
     drawn = [drawn_in(ring, CORE) for ring in rings]
     narrowest_m = min(NARROWEST_M, NARROWEST_SHARE * CORE * cell_m)
     return drawn, ~shapely.is_empty(shapely.buffer(polygons_of(drawn), -0.5 * narrowest_m))
@@ -221,9 +225,10 @@ def worth_of(
     wish: Wish,
     pass_s: float,
 ) -> Worth:
-    """Return what places (m, 2) are worth by the map of what was measured so far; to pass one takes
-    `pass_s` [s]. Raises `InputError` where that makes no map, and `PlanError` where the quantity
-    crosses the threshold nowhere.
+    """Return the worth of places (m, 2), by the map of the measurements so far.
+
+    Passing one takes `pass_s` [s]. Raises `InputError` if the measurements yield no map, and
+    `PlanError` if the quantity crosses the threshold nowhere.
     """
     key = wish.quantity
     grid = make_grid(survey.water, math.sqrt(survey.water.area / PLACES))
@@ -234,7 +239,7 @@ def worth_of(
         field = sequential(mapped.field, places)
     if field is None:
         raise InputError(
-            f"{key} does not vary from place to place, or is mapped by a method that cannot tell "
+            f"{key} does not vary from place to place, or is mapped by a method that cannot say "
             "what more readings are worth."
         )
     mean, covariance = field.mean(places), field.covariance(places)
@@ -246,8 +251,8 @@ def worth_of(
         away = np.abs(wish.threshold - mean) / sd
         if away.min() > NOWHERE_SD:
             raise PlanError(
-                f"{key} lies between {mean.min():.4g} and {mean.max():.4g} and crosses "
-                f"{wish.threshold:g} nowhere, by what was measured; give another threshold.",
+                f"{key} is between {mean.min():.4g} and {mean.max():.4g} by what was measured, and "
+                f"crosses {wish.threshold:g} nowhere; give another threshold.",
                 settings=("threshold",),
             )
         weights = norm.pdf(away)
@@ -265,8 +270,10 @@ def worth_of(
 
 
 def _variation(mapped: QuantityMap, places: Array, area_m2: float, cell_m: float) -> Array:
-    """How much the water varies about each place, told by readings two cells apart at most, over
-    about the distance between two passes.
+    """Return how much the water varies around each place.
+
+    The scale is about the distance between two passes. It is estimated from readings that are at
+    most two cells apart.
     """
     positions = mapped.positions
     passed = len(np.unique(np.floor(positions / cell_m), axis=0))

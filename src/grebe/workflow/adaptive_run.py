@@ -1,4 +1,4 @@
-"""A mission goes on where it pays, as soon as its order is sailed."""
+"""Extend a mission where readings pay, as soon as its order is sailed."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ from grebe.workflow.announced import announced, lying
 from grebe.workflow.quality import judged
 from grebe.workflow.wish import Wish
 
-# The time is spent in so many rounds, each planned by what the ones before have measured, but none
-# shorter than this.
+# The time is divided into this many rounds, none shorter than this; each is planned with the
+# measurements of those before.
 ROUNDS, SHORTEST_MINUTES = 4, 2.0
 
 
-# Which boats of a fleet still sail, by their numbers.
+# The boats of a fleet that still sail, by their numbers.
 Sailing = Callable[[], Collection[int]]
 
 
 @dataclass(kw_only=True)
 class Onward:
-    """Makes the revisions by which a mission goes on, from what its file holds by then; of a fleet
-    each boat has one of its own, which reads where the others are not going to. `sailing`: whose
-    missions are not over; the others' places are kept clear of. None: nobody else is on the water.
+    """Makes the revisions by which a mission goes on, from what its file holds by then.
+
+    Each boat of a fleet has one of its own, which reads where the others are not going to.
+    `sailing` returns the boats whose missions are not over; the places of the others are kept clear
+    of. None: nobody else is on the water.
     """
 
     path: Path
@@ -37,8 +39,9 @@ class Onward:
     _began_s: float | None = None
 
     def __call__(self, revision: PlanRevision, halfway: Halfway, time_s: float) -> PlanRevision:
-        """Return the next round; `time_s` is the mission's. `PlanError` says why there is none:
-        the time is over, or the map is sure enough.
+        """Return the next round; `time_s` is the mission's.
+
+        `PlanError` says why there is none: the time is over, or the map is accurate enough.
         """
         wish, sailing = self.wish, () if self.sailing is None else self.sailing()
         minutes = self._next_minutes(time_s)
@@ -56,12 +59,12 @@ class Onward:
         return found.revision
 
     def _next_minutes(self, time_s: float) -> float:
-        """How long the next round is; `PlanError` where the time is over."""
+        """Return how long the next round is [min]; `PlanError` if the time is over."""
         wish = self.wish
         if self._began_s is None:
             self._began_s = time_s
         left = wish.minutes - (time_s - self._began_s) / 60
         first = time_s == self._began_s
         if not first and left < min(SHORTEST_MINUTES, 0.5 * wish.minutes):
-            raise PlanError(f"the {wish.minutes:g} minutes more for {wish.text} are over")
+            raise PlanError(f"the {wish.minutes:g} extra minutes for {wish.text} are over")
         return min(left, max(wish.minutes / ROUNDS, SHORTEST_MINUTES))

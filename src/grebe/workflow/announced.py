@@ -1,4 +1,4 @@
-"""What a fleet's boats have announced that they will read: the plan says it, which all share."""
+"""Where a fleet's boats have announced to read, taken from the plan that all share."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 
     Way = NDArray[np.float64]
 
-# A boat that lies somewhere for good needs so much room beside the distance that is kept [m]: it
-# wanders, and the one that passes is not a point.
+# Room around a boat that stays where it is, beyond the distance that boats keep [m]: it wanders,
+# and the one that passes is not a point.
 ROOM_M = 5.0
 
 
 def announced(
     file: SurveyFile, revision: PlanRevision, own: Sortie | None, sailing: Collection[int]
 ) -> list[Way]:
-    """Return the taut ways (k, 2) through what the other sorties of a revision have left, each from
-    where its boat was last; none where there is but one mission.
+    """Return the taut paths (k, 2) through what the other sorties of a revision have left.
 
-    Of a boat that is not `sailing` any more only what was planned counts: another takes that over,
-    and where it had gone on to of itself nobody goes.
+    Each begins where its boat was last. There are none if there is only one mission. For a boat
+    that is no longer `sailing` only the planned targets count: another boat takes them over, and
+    nobody goes to the places that it had added itself.
     """
     if own is None:
         return []
@@ -55,7 +55,7 @@ def announced(
 
 
 def _place_of(file: SurveyFile, sortie: Sortie) -> tuple[float, float]:
-    """Where the boat of a sortie was last, or sets out."""
+    """Return where the boat of a sortie was last, or sets out."""
     ends = file.track_ends(sortie.boat)
     if ends is None:
         return sortie.start.north_m, sortie.start.east_m
@@ -63,7 +63,7 @@ def _place_of(file: SurveyFile, sortie: Sortie) -> tuple[float, float]:
 
 
 def lying(file: SurveyFile, sailing: Collection[int]) -> list[shapely.Polygon]:
-    """Return the water about each boat of a fleet that has sailed and is not `sailing` any more."""
+    """Return the water around each boat of a fleet that has sailed and is no longer `sailing`."""
     fleet = file.survey.fleet
     if fleet is None:
         return []

@@ -1,4 +1,4 @@
-"""Where the boats of a fleet lie that do not sail, and the order in which the others set out."""
+"""The places of a fleet's idle boats, and the order in which the others set out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from grebe.mission.spent import AT_HARBOUR_M
 
 
 def harbour_of(departure: Departure) -> Place | None:
-    """Where a boat is launched and taken ashore again; None for one that has no harbour."""
+    """Return where a boat is launched and taken ashore again; None if it has no harbour."""
     survey = departure.survey
     if survey.start is None or survey.settings is None or survey.settings.sorties is None:
         return None
@@ -20,14 +20,16 @@ def harbour_of(departure: Departure) -> Place | None:
 
 
 def is_afloat(departure: Departure) -> bool:
-    """Whether a boat is on the water when its mission begins, and not ashore at its harbour."""
+    """Return whether a boat begins its mission on the water, and not ashore at its harbour."""
     harbour = harbour_of(departure)
     return harbour is None or math.dist(harbour, departure.state[:2]) >= AT_HARBOUR_M
 
 
 def by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:
-    """The boats in the order in which they set out: first who goes farthest from its harbour, for
-    in narrow water nobody passes; those without a harbour by their numbers.
+    """Return the boats in the order in which they set out.
+
+    The boat that goes farthest from its harbour is first, because boats cannot pass each other in
+    narrow water. Boats without a harbour are ordered by their numbers.
     """
 
     def farthest_m(departure: Departure) -> float:
@@ -42,9 +44,10 @@ def by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:
 def lying(
     survey_file: SurveyFile, sailing: Collection[int], adrift: Collection[int] = ()
 ) -> dict[int, Place]:
-    """Return where boats lie on the water (north, east) that have sailed and are not `sailing`, by
-    their numbers; one at a harbour has been taken ashore, but for those that are `adrift`: they
-    have not come home, and nobody has been there since.
+    """Return the places (north, east) of idle boats on the water, by their numbers.
+
+    These boats have sailed and are not `sailing`. A boat at a harbour has been taken ashore, unless
+    it is `adrift`: it has not come home, and nobody has been there since.
     """
     survey = survey_file.survey
     assert survey.fleet is not None

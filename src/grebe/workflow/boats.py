@@ -1,6 +1,7 @@
-"""Boats by their URL: `sim:` is the simulated one, `mavlink:ADDRESS` one with an autopilot,
-`nmea:ADDRESS` one that speaks NMEA 0183, `replay:FILE` a recorded one, `python:FILE.py` one of the
-user's own.
+"""Open boats by their URL.
+
+`sim:` is the simulated boat, `mavlink:ADDRESS` one with an autopilot, `nmea:ADDRESS` one that
+speaks NMEA 0183, `replay:FILE` a recorded one, `python:FILE.py` one of the user's own.
 """
 
 from __future__ import annotations
@@ -25,35 +26,37 @@ if TYPE_CHECKING:
     from grebe.core.vessel import Vessel
     from grebe.links.mavlink.link import MavlinkLink
 
-# A real boat is armed once this has said yes to what it is told.
+# A real boat is armed only if this, given what is about to happen, returns True.
 Confirm = Callable[[str], bool]
 
 
 def nobody(_: str) -> bool:
-    """Confirm nothing: without somebody to ask, no real boat is armed."""
+    """Confirm nothing: with nobody to ask, no real boat is armed."""
     return False
 
 
 @dataclass(frozen=True, kw_only=True)
 class Harbour:
-    """What a boat may need before it sails: the world a simulated one sails in, and who confirms
-    that a real one may.
+    """What a boat may need before it sails.
+
+    `world` is the world that a simulated boat sails in; `confirm` decides whether a real one may
+    sail.
     """
 
     world: SimulatedWorld = field(default_factory=SimulatedWorld)
     confirm: Confirm = nobody
 
 
-# A scheme turns what follows its colon into an opener of links.
+# A scheme turns the text after its colon into a function that opens links.
 Scheme = Callable[[str, Harbour], BoatAt]
 
 
 def boat_named(
     url: str, harbour: Harbour | None = None, more: Mapping[str, Scheme] | None = None
 ) -> BoatAt:
-    """Return what opens the link of a URL such as `sim:`; `more` are schemes beside our own.
+    """Return the function that opens the link of a URL such as `sim:`.
 
-    Raises `LinkError` for a scheme nobody knows.
+    `more` are schemes in addition to our own. Raises `LinkError` for an unknown scheme.
     """
     schemes = SCHEMES | dict(more or {})
     scheme, colon, rest = url.partition(":")
@@ -70,26 +73,26 @@ def _simulated(rest: str, harbour: Harbour) -> BoatAt:
 
 
 def _from_file(rest: str, harbour: Harbour) -> BoatAt:  # noqa: ARG001
-    """The function `boat_at` that a Python file defines."""
+    """Return the function `boat_at` that a Python file defines."""
     return function_of(Path(rest), "boat_at", LinkError)
 
 
 def _nmea(rest: str, harbour: Harbour) -> BoatAt:
-    """A boat that speaks NMEA 0183, once somebody has confirmed it."""
+    """Return a boat that speaks NMEA 0183, once somebody has confirmed it."""
     from grebe.workflow.nmea import nmea_boat
 
     return nmea_boat(rest, harbour.confirm)
 
 
 def _replay(rest: str, harbour: Harbour) -> BoatAt:  # noqa: ARG001
-    """A recorded survey played back; no boat moves."""
+    """Return a recorded survey played back; no boat moves."""
     from grebe.workflow.replay import replay_boat
 
     return replay_boat(rest)
 
 
 def _mavlink(rest: str, harbour: Harbour) -> BoatAt:
-    """An autopilot's link: opened, confirmed by somebody, and armed."""
+    """Return an autopilot's link, which is opened, confirmed by somebody, and armed."""
     address, settings = mavlink_address(rest)
 
     def boat_at(departure: Departure) -> BoatLink:
@@ -125,9 +128,9 @@ def mavlink_address(rest: str) -> tuple[str, MavlinkSettings]:
 def open_mavlink(
     address: str, settings: MavlinkSettings, frame: LocalFrame | None, hull: Vessel
 ) -> MavlinkLink:
-    """Find the autopilot at an address; it is neither armed nor told anything yet.
+    """Find the autopilot at an address; it is neither armed nor commanded yet.
 
-    Without a frame places are counted from the autopilot's own origin.
+    Without a frame, places are relative to the autopilot's own origin.
     """
     from grebe.links.mavlink.link import open_link
     from grebe.links.wires import wire_at
@@ -135,7 +138,7 @@ def open_mavlink(
     return open_link(wire_at(address), frame, hull, settings)
 
 
-# Settings of a MAVLink URL: their names in it, the fields that they set, and how they are read.
+# Settings of a MAVLink URL: the name in the URL, the field that it sets, and how it is read.
 MAVLINK_SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "drive": ("drive", str),
     "system": ("system", int),

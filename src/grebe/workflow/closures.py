@@ -1,8 +1,8 @@
-"""Areas that are closed while a boat sails: a file of polygons that is read again when it changes.
+"""Close areas while a boat sails, by a file of polygons that is read again when it changes.
 
-Whoever finds swimmers, a net or a regatta on the lake writes their outline into the file; what was
-closed stays closed until the mission is over. The file is looked at once a second of the boat's
-time, beside the loop's own work, and read only when it has changed.
+Whoever finds swimmers, a net or a regatta on the lake writes their outline into the file. An area
+stays closed until the mission is over. The file is looked at once a second of the boat's time,
+outside the loop's own work, and is read only when it has changed.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from grebe.workflow.plans import read_zones
 
 LOOKED_AT_S = 1.0
 
-# What a file is known by: when it was written, and how long it is.
+# What a version of the file is recognised by: when it was written [ns], and its size [bytes].
 Mark = tuple[int, int]
 
 
 @dataclass(kw_only=True)
 class Closures:
-    """The areas that a file closes to one mission; `say` is told what cannot be read.
+    """The areas that a file closes to one mission; `say` is called with messages about the file.
 
-    Made from a file that is there and wrong it raises as `read_zones` does; one that is not there
-    yet closes nothing yet.
+    The constructor raises what `read_zones` raises if the file exists and is wrong. A file that
+    does not exist yet closes nothing.
     """
 
     path: Path
@@ -48,7 +48,7 @@ class Closures:
             self._read()
 
     def begin(self, mission: Mission) -> None:
-        """Close to a mission what the file holds now, and what it holds from now on."""
+        """Close the areas to a mission that the file holds now or later."""
         self._mission, self._seen, self._closed, self._next_s = mission, None, [], -math.inf
 
     def __call__(self, event: MissionEvent) -> None:
@@ -61,8 +61,8 @@ class Closures:
             if mark is not None and mark != self._seen:
                 self._close(self._read())
                 self._seen = mark
-        # A file that is being written is whole at the next look; and whatever is wrong with it, the
-        # next one must be looked at.
+        # A file that is being written will be complete at the next look. Whatever is wrong with it,
+        # the next version must be looked at.
         except Exception as error:
             if str(error) != self._said:
                 self._said = str(error)

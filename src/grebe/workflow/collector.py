@@ -1,4 +1,4 @@
-"""Python's collector of circles of records, and when it is only in the way."""
+"""Control when Python's cyclic garbage collector runs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def uncollected() -> Generator[None]:
-    """Let the collector wait: it walks over all records again whenever there are a quarter more,
-    and finds nothing where none of them refer to each other in a circle, as a plan's, or where all
-    are kept, as a compiler's.
+    """Suspend the collector within the block.
+
+    It scans all objects again whenever their number has grown by a quarter. It finds nothing if
+    they form no reference cycles, as a plan's, or if all of them are kept, as a compiler's.
     """
     was_on = gc.isenabled()
     gc.disable()
@@ -24,8 +25,10 @@ def uncollected() -> Generator[None]:
 
 @contextmanager
 def no_long_pauses() -> Generator[None]:
-    """Spare the loop the collector's walks over all that was imported and compiled: each takes
-    some 100 ms, in which the boat hears nothing. What a mission makes itself is collected still.
+    """Exclude everything that was imported and compiled from collection within the block.
+
+    Each scan of it takes some 100 ms, in which the loop hears nothing from the boat. Objects that
+    the mission creates are still collected.
     """
     gc.freeze()
     try:
@@ -35,5 +38,5 @@ def no_long_pauses() -> Generator[None]:
 
 
 def leave_all() -> None:
-    """Let nothing that is there now be collected: the process ends, and all goes with it."""
+    """Exempt everything that exists now from collection, because the process is about to end."""
     gc.freeze()

@@ -11,8 +11,8 @@ from grebe.core.vessel import PRESETS
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 
-# About a hectare, the size of the region of the paper's Fig. 7, whose coordinates are not
-# printed: the shape is ours, the place is Lac du Heron.
+# About a hectare, the size of the region of the paper's Fig. 7, whose coordinates are not printed.
+# The shape is ours, the place is Lac du Heron.
 HERON = LocalFrame(origin_lon_deg=3.171153, origin_lat_deg=50.636268)
 OUTLINE_M = ((-48, -40), (-52, 10), (-30, 48), (15, 56), (46, 38), (50, -12), (24, -50), (-20, -54))
 NOTE = "Illustrative: the outline is a stand-in and not the paper's region."

@@ -23,13 +23,13 @@ from grebe.mapping.series.difference import Difference, difference
 from grebe.report import canvas, map_figures
 from grebe.workflow.files import make_folder
 
-# With less common water than this there is nothing to map.
+# There is nothing to map with less common water than this.
 LEAST_WATER_M2 = 25.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """What changed of one quantity: the first map, and the second one less the first."""
+    """The change of one quantity: the first map, and the second one minus the first."""
 
     before: QuantityMap
     difference: Difference
@@ -37,8 +37,9 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class Changes:
-    """Changes by quantity on one grid, in the frame of the first survey, from its day to the
-    second's; and what is left out.
+    """Changes by quantity on one grid, in the frame of the first survey, and what is left out.
+
+    `days` are the days of the two surveys.
     """
 
     survey: Survey
@@ -48,9 +49,9 @@ class Changes:
 
 
 def compare_surveys(earlier: Path, later: Path, resolution_m: float | None = None) -> Changes:
-    """Map the later survey less the earlier where both cover the water.
+    """Map the later survey minus the earlier where both cover the water.
 
-    Raises `InputError` where they are one survey, or share no water or no quantity.
+    Raises `InputError` if they are one survey, or share no water or no quantity.
     """
     first, second = sailed([earlier, later])
     survey = first.survey
@@ -115,15 +116,17 @@ class Sailed:
 
 
 def _days(first: Sailed, second: Sailed) -> tuple[str, str]:
-    """The days on which two surveys began, with the time where they are the same."""
+    """Return the days on which two surveys began, with the time if the days are the same."""
     alike = first.began.date() == second.began.date()
     form = "%Y-%m-%d %H:%M" if alike else "%Y-%m-%d"
     return f"{first.began:{form}}", f"{second.began:{form}}"
 
 
 def sailed(paths: Sequence[Path]) -> list[Sailed]:
-    """Open surveys that are to be compared. `InputError` where one holds no samples, or where the
-    same readings are given twice: they would be sure of themselves.
+    """Open surveys to compare.
+
+    Raises `InputError` if one holds no samples, or if the same readings are given twice: they would
+    confirm themselves.
     """
     seen: dict[bytes, Path] = {}
     found: list[Sailed] = []
@@ -144,9 +147,9 @@ def sailed(paths: Sequence[Path]) -> list[Sailed]:
 
 
 def common_water(surveys: Sequence[Survey]) -> shapely.Polygon:
-    """The largest part of the water that all surveys cover, in the first one's frame.
+    """Return the largest part of the water that all surveys cover, in the first one's frame.
 
-    Raises `InputError` where there is none.
+    Raises `InputError` if there is none.
     """
     first = surveys[0]
     shared: shapely.Geometry = first.water
@@ -166,8 +169,10 @@ def common_water(surveys: Sequence[Survey]) -> shapely.Polygon:
 
 
 def maps_in(path: Path, base: Survey, mapper: Mapper) -> tuple[dict[str, QuantityMap], list[str]]:
-    """The maps of a survey on the common grid, in the frame of another; all its samples count, also
-    those outside the common water. And what could not be mapped.
+    """Return the maps of a survey on the common grid, and what could not be mapped.
+
+    They are in the frame of another survey, `base`. All its samples count, including those outside
+    the common water.
     """
     with SurveyFile.open(path) as file:
         samples, lags, quantities = file.samples(), file.lags(), file.quantities

@@ -1,4 +1,4 @@
-"""The preflight list: what must hold before a survey, each line with what to do about it."""
+"""The preflight checklist: what must hold before a survey, with advice on each item."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from grebe.links.checks import Check, Verdict, check
 from grebe.workflow.boats import MAVLINK_SCHEME, mavlink_address, open_mavlink
 from grebe.workflow.instruments import checks_of
 
-# What an hour of a mission writes, with all its tables: measured at some 9 MB at 10 Hz.
+# Ample room for a survey: an hour of a mission writes some 9 MB at 10 Hz, with all its tables.
 ROOM_BYTES = 500e6
-# A clock that is set to before this was never set.
+# A clock that shows a time before this was never set.
 RELEASED = datetime(2026, 1, 1, tzinfo=UTC)
 EXTRAS = {"pymavlink": "mavlink", "serial": "mavlink", "pymodbus": "instruments"}
 
@@ -27,8 +27,10 @@ EXTRAS = {"pymavlink": "mavlink", "serial": "mavlink", "pymodbus": "instruments"
 def diagnose(
     link: str | None, survey_file: Path | None, now: datetime, instruments: Sequence[str] = ()
 ) -> Iterator[Check]:
-    """Yield the lines of the list: this computer, the survey, the boat behind a link, and the
-    instruments apart from it (`ADDRESS@PROFILE` each).
+    """Yield the items of the list.
+
+    They concern this computer, the survey, the boat behind a link, and the instruments apart from
+    it (`ADDRESS@PROFILE` each).
     """
     yield from _computer(survey_file.parent if survey_file else Path(), now)
     survey: Survey | None = None
@@ -73,7 +75,7 @@ def _survey(path: Path) -> Generator[Check, None, Survey]:
     yield check(
         "survey", f"{len(survey.targets)} targets, {progress.reached} reached",
         holds=len(survey.targets) > progress.reached,
-        advice="all of it is done: plan another, or begin it anew by force",
+        advice="everything is done: plan another, or begin it anew by force",
     )  # fmt: skip
     name = "none" if survey.vessel is None else survey.vessel.name
     yield check(
@@ -88,7 +90,7 @@ def _boat(link: str, survey: Survey | None) -> Iterator[Check]:
     if scheme != MAVLINK_SCHEME:
         yield check(
             "link", link, holds=False, otherwise=Verdict.DOUBTFUL,
-            advice="only a mavlink: link can be asked how it is; this one is not looked at",
+            advice="only a mavlink: link can be checked beforehand; this one is not",
         )  # fmt: skip
         return
     from grebe.links.mavlink.preflight import preflight

@@ -1,4 +1,4 @@
-"""Make what is written to: folders, and survey files with what their meta must say."""
+"""Make the folders and survey files that are written to, the latter with their metadata."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def write_survey(
 ) -> None:
     """Write a survey to a new file, with its identity, origin and configuration.
 
-    The file declares `quantities`; `revision` holds the plan's sorties, where it has any. One
-    that is there already is replaced only by `force`.
+    The file declares `quantities`; `revision` holds the plan's sorties, if it has any. An existing
+    file is replaced only by `force`.
     """
     configuration = settings_text(survey.settings)
     meta = {
@@ -47,14 +47,14 @@ def write_survey(
 
 @contextmanager
 def filled_folder(path: Path) -> Generator[Path]:
-    """Make a folder for what is going to be written; one that was made for nothing goes again."""
+    """Make a folder for new files; remove it again if it was made and nothing was written."""
     was_there = path.is_dir()
     make_folder(path)
     try:
         yield path
     finally:
         if not was_there:
-            # Only where it is empty still.
+            # This succeeds only if it is still empty.
             with suppress(OSError):
                 path.rmdir()
 

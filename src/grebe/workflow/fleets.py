@@ -1,4 +1,4 @@
-"""Run the part of a survey that each boat of a fleet has, all at once, into one survey file."""
+"""Run the parts of all boats of a fleet at once, into one survey file."""
 
 from __future__ import annotations
 
@@ -43,19 +43,21 @@ from grebe.workflow.run import (
 from grebe.workflow.sorties import kept_by_plan
 from grebe.workflow.together import Together
 
-# The link of a boat, by its number and whence it departs.
+# Opens the link of a boat, given its number and where it departs from.
 FleetAt = Callable[[int, Departure], BoatLink]
-# Where a boat goes on that has done its part, by what says which boats still sail.
+# Makes the extension of a boat's mission, given a function that returns the boats that still sail.
 ExtensionOf = Callable[[Callable[[], Collection[int]]], Extension]
-# Ends after which a boat sails no more; another takes what it has left.
+# A boat that ends like this sails no more; another takes over its remaining targets.
 LOST = frozenset(EndReason) - {EndReason.COMPLETE, EndReason.STOPPED, EndReason.FAILED}
 
 
 @dataclass(frozen=True, kw_only=True)
 class FleetReport:
-    """What came of the boats' missions, in the order in which they were sailed: each boat's number,
-    its sortie's, and its report. `ashore`: the boats that wait at their harbours for somebody to
-    see to their batteries, and have more to sail.
+    """The outcome of the boats' missions.
+
+    `missions` holds, in the order in which they were sailed, each boat's number, its sortie's, and
+    its report. `ashore` are the boats that have more to sail and wait at their harbours for
+    somebody to see to their batteries.
     """
 
     missions: tuple[tuple[int, int, MissionReport], ...]
@@ -92,17 +94,17 @@ class FleetReport:
 class FleetRun:
     """One survey file, its boats, and how they are steered.
 
-    `boat_at` opens the link of a boat by its number. `shares_time` where the boats' time is not
-    the clock's, for they are simulated: they then act in turn, and have new batteries whenever they
-    are at their harbours. A real boat that has come home to its harbour does not set out again in
-    the same run: only who resumes it knows of its battery.
+    `boat_at` opens the link of a boat by its number. `shares_time` is set for simulated boats,
+    whose time is not the clock's: they act in turn, and have new batteries whenever they are at
+    their harbours. A real boat that has come home to its harbour does not set out again in the same
+    run: only whoever resumes it knows about its battery.
 
-    `watches` hear of the events of each boat; `instruments` are sondes apart from a boat, by its
-    number. With `replans` a boat's rest is planned anew where a target is out of reach, the current
-    another or its sortie late; without it as well where an area is closed. With `extends` each boat
-    goes on once it has done its part, and does that once: what it takes over from one that dropped
-    out it sails, and ends. `changed` are the boats, by their numbers, whose batteries are new,
-    whatever their tracks say.
+    `watches` receive the events of each boat; `instruments` are sondes apart from a boat, by its
+    number. With `replans` a boat's rest is replanned when a target is out of reach, the current has
+    changed or its sortie is late; when an area is closed, this happens without it as well. With
+    `extends` each boat goes on once it has done its part, but only once: after what it takes over
+    from a boat that dropped out, it ends. `changed` are the numbers of the boats that have new
+    batteries, whatever their tracks say.
     """
 
     survey_file: SurveyFile
@@ -124,10 +126,12 @@ class FleetRun:
     _closed: tuple[shapely.Polygon, ...] = ()
 
     def run(self, now: datetime, *, resume: bool = False, force: bool = False) -> FleetReport:
-        """Sail until every boat has done its part; what one that drops out has left is taken over
-        by the nearest of the others, and sailed after its own.
+        """Sail until every boat has done its part.
 
-        Raises `UsageError` for a survey that was not planned for a fleet, `PlanError` and
+        If a boat drops out, the nearest of the others takes over its remaining targets, after its
+        own.
+
+        Raises `UsageError` for a survey that was not planned for a fleet, and `PlanError` and
         `SurveyFileError` as `prepare` does.
         """
         file = self.survey_file
@@ -163,7 +167,7 @@ class FleetRun:
         )
 
     def _note_ends(self, done: list[tuple[int, int, MissionReport]]) -> None:
-        """Remember which boats are ashore, to sail no more in this run, and which lie about."""
+        """Note which boats are ashore, to sail no more in this run, and which are adrift."""
         for boat, _, report in done:
             if report.ended not in AT_HOME:
                 self._adrift.add(boat)
@@ -171,9 +175,11 @@ class FleetRun:
                 self._ashore.add(boat)
 
     def _fallen(self, done: list[tuple[int, int, MissionReport]], before: int) -> set[int]:
-        """The boats that sail no more. One that came home because nothing of its sortie is open any
-        more is not lost: it has done what there was; nor is one that came home for others' sake, or
-        for what is renewed at its harbour: it sails the rest itself, as long as any boat gets on.
+        """Return the boats that sail no more.
+
+        A boat is not lost if it came home because nothing of its sortie is open any more: there was
+        nothing more to do. Nor is one that came home for the sake of others, or for what is renewed
+        at its harbour: it sails the rest itself, as long as any boat makes progress.
         """
         fallen: set[int] = set()
         gets_on = self.survey_file.progress().reached > before
@@ -188,7 +194,7 @@ class FleetRun:
         return fallen
 
     def _next_round(self, without: Collection[int]) -> dict[int, Sortie]:
-        """The next sortie of each boat that has one, `without` some, by the boat's number."""
+        """Return the next sortie of each boat that has one, by its number, `without` some boats."""
         progress = self.survey_file.progress()
         found: dict[int, Sortie] = {}
         for one in self.survey_file.revision.sorties:
@@ -210,7 +216,8 @@ class FleetRun:
             check_home(departure.survey, self.settings.safety)
         traffic = Traffic(apart_m=fleet.apart_m, order=by_way(departures))
         together = Together(traffic, self.survey_file)
-        # Where the boats lie is known before the first of them moves; those ashore are in no way.
+        # The places of the boats are known before the first of them moves. Those ashore are in
+        # nobody's way.
         for boat, departure in departures.items():
             if is_afloat(departure):
                 traffic.claim(boat, np.array([departure.state[:2]]))
@@ -230,7 +237,10 @@ class FleetRun:
     def _mission(
         self, sortie: Sortie, departure: Departure, together: Together, watch: ExitStack
     ) -> Mission:
-        """The mission of a boat; its link is left, and its watchdog dismissed, with `watch`."""
+        """Return the mission of a boat.
+
+        `watch` closes its link and dismisses its watchdog at the end.
+        """
         boat = sortie.boat
         link = self.boat_at(boat, departure)
         watch.callback(link.close)
@@ -259,7 +269,7 @@ class FleetRun:
             pilot=pilot_of(known, self.helm_of),
             fleet=InFleet(
                 lookout=lookout,
-                # Who is taken ashore need not make room for others.
+                # A boat that is taken ashore need not make room for others.
                 stands_by=lambda: harbour is None and together.others_sail(boat),
             ),
             instruments=self.instruments.get(boat),
@@ -271,8 +281,10 @@ class FleetRun:
 
     @property
     def _renewed(self) -> tuple[Cause, ...]:
-        """What a boat that comes home for it has anew at its harbour: its battery, and the time
-        that the plan gives a sortie; not the time that was given to this run.
+        """The causes of coming home that a stay at the harbour removes.
+
+        These are the battery, and the time that the plan gives a sortie, but not the time that was
+        given to this run.
         """
         of_plan = math.isinf(self.settings.safety.max_s)
         return (Cause.BATTERY, Cause.TIME) if of_plan else (Cause.BATTERY,)
@@ -293,8 +305,9 @@ class FleetRun:
         )
 
     def _settings_of(self, boat: int, departure: Departure) -> MissionSettings:
-        """What a boat sails with: the plan's battery and time less what it has spent; a battery
-        that was named for this run is the one with which it sets out first.
+        """Return a boat's settings: the plan's battery and time, minus what it has spent.
+
+        A battery state that was given for this run applies to the first departure only.
         """
         settings = self._as_said_of(boat)
         if boat in self._sailed:
@@ -312,14 +325,15 @@ class FleetRun:
         return spent_as_said(departure, self._as_said_of(sortie.boat))
 
     def _as_said_of(self, boat: int) -> MissionSettings:
-        """The settings with what is said of a boat's own battery."""
+        """Return the settings of a boat; a battery that was changed has spent nothing."""
         if boat not in self.changed:
             return self.settings
         return replace(self.settings, safety=replace(self.settings.safety, used_wh=0.0))
 
     def _hand_over(self, fallen: set[int], lost: set[int]) -> bool:
-        """Give what the fallen boats have left to the nearest that sails; False where there is
-        nobody.
+        """Give the fallen boats' remaining targets to the nearest that sails.
+
+        Returns False if nobody sails.
         """
         file = self.survey_file
         boats = {one.boat for one in file.revision.sorties} - lost

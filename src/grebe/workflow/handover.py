@@ -1,4 +1,4 @@
-"""What a boat of a fleet has left that sails no more: the nearest of the others takes it over."""
+"""Hand the remaining targets of a lost boat to the nearest of the fleet's others."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ from grebe.workflow.berths import lying
 
 @dataclass(frozen=True, kw_only=True)
 class Handover:
-    """Plans anew what sorties of a survey file have left, out of what is `closed` and of the water
-    about boats that lie in it; those `adrift` do so although they may be at a harbour.
+    """Replans the remaining targets of sorties in a survey file.
+
+    The new plan keeps out of what is `closed`, and out of the water around idle boats. Boats that
+    are `adrift` count as such even at a harbour.
     """
 
     survey_file: SurveyFile
@@ -31,7 +33,7 @@ class Handover:
     adrift: Collection[int]
 
     def is_shut(self, number: int) -> bool:
-        """Whether nothing that a sortie has left can be gone to, for it is closed."""
+        """Return whether all remaining targets of a sortie are closed."""
         file = self.survey_file
         sortie = file.revision.sortie(number)
         ends = file.track_ends(sortie.boat)
@@ -45,8 +47,9 @@ class Handover:
         return False
 
     def give(self, lost: Collection[int], boats: Collection[int]) -> None:
-        """Give what the lost boats have left to the nearest of the `boats` that sail, sortie by
-        sortie, each as a revision of the plan.
+        """Give the lost boats' remaining targets to the nearest of the sailing `boats`.
+
+        This is done sortie by sortie, each as a revision of the plan.
         """
         for sortie in [one for one in self.survey_file.revision.sorties if one.boat in lost]:
             self._take_over(sortie, boats)
@@ -64,7 +67,7 @@ class Handover:
         about = self._about_lying(boats)
         try:
             new = self._replanned(sortie, reached, places[heir], self._vessel_of(heir), about)
-        # What is left is closed, or the way to the harbour alone: there is nothing to take over.
+        # The rest is closed, or is only the way to the harbour: there is nothing to take over.
         except PlanError:
             return
         north, east = places[heir]
@@ -75,7 +78,7 @@ class Handover:
         file.append_revision(replace(new, sorties=tuple(sorties)))
 
     def _about_lying(self, boats: Collection[int]) -> list[shapely.Polygon]:
-        """The water that is kept free about all that lie in it but some boats."""
+        """Return the water that is kept free around idle boats, which are all but `boats`."""
         fleet = self.survey_file.survey.fleet
         assert fleet is not None
         radius_m = fleet.apart_m + 2 * WANDER_M
@@ -96,12 +99,12 @@ class Handover:
         vessel: Vessel,
         about: Sequence[shapely.Polygon] = (),
     ) -> PlanRevision:
-        """The plan in which the rest of a sortie is planned anew, from a place on."""
+        """Return the plan with the rest of a sortie replanned from a place on."""
         survey, revision = self.survey_file.survey, self.survey_file.revision
         weather = survey.settings.weather if survey.settings else None
         if weather is None:
             raise PlanError("The survey does not say for which weather it was planned.")
-        # Where boats had gone on to of themselves need not be taken over: it was not planned.
+        # Places that boats had added themselves were not planned, and need not be taken over.
         planned = survey_of(survey, as_planned(self.survey_file.revisions()))
         open_ = open_water(planned, water_of(survey))
         closed = [*self.closed, *about]
@@ -113,5 +116,5 @@ class Handover:
             vessel=vessel,
             weather=weather,
             reason="boat_lost",
-            note=f"boat {sortie.boat} dropped out, and another takes what it has left",
+            note=f"boat {sortie.boat} dropped out, and another takes over what it has left",
         )

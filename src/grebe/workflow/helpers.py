@@ -1,7 +1,7 @@
-"""Processes that work beside this one, for as long as it has several things to do.
+"""Processes that help this one while it has several things to do.
 
-They are no part of what comes out: a task is a pure function, and what a helper cannot do - because
-it was killed, or because a user's own function cannot be sent to it - is done here.
+They do not affect the results. A task is a pure function, and this process does any task that a
+helper cannot do because it was killed, or because a user's own function cannot be sent to it.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from grebe.workflow.worker_processes import begin_worker
 A = TypeVar("A")
 R = TypeVar("R")
 
-# Each takes the memory of a process, and the last of many tasks is waited for anyway.
+# Each takes the memory of a process, and the last of many tasks has to be waited for anyway.
 MOST_HELPERS = 3
-# A user's own functions are found there where this process finds them.
+# The same path as here, so that a user's own functions are found.
 _HELP = (
     "import sys; sys.path[:] = {path}; "
     "from grebe.workflow.helpers import help_with; help_with({pipe}, {parent})"
@@ -47,8 +47,9 @@ class Crew:
         self._dismiss()
 
     def map(self, task: Callable[[A], R], items: Iterable[A]) -> Iterator[R]:
-        """Give the result of each item in the order of the items, as `map` does; whoever is idle
-        takes the next one. An error is raised by the item that it belongs to.
+        """Yield the result of each item in the order of the items, as `map` does.
+
+        Whoever is idle takes the next item. An error is raised at the item that it belongs to.
         """
         items = list(items)
         told = _pickled(task) if self._helpers and len(items) > 1 else None
@@ -83,12 +84,12 @@ class Crew:
 
 
 def idle_cores() -> int:
-    """How many processors there are for helpers."""
+    """Return how many processors are available for helpers."""
     return min(len(os.sched_getaffinity(0)) - 1, MOST_HELPERS)
 
 
 def _done(task: Callable[[A], R], item: A) -> tuple[R | None, Exception | None]:
-    """The result, or the error, which waits for the results of earlier items."""
+    """Return the result or the error, which has to wait for the results of earlier items."""
     try:
         return task(item), None
     except Exception as error:
@@ -102,7 +103,7 @@ def _result(result: Any, error: Exception | None) -> Any:
 
 
 def _pickled(task: Callable[..., Any]) -> bytes | None:
-    """A task as it is sent; None where it cannot be, as a function within a function."""
+    """Return a task pickled; None if it cannot be, such as a function within a function."""
     try:
         return pickle.dumps(task)
     except (pickle.PicklingError, AttributeError, TypeError):
@@ -111,7 +112,7 @@ def _pickled(task: Callable[..., Any]) -> bytes | None:
 
 @dataclass
 class _Work:
-    """What is to be done, and what has been, by number; asked by several threads."""
+    """The items to do and the results so far, by number; shared by several threads."""
 
     items: Sequence[Any]
     _waiting: list[int] = field(init=False)
@@ -124,46 +125,46 @@ class _Work:
         self._waiting = list(range(len(self.items)))
 
     def take(self) -> int | None:
-        """The next one, which is the taker's then; None where nothing waits."""
+        """Take the next item, by its number; None if none is waiting."""
         with self._changed:
             return self._waiting.pop(0) if self._waiting else None
 
     def put(self, number: int, outcome: tuple[Any, Exception | None]) -> None:
-        """Keep what came of one, a result or an error."""
+        """Store the outcome of an item, a result or an error."""
         with self._changed:
             self._results[number] = outcome
             self._changed.notify_all()
 
     def put_back(self, number: int) -> None:
-        """Leave one that was taken to others."""
+        """Give back an item that was taken, so that others can take it."""
         with self._changed:
             self._waiting.insert(0, number)
             self._changed.notify_all()
 
     def give_up(self) -> None:
-        """Let nothing more be taken."""
+        """Let no more items be taken."""
         with self._changed:
             self._waiting.clear()
 
     def is_done(self, number: int) -> bool:
-        """Whether there is a result."""
+        """Return whether an item has a result."""
         with self._changed:
             return number in self._results
 
     def wait(self, number: int) -> None:
-        """Wait until one is done, or another has to be taken."""
+        """Wait until an item is done, or another can be taken."""
         with self._changed:
             self._changed.wait_for(lambda: number in self._results or self._waiting)
 
     def result(self, number: int) -> tuple[Any, Exception | None]:
-        """What came of one; it is not kept any longer."""
+        """Return the outcome of an item, and forget it."""
         with self._changed:
             return self._results.pop(number)
 
 
 @dataclass
 class _Helper:
-    """A process that is sent tasks and sends back what came of them."""
+    """A process that receives tasks and sends back their outcomes."""
 
     process: subprocess.Popen[bytes]
     pipe: Connection
@@ -171,7 +172,7 @@ class _Helper:
     @classmethod
     def called(cls) -> _Helper:
         ours, theirs = socket.socketpair()
-        # In a session of its own it hears no Ctrl-C: who called it ends it.
+        # In a session of its own it does not get Ctrl-C: its caller ends it.
         process = subprocess.Popen(
             [sys.executable, "-c",
              _HELP.format(path=sys.path, pipe=theirs.fileno(), parent=os.getpid())],
@@ -181,7 +182,7 @@ class _Helper:
         return cls(process=process, pipe=Connection(ours.detach()))
 
     def feed(self, told: bytes, work: _Work) -> None:
-        """Hand on work until there is none; what comes back undone is left to others."""
+        """Hand on items until there are none left; one that comes back undone is left to others."""
         first: bytes | None = told
         while (number := work.take()) is not None:
             try:
@@ -202,7 +203,7 @@ class _Helper:
 
 
 def help_with(pipe_number: int, parent: int) -> None:
-    """What a helper does: takes tasks from the pipe until it is closed."""
+    """Do a helper's work: take tasks from the pipe until it is closed."""
     begin_worker(parent)
     task: Any = None
     with Connection(pipe_number) as pipe, suppress(EOFError, OSError):

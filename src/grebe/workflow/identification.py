@@ -1,4 +1,4 @@
-"""Know a boat: drive the manoeuvre, read a drive, fit it, and write what came of it."""
+"""Identify a boat: drive the manoeuvre, read a drive, fit the model, and write the result."""
 
 from __future__ import annotations
 
@@ -27,14 +27,17 @@ from grebe.report import canvas
 from grebe.report.identification_figures import identification_figure
 from grebe.workflow.run import BoatAt
 
-# A speed limit where none is given: a share of what the vessel makes, and no more than this [m/s].
+# The speed limit when none is given: a share of the vessel's top speed, and no more than this
+# [m/s].
 SPEED_SHARE, SPEED_MAX_MPS = 0.8, 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class ManoeuvreSettings:
-    """`radius_m` of the circle (None: the largest that is free), `speed_max_mps` (None: four
-    fifths of what the vessel makes, 2 at most), `duration_s`.
+    """Settings of the manoeuvre.
+
+    `radius_m` of the circle (None: the largest that is free), `speed_max_mps` (None: four fifths of
+    the vessel's top speed, 2 at most), `duration_s`.
     """
 
     radius_m: float | None = None
@@ -44,7 +47,7 @@ class ManoeuvreSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Driven:
-    """A manoeuvre that was driven: where, how fast at most, how it ended, and what to know."""
+    """A manoeuvre that was driven: where, the speed limit, how it ended, and notes."""
 
     circle: Circle
     speed_max_mps: float
@@ -53,7 +56,7 @@ class Driven:
 
 
 class _ThrottleSink:
-    """Turns what a link says and is told into rows of a log."""
+    """Turns the states and orders of a link into rows of a log."""
 
     def __init__(self, log: DriveCsv, vessel: Vessel) -> None:
         self._log = log
@@ -77,9 +80,9 @@ def drive_manoeuvre(
     vessel: Vessel | None = None,
     force: bool = False,
 ) -> Driven:
-    """Drive the manoeuvre in the water of a survey and log it as CSV; the survey stays as it is.
+    """Drive the manoeuvre in the water of a survey and log it as CSV; the survey file is unchanged.
 
-    Raises `PlanError` where there is no room, and what opening the link raises.
+    Raises `PlanError` if there is no room, and what opening the link raises.
     """
     wanted = settings or ManoeuvreSettings()
     with SurveyFile.open(survey_path) as file:
@@ -114,7 +117,7 @@ def drive_manoeuvre(
             link.close()
             raise
     notes = (
-        ("this boat was steered by its speed, and the thrusts in the log are wishes: identify it "
+        ("this boat was steered by speed, so the thrusts in the log are only requests: identify it "
          "from the autopilot's own log",)
         if by_motion
         else ()
@@ -125,7 +128,7 @@ def drive_manoeuvre(
 def identify_file(
     path: Path, preset: Vessel, settings: IdentifySettings = DEFAULT, *, name: str = ""
 ) -> Identification:
-    """Identify the boat of a log, and name it: by default as the log is named."""
+    """Identify the boat of a log, and name it, by default after the log."""
     found = identify(read_drive(path), preset, settings)
     return replace(found, vessel=replace(found.vessel, name=name or path.stem))
 
@@ -153,21 +156,21 @@ def write_identification(
 
 def _comment(one: Told) -> str:
     if not one.is_told:
-        return f"+- {one.sd:.2g}: this drive says little of it"
+        return f"+- {one.sd:.2g}: this drive says little about it"
     size = abs(one.value)
     share = f" ({100 * one.sd / size:.2g} %)" if size > one.sd else ""
     return f"+- {one.sd:.2g}{share}"
 
 
 def _head(found: Identification) -> list[str]:
-    """What stands above the numbers: latency, how the boat predicts, and what to know."""
+    """Return the text above the numbers: latency, accuracy of the predictions, and notes."""
     check = found.hold_out
     latency = found["latency_s"]
     return [
-        f"{found.vessel.source} Standard errors behind the numbers.",
-        f"From a command to its thrust {latency.value:.3f} s pass (+- {latency.sd:.2g}), beside "
-        "the thrusters' lag.",
-        f"Predicted {check.horizon_s:g} s ahead where the fit had not looked ({check.pieces} "
+        f"{found.vessel.source} Standard errors follow the numbers.",
+        f"From a command to its thrust {latency.value:.3f} s pass (+- {latency.sd:.2g}), in "
+        "addition to the thrusters' lag.",
+        f"Prediction {check.horizon_s:g} s ahead on parts that the fit did not use ({check.pieces} "
         f"pieces), rms: surge {check.fitted[0]:.3f} m/s, sway {check.fitted[1]:.3f} m/s, yaw rate "
         f"{math.degrees(check.fitted[2]):.2f} deg/s; before: {check.preset[0]:.3f}, "
         f"{check.preset[1]:.3f}, {math.degrees(check.preset[2]):.2f}.",

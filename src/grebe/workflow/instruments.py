@@ -1,4 +1,4 @@
-"""Instruments by what a user says: `ADDRESS@PROFILE`, as in serial:/dev/ttyUSB0@ysi-exo."""
+"""Instruments as users name them: `ADDRESS@PROFILE`, as in serial:/dev/ttyUSB0@ysi-exo."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from grebe.links.instruments.profile import Profile, profile_named
 _T = TypeVar("_T")
 # How long an instrument is listened to before it counts as silent [s].
 LISTEN_S = 12.0
-# ... and how long its line may take to be opened before a boat sets out [s].
+# How long its line may take to open before a boat sets out [s].
 OPEN_S = 3.0
 
 
 def instrument_named(text: str, quantities: Quantities = BUILTIN) -> tuple[str, str, Profile]:
     """Return the address, the profile's name and the profile of `ADDRESS@PROFILE`.
 
-    Raises `UsageError` for another form, `InputError` for an unknown profile.
+    Raises `UsageError` for any other form, `InputError` for an unknown profile.
     """
     address, at, name = text.rpartition("@")
     if not at or not address or not name:
@@ -37,8 +37,9 @@ def instrument_named(text: str, quantities: Quantities = BUILTIN) -> tuple[str, 
 
 
 def boat_and_instrument(text: str) -> tuple[int | None, str]:
-    """Which boat of a fleet has an instrument, of `2=ADDRESS@PROFILE`, None without a number; and
-    the instrument.
+    """Split `2=ADDRESS@PROFILE` into the number of a fleet's boat and the instrument.
+
+    The number is None if none is given.
     """
     boat, equals, rest = text.partition("=")
     return (int(boat), rest) if equals and boat.isdecimal() else (None, text)
@@ -48,8 +49,9 @@ def boat_and_instrument(text: str) -> tuple[int | None, str]:
 def instruments_at(
     texts: Sequence[str], quantities: Quantities = BUILTIN
 ) -> Generator[dict[int | None, Bench]]:
-    """Open instruments for as long as they are needed: those of each boat of a fleet, or of None
-    where no boat is named.
+    """Open instruments within the block, and yield those of each boat of a fleet.
+
+    The key is None if no boat is named.
     """
     of_boat: dict[int | None, list[tuple[str, str, Profile]]] = {}
     for boat, text in map(boat_and_instrument, texts):
@@ -66,7 +68,8 @@ def instruments_at(
 def refuse_unopened(benches: Iterable[Bench]) -> None:
     """Refuse to set out with an instrument whose line cannot be opened: `LinkError` says which.
 
-    One that is open and silent may be warming up; on the way a line is opened again and again.
+    One that is open and silent may be warming up. During a mission a line is reopened whenever it
+    fails.
     """
     until_s = time.monotonic() + OPEN_S
     for one in [each for bench in benches for each in bench.each]:
@@ -80,19 +83,19 @@ def refuse_unopened(benches: Iterable[Bench]) -> None:
 
 
 def of_one_boat(benches: Mapping[int | None, _T]) -> _T | None:
-    """The instruments of a boat that sails alone; `UsageError` where they are a fleet's."""
+    """Return the instruments of a boat that sails alone; `UsageError` if they are a fleet's."""
     others = [boat for boat in benches if boat is not None]
     if others:
         raise UsageError(
-            f"An instrument is said to be boat {others[0]}'s, and one boat sails; leave its number "
-            "out.",
+            f"An instrument is assigned to boat {others[0]}, but only one boat sails; leave its "
+            "number out.",
             settings=("instrument",),
         )
     return benches.get(None)
 
 
 def of_fleet(benches: Mapping[int | None, _T], boats: int) -> dict[int, _T]:
-    """The instruments of each boat of a fleet; `UsageError` where it is not said whose they are."""
+    """Return the instruments of each boat of a fleet; `UsageError` if one names no valid boat."""
     found = {boat: bench for boat, bench in benches.items() if boat is not None}
     if None in benches or not all(1 <= boat <= boats for boat in found):
         raise UsageError(
@@ -104,7 +107,7 @@ def of_fleet(benches: Mapping[int | None, _T], boats: int) -> dict[int, _T]:
 
 
 def declare_quantities(file: SurveyFile, bench: Bench, quantities: Quantities = BUILTIN) -> None:
-    """Declare what the instruments may measure and the file does not hold yet."""
+    """Declare what the instruments may measure and the file does not declare yet."""
     new = [key for key in bench.keys if key not in file.quantities]
     if new:
         file.declare(quantities.subset(new))
@@ -118,7 +121,10 @@ def watch_instrument(
     seconds: float | None = None,
     quantities: Quantities = BUILTIN,
 ) -> str:
-    """Hand out readings as they come, for so long; return what there is to say at the end."""
+    """Pass on readings as they come, and return the instrument's state at the end.
+
+    It ends after `seconds`, or never for None.
+    """
     address, name, profile = instrument_named(text, quantities)
     instrument = Instrument(address, name, profile, quantities)
     until_s = None if seconds is None else time.monotonic() + seconds
@@ -135,7 +141,7 @@ def watch_instrument(
 
 
 def checks_of(text: str, quantities: Quantities = BUILTIN) -> Check:
-    """The line of a preflight list about an instrument: whether it speaks, and what it says."""
+    """Return the preflight item of an instrument: whether it speaks, and what it says."""
     address, name, profile = instrument_named(text, quantities)
     instrument = Instrument(address, name, profile, quantities)
     try:

@@ -17,18 +17,19 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Between fixes farther apart than this [s] nobody knows where the boat was.
+# Between fixes farther apart than this [s] the boat's place is unknown.
 LONGEST_GAP_S = 15.0
-# Offsets of the clocks that are tried where both files measured one quantity [s].
+# Clock offsets that are tried if both files measured the same quantity [s].
 WIDEST_OFFSET_S = 4 * 3600
-# An offset is believed where both records agree so well at it, and clearly less well elsewhere.
+# An offset is accepted if both records correlate this well at it, and worse by this lead at all
+# offsets more than this far from it [s].
 CLEAR_CORRELATION, CLEAR_LEAD, APART_S = 0.9, 0.05, 60
 FEWEST_READINGS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClockOffset:
-    """How far the sonde's clock is ahead of the track's [s], and by which quantity it was told."""
+    """How far the sonde's clock is ahead of the track's [s], and the quantity that showed it."""
 
     seconds: int
     key: str
@@ -38,10 +39,10 @@ class ClockOffset:
 def joined(
     track: RawTrack, sonde: Readings, path: Path, offset_s: float | None = None
 ) -> tuple[RawTrack, ClockOffset | None]:
-    """The sonde's readings at the places of the track, and the offset that the data told.
+    """Return the sonde's readings at the places of the track, and the offset that the data show.
 
-    `offset_s` is how far the sonde's clock is ahead, None for what both files tell if they
-    measured one quantity, and else 0. `TrackError` says why the files cannot be joined.
+    `offset_s` is how far the sonde's clock is ahead. None takes what both files show if they
+    measured the same quantity, and otherwise 0. `TrackError` says why the files cannot be joined.
     """
     if track.times is None or sonde.times is None:
         which = "the track" if track.times is None else str(path)
@@ -75,7 +76,7 @@ def joined(
     }
     lost = int((~there).sum())
     left_out = counted(lost, "reading")
-    notes = (f"{left_out} of {path.name} outside the track's time or its gaps: left out",)
+    notes = (f"{left_out} of {path.name} outside the track's time or in its gaps: left out",)
     return (
         replace(
             track,
@@ -92,7 +93,7 @@ def joined(
 
 
 def clock_offset(track: RawTrack, sonde: Readings) -> ClockOffset | None:
-    """The offset at which a quantity of both files agrees best; None where that is not clear."""
+    """Return the offset at which a quantity of both files agrees best; None if it is not clear."""
     if track.times is None or sonde.times is None:
         return None
     best: ClockOffset | None = None
@@ -123,7 +124,7 @@ def _offset_by(
 
 
 def _each_second(times: Array, values: Array) -> tuple[int, Array] | None:
-    """The first second and values at whole seconds (n,), straight between readings."""
+    """Return the first second and the values at whole seconds (n,), interpolated linearly."""
     there = np.isfinite(times) & np.isfinite(values)
     if there.sum() < 2:
         return None
@@ -133,8 +134,9 @@ def _each_second(times: Array, values: Array) -> tuple[int, Array] | None:
 
 
 def _correlations(one: Array, other: Array) -> Array:
-    """Correlation (n + m - 1,) of two series at all shifts, -1 where they share less than half of
-    the shorter.
+    """Return the correlation (n + m - 1,) of two series at all shifts.
+
+    It is -1 where they share less than half of the shorter.
     """
     from scipy.signal import correlate
 

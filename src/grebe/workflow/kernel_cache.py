@@ -1,8 +1,8 @@
-"""Compile the controller's kernels once, in a process of their own.
+"""Compile the controller's kernels once, in a separate process.
 
-A kernel that is compiled in the process that runs it may round its last digit otherwise than the
-same kernel loaded from the cache: what is inlined differs. So the first mission after installation
-would differ from all later ones. It does not where every mission loads from the cache.
+A kernel that is compiled in the process that runs it may differ in the last bit from the same
+kernel loaded from the cache, because inlining differs. The first mission after installation would
+thus differ from all later ones. It does not if every mission loads from the cache.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COMPILE, BESIDE = _CALL.format("compile_all"), _CALL.format("compile_beside")
 
 
 def compile_controller() -> bool:
-    """Fill the cache where it is not full and can be written; return whether it is full now."""
+    """Fill the cache if it is not full and can be written; return whether it is full now."""
     if not kernels.is_compiled() and os.access(Path(kernels.__file__).parent, os.W_OK):
         kernels.forget_compiled()
         subprocess.run([sys.executable, "-c", COMPILE], check=False, capture_output=True)
@@ -38,8 +38,10 @@ def compile_controller() -> bool:
 
 @uncollected()
 def compile_all() -> None:
-    """Compile all that a mission needs, with a second process beside this one where there is a
-    second core; what that does not do, for whatever reason, is done here.
+    """Compile everything that a mission needs.
+
+    If there is a second core, a second process does its share. Whatever it does not do, for any
+    reason, is done here.
     """
     from grebe.control.solvers.fast.ahead import compile_horizon, compile_optimise
 
@@ -55,8 +57,10 @@ def compile_all() -> None:
 
 @uncollected()
 def compile_beside() -> None:
-    """The second process's share: says when the solver can be put together, and goes on with what
-    a mission needs beside it.
+    """Do the second process's share.
+
+    It reports when the solver can be put together, and goes on with what a mission needs besides
+    the solver.
     """
     from grebe.control.solvers.fast.ahead import compile_quadratic
 
@@ -68,19 +72,20 @@ def compile_beside() -> None:
 
 @cache
 def load_controller() -> None:
-    """Load the kernels that missions need, all of them and always in the same order.
+    """Load all kernels that missions need, always in the same order.
 
-    Two that call the same third have a copy of it each, whose last digits may differ; of all copies
-    a process runs the one that it loaded first. Loaded as they happen to be asked for, they would
-    make a mission differ by what the process has sailed before.
+    Two kernels that call a third each have a copy of it, and the copies may differ in the last bit;
+    of all copies a process runs the one that it loaded first. If kernels were loaded as they happen
+    to be needed, a mission would depend on what the process has sailed before.
     """
     sail_a_little()
 
 
 def sail_a_little(*, steered: bool = True) -> None:
-    """Sail a boat with weak and late thrusters by noisy estimates, for longer than it takes to find
-    that out: every kernel is needed then that a mission may need, also in its middle. One that is
-    not `steered` needs all but the solver's.
+    """Sail a boat with weak and late thrusters by noisy estimates.
+
+    It sails for longer than it takes to detect them, which needs every kernel that a mission may
+    need, even in its middle. With `steered=False` it needs all but the solver's.
     """
     from grebe.control.controller import Controller
     from grebe.core.sets import footprints_of
@@ -98,12 +103,12 @@ def sail_a_little(*, steered: bool = True) -> None:
     )
     helm = Controller(model, sets) if steered else _Weaving(model)
     fly(model, sets, helm, (-5.0, 2.0, 0, 0, 0, 0), late)
-    # Large cells alone ask for it.
+    # Only large cells need this kernel.
     taut_way((-5.0, 2.0), footprints_of(sets))
 
 
 class _Weaving:
-    """A helm that turns the boat one way and the other."""
+    """A helm that turns the boat one way and then the other."""
 
     reached = 0
     step_s = 1.0

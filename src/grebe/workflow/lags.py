@@ -20,10 +20,10 @@ LONGEST_APART_S = 6 * 3600.0
 
 
 def compare_runs(first: Path, second: Path) -> tuple[dict[str, LagEstimate], Quantities]:
-    """Return, for each quantity that both surveys have, the lag that brings their runs closest; and
-    the quantities by their keys.
+    """Return the lag of each common quantity that brings the runs of two surveys closest.
 
-    Raises `InputError` where the runs lie too far apart, in time or in place.
+    Also returns the quantities by their keys. Raises `InputError` if the runs are too far apart, in
+    time or in place.
     """
     with SurveyFile.open(first) as one, SurveyFile.open(second) as other:
         frame, quantities = one.survey.frame, one.quantities

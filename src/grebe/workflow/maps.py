@@ -1,4 +1,4 @@
-"""Map a survey, and write everything that maps are given in."""
+"""Map a survey, and write the maps in every format."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.floating]
 
 NETCDF_NAME, MOVIE_NAME = "map.nc", "movie.nc"
-# Samples times quantities that are worth a second process, which takes a second to begin; and the
-# largest surveys that each process holds whole.
+# A second process takes a second to begin: it is worth it from so many samples times quantities on.
+# Each process holds the complete survey, so larger surveys get no second one.
 LEAST_WORK, MOST_SAMPLES, MOST_NODES = 2_000, 100_000, 500_000
 
 
@@ -55,11 +55,10 @@ def map_survey(
     every_s: float | None = None,
     each: Each = in_turn,
 ) -> ReportData:
-    """Map every quantity that a survey file has samples of; `maps` holds them by their order.
+    """Map every quantity that a survey file has samples of; `maps` holds them in the file's order.
 
-    `on_mapped` is told how many quantities are done, and of how many; `each` makes the map of each
-    of them. With `every_s` there are
-    `movies` of them too, a map every so many seconds.
+    `on_mapped` is called with the number of quantities done and the total; `each` makes the map of
+    each of them. With `every_s` there are `movies` of them too, with a map every so many seconds.
     """
     with SurveyFile.open(file) as survey_file:
         return gather(survey_file, resolution_m, settings, on_mapped, every_s, each)
@@ -68,8 +67,10 @@ def map_survey(
 def helpers_for(
     survey_file: SurveyFile, resolution_m: float | None = None, workers: int | None = None
 ) -> int:
-    """How many processes beside this one the maps of a survey are worth, where not stated by
-    `workers`: none where little is to be done, or where each would need much memory.
+    """Return how many processes beside this one the maps of a survey are worth.
+
+    `workers` states the total, this process included. Otherwise the result is 0 if there is little
+    to do, or if each process would need much memory.
     """
     several = sum(one.mapped for one in survey_file.quantities.values())
     if workers is not None:
@@ -90,7 +91,7 @@ def write_maps(
     credits_file: Path | None = None,
     each: Each = in_turn,
 ) -> list[Path]:
-    """Write everything that maps are given in; `InputError` when there is nothing to map.
+    """Write the maps in every format and return the files; `InputError` if there are none.
 
     `credits_file` says who made the survey, and on what terms. `each` writes the raster and the
     pictures of each map.
@@ -116,15 +117,16 @@ def write_maps(
         earlier.unlink(missing_ok=True)
     written += _write_movies(data, out, entry)
     write_stac_item(out / ITEM_NAME, entry, _assets(data, written, concerns), _projection(data))
-    # Last, for where it lies the maps are complete.
+    # Written last: its presence means that the maps are complete.
     write_netcdf(written[0], data.maps, frame, entry, concerns, drawn)
     return [*written, out / ITEM_NAME]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _OneWritten:
-    """Called with a map and its probabilities of concern by name it writes its raster and its
-    pictures to the folder `out`, and returns the files.
+    """A callable that writes the raster and the pictures of one map to the folder `out`.
+
+    It takes a map and its probabilities of concern by name, and returns the files.
     """
 
     survey: Survey
@@ -158,22 +160,23 @@ def _write_movies(data: ReportData, out: Path, entry: CatalogueEntry) -> list[Pa
 
 
 def movie_note(data: ReportData) -> str | None:
-    """Why there is no movie of some maps, in a sentence; None where there is one of each, or none
-    was asked for.
+    """Return a sentence on why some maps have no movie.
+
+    None if each has one or none was requested.
     """
     if data.movies is None or not data.still:
         return None
     still = ", ".join(inline(one.label) for one in data.still)
     return (
-        f"no movie of {still}: the samples do not tell that the water "
-        "changed during the survey, and its maps of all moments would be the same"
+        f"no movie of {still}: the samples do not tell that the water changed during the survey, "
+        "so its map would be the same at every moment"
     )
 
 
 def _assets(
     data: ReportData, written: Sequence[Path], concerns: Mapping[str, Mapping[str, object]]
 ) -> list[Asset]:
-    """The files of a set of maps, with what is in the bands of its rasters."""
+    """Return the files of a set of maps as assets, with the bands of the rasters."""
     titles = {
         "map": "all quantities",
         "movie": "what changed, moment by moment",
@@ -199,7 +202,7 @@ def _assets(
 
 
 def _projection(data: ReportData) -> dict[str, Any]:
-    """What the rasters share, by STAC's projection extension."""
+    """Return the properties that all rasters share, by STAC's projection extension."""
     from pyproj import CRS
 
     grid = data.maps[0].grid
@@ -212,7 +215,7 @@ def _projection(data: ReportData) -> dict[str, Any]:
 
 
 def catalogue_entry(data: ReportData, credits_file: Path | None = None) -> CatalogueEntry:
-    """What a catalogue finds the maps by; `InputError` where the credits cannot be read."""
+    """Return the catalogue entry of the maps; `InputError` if the credits cannot be read."""
     said = read_credits(credits_file).said()
     water = shapely.transform(data.survey.water, data.survey.frame.to_wgs84)
     times = data.samples.times
@@ -238,8 +241,9 @@ def catalogue_entry(data: ReportData, credits_file: Path | None = None) -> Catal
 
 
 def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
-    """What a user should know of water that changed, and of sensors that answered late, while
-    each place was mapped as it was measured.
+    """Return notes on water that changed, and on sensors that answered late.
+
+    They concern only maps that show each place as it was measured.
     """
     notes: list[str] = []
     for one in maps:
@@ -249,19 +253,19 @@ def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
         if change.is_heeded:
             unit = f" {one.quantity.unit}" if one.quantity.unit else ""
             notes.append(
-                f"{name}: all of the water seems to have changed by {one.changed_by:.2g}{unit} "
-                "during the survey; a map of one moment takes that out"
+                f"{name}: the water as a whole seems to have changed by {one.changed_by:.2g}{unit} "
+                "during the survey; a map of one moment corrects for that"
             )
         if change.lag_s:
             notes.append(
-                f"{name}: opposing lanes agree best {change.lag_s:g} s late; a map of one moment "
-                "takes that out, or note it as the sensor's lag"
+                f"{name}: opposing lanes agree best at a delay of {change.lag_s:g} s; a map of one "
+                "moment corrects for that, or record it as the sensor's lag"
             )
     return notes
 
 
 def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list[str]:
-    """What mapping some quantities together has brought, in a sentence each."""
+    """Return a note for each quantity on the gain of mapping some together."""
     labels = {one.quantity.key: inline(one.quantity.label) for one in maps}
     notes: list[str] = []
     for one in maps:
@@ -270,8 +274,8 @@ def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list
         name, told = one.quantity.label, one.model.companions
         if told is None:
             notes.append(
-                f"{name}: mapped alone, for land is between, or it has too few good readings, or "
-                "what was to be mapped with it has"
+                f"{name}: mapped alone: land is between the readings, or it or the quantities to "
+                "map with it have too few good readings"
             )
             continue
         with_ = " and ".join(
@@ -282,8 +286,7 @@ def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list
             f"{name}: mapped together with {with_}, which takes {told.spared:.0%} off the median "
             "standard deviation"
             if told.heeded
-            else f"{name}: mapped alone, for {with_} tells next to nothing that its own readings "
-            "do not"
+            else f"{name}: mapped alone: {with_} adds next to nothing to its own readings"
         )
     return notes
 
@@ -304,7 +307,7 @@ def _change_numbers(one: QuantityMap) -> dict[str, Any]:
 
 
 def map_numbers(one: QuantityMap) -> dict[str, Any]:
-    """What there is to say of a map, for JSON."""
+    """Return the numbers of a map, for JSON."""
     model, validation = one.model, one.validation
     return {
         "quantity": one.quantity.key,

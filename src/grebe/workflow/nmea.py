@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
 
 def nmea_boat(rest: str, confirm: Callable[[str], bool]) -> BoatAt:
-    """Return what opens the boat of `nmea:udp:HOST:PORT?out=udp:HOST:PORT` and its like.
+    """Return the function that opens the boat of a URL.
 
-    The URL is read at once; the lines are opened when the mission departs, and no thrust is sent
+    The URL has a form such as `nmea:udp:HOST:PORT?out=udp:HOST:PORT`.
+
+    The URL is read at once. The lines are opened when the mission departs, and no thrust is sent
     before somebody has confirmed it.
     """
     from grebe.links.nmea.link import open_nmea

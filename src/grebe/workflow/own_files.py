@@ -9,12 +9,12 @@ from typing import Any
 
 from grebe.core.errors import GrebeError
 
-# How the name of what stands in a file of one's own begins.
+# The prefix of the name of something that a user's own file defines.
 OWN = "python:"
 
 
 def function_of(path: Path, name: str, error: type[GrebeError]) -> Callable[..., Any]:
-    """The function of that name in a file; `error` says what is wrong with the file."""
+    """Return the function of that name in a file; `error` says what is wrong with the file."""
     what = f"{OWN}{path}"
     if not path.is_file():
         raise error(f"{what}: there is no such file.")

@@ -1,4 +1,4 @@
-"""Rehearse with real firmware: a survey's boat, or a preset's, as the physics under it."""
+"""Rehearse with real firmware: a survey's boat, or a preset's, is the physics under it."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ USUAL = PhysicsSettings()
 
 @dataclass(frozen=True, kw_only=True)
 class Rehearsal:
-    """A boat for the firmware: its hull, the weather, where it lies (longitude, latitude [deg]; the
-    firmware's home) and its heading [deg].
+    """A boat for the firmware.
 
-    Raises `UsageError` for an impossible place.
+    It consists of its hull, the weather, its place (longitude, latitude [deg]; the firmware's home)
+    and its heading [deg]. Raises `UsageError` for an impossible place.
     """
 
     vessel: Vessel
@@ -40,7 +40,7 @@ class Rehearsal:
 
     @property
     def home(self) -> str:
-        """The firmware's home as its own option takes it; empty where no place is given."""
+        """The firmware's home in the form of its own option; empty if no place is given."""
         if self.origin is None:
             return ""
         lon, lat = self.origin
@@ -50,7 +50,7 @@ class Rehearsal:
 def boat_of(survey: Survey, name: str) -> tuple[Vessel, tuple[float, float], float]:
     """Return a survey's vessel, its start (longitude, latitude [deg]) and heading there [deg].
 
-    Raises `PlanError` where the survey was never planned.
+    Raises `PlanError` if the survey was never planned.
     """
     if survey.vessel is None or survey.start is None:
         raise PlanError(f"{name} has no vessel and no start; plan a survey first.")
@@ -67,8 +67,9 @@ def serve_physics(
     tell: Callable[[str], None] = lambda _: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Be the physics under a firmware until `stopped` says so or the keyboard interrupts it, and
-    return what came of it. Raises `LinkError` where the port is taken.
+    """Simulate the physics under a firmware, until `stopped` returns True or Ctrl-C is pressed.
+
+    Returns counts of what was served. Raises `LinkError` if the port is taken.
     """
     physics = Physics(
         rehearsal.vessel,

@@ -1,4 +1,4 @@
-"""Plan a survey of a region in a file, and write it with its picture."""
+"""Plan a survey of a region read from a file, and write the plan with a picture."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from grebe.planning.sortie_check import SortieCheck
     from grebe.workflow.accuracy import Expected
 
-# Where cells cover less than this share of the water it is said.
+# A note is given when the cells cover less than this share of the water.
 MOSTLY_COVERED = 0.95
-# A start further than this from the water is reported to whoever asked for it [m].
+# A start or harbour farther than this from the water causes a warning [m].
 ASHORE_M = 1.0
 
 
@@ -41,9 +41,9 @@ def read_region(
     columns: TrackColumns | None = None,
     header_from: Path | None = None,
 ) -> tuple[Region, tuple[str, ...]]:
-    """Return the water of a file of outlines, or within the hull of a track, and notes about it.
+    """Return the water of a file of outlines, or within a track's convex hull, and notes about it.
 
-    `feature` names one of several lakes in a file, by its name or its number.
+    `feature` selects one of several lakes in a file, by name or by number.
     """
     outline = read_outline(path, columns, header_from, feature=feature)
     region = clean_region(outline.geometry, outline.name, outline.features)
@@ -60,8 +60,10 @@ def plan_region(
     no_go: Sequence[Path] = (),
     on_done: Callable[[int, int], None] | None = None,
 ) -> Planned:
-    """Plan a survey of a region, out of the zones that some files hold; `on_done` hears how far the
-    search for sorties is, which takes minutes on a large lake.
+    """Plan a survey of a region, outside the zones that the `no_go` files hold.
+
+    `on_done` is called with the progress of the search for sorties, which takes minutes on a large
+    lake.
     """
     zones, notes = read_zones(no_go, region)
     planned = _planned(region, vessel, settings, start_lonlat, zones, on_done)
@@ -69,13 +71,13 @@ def plan_region(
 
 
 def _uncovered(planned: Planned) -> list[str]:
-    """What is to be said where cells leave out much of the water that the boat may use."""
+    """Return a note if the cells leave out much of the water that the boat may use."""
     coverage = planned.check.coverage
     if coverage >= MOSTLY_COVERED:
         return []
     return [
-        f"the cells cover {coverage:.0%} of the water that the boat may use, and no more is "
-        "measured; smaller cells reach into more of it"
+        f"the cells cover {coverage:.0%} of the water that the boat may use; the rest is not "
+        "measured, and smaller cells would reach more of it"
     ]
 
 
@@ -123,7 +125,10 @@ def write_plan(
 
 
 def _draw(survey: Survey, revision: PlanRevision | None, picture: Path) -> None:
-    """Draw a plan; matplotlib takes its time to import, for which a refusal need not wait."""
+    """Draw a plan.
+
+    Matplotlib is imported only here: it is slow, and a refusal need not wait for it.
+    """
     from grebe.report.undescribed import import_figures
 
     import_figures()
@@ -140,26 +145,26 @@ def _draw(survey: Survey, revision: PlanRevision | None, picture: Path) -> None:
 
 
 def plan_warnings(survey: Survey) -> list[str]:
-    """What a field team should know before it goes out."""
+    """Return what a field team should know before it goes out."""
     warnings: list[str] = []
     start, vessel = survey.start, survey.vessel
     if start is not None:
         away = survey.water.distance(shapely.Point(start.north_m, start.east_m))
         if away > ASHORE_M:
-            warnings.append(f"the start lies {away:.0f} m outside the region; is it on water?")
+            warnings.append(f"the start is {away:.0f} m outside the region; is it on water?")
     sorties = None if survey.settings is None else survey.settings.sorties
     harbours = () if sorties is None else sorties.harbours
     for lon, lat in harbours:
         away = survey.water.distance(shapely.Point(survey.frame.to_local((lon, lat)).tolist()))
         if away > ASHORE_M:
             warnings.append(
-                f"the harbour {lon:g},{lat:g} lies {away:.0f} m outside the water: the nearest "
-                "place on the water is taken"
+                f"the harbour {lon:g},{lat:g} is {away:.0f} m outside the water: the nearest "
+                "place on the water is used instead"
             )
     fastest = max(target.set.speed_max_mps for target in survey.targets)
     if vessel is not None and fastest > vessel.speed_max_mps:
         warnings.append(
-            f"the window goes up to {fastest:g} m/s, and {vessel.name} makes "
+            f"the window goes up to {fastest:g} m/s, but {vessel.name} reaches only "
             f"{vessel.speed_max_mps:.2f} m/s at full thrust"
         )
     return warnings
@@ -168,8 +173,10 @@ def plan_warnings(survey: Survey) -> list[str]:
 def read_zones(
     paths: Sequence[Path], region: Region, *, mends: bool = False
 ) -> tuple[list[shapely.Polygon], tuple[str, ...]]:
-    """The no-go zones of some files, in the region's frame, and notes: what of a file forbids
-    nothing.
+    """Return the no-go zones of some files, in the region's frame, and notes.
+
+    The notes are those of the readers, and name files that do not touch the region's water. With
+    `mends`, invalid polygons are repaired; otherwise they raise `InputError`.
     """
     zones: list[shapely.Polygon] = []
     notes: list[str] = []
@@ -184,18 +191,19 @@ def read_zones(
         if not shapely.intersects(local, region.water):
             away = shapely.distance(local, region.water)
             notes.append(
-                f"{path}: forbids nothing: it lies {away:.0f} m from the water; are latitude and "
+                f"{path}: forbids nothing: it is {away:.0f} m from the water; are latitude and "
                 "longitude swapped?"
             )
-        # A collection of outlines holds polygons, and others of many parts.
+        # A collection holds one geometry per outline, and each may have several parts.
         parts = shapely.get_parts(shapely.get_parts(local))
         zones += [part for part in parts if isinstance(part, shapely.Polygon)]
     return zones, tuple(notes)
 
 
 def checked_sorties(planned: PlannedSorties) -> list[SortieCheck]:
-    """What a checker that shares nothing with the planner finds of each sortie; of a fleet that
-    sails in one go there is nothing to be home for.
+    """Check each sortie with code that shares nothing with the planner.
+
+    The result is empty for a fleet that sails in one go: no boat has to be home in time.
     """
     settings = planned.survey.settings
     if settings is None or settings.sorties is None:
@@ -206,7 +214,10 @@ def checked_sorties(planned: PlannedSorties) -> list[SortieCheck]:
 
 
 def write_expected(chosen: Expected, survey_file: Path) -> Path:
-    """Draw how sure the map of a plan will be, beside its survey file; return the picture."""
+    """Draw the expected accuracy of a plan's map; return the picture's path.
+
+    The picture is beside the survey file.
+    """
     from grebe.report import canvas
     from grebe.report.expected_figures import expected_figure
 

@@ -1,4 +1,4 @@
-"""What a mission would do, before it does anything: for whoever stands at the shore with a file."""
+"""Preview what a mission would do, for whoever stands at the shore with a file."""
 
 from __future__ import annotations
 
@@ -25,12 +25,14 @@ from grebe.planning.ways.travel import travel_of
 
 @dataclass(frozen=True, kw_only=True)
 class Preview:
-    """`reached` of `targets`, of one `sortie` where the plan is in sorties, are done and
-    `next_target` is ahead (None: nothing is left). `boat` is the number of a fleet's boat.
+    """The preview of a mission.
 
-    The boat is expected at `lat_deg`, `lon_deg`, `distance_m` in a straight line from that target;
-    the rest takes `remaining_s` by the taut way in the weather that was planned for. `forgets`
-    says whether a recorded mission would be forgotten; `doubts` is what to look at first.
+    `reached` of `targets` are done and `next_target` is ahead (None: nothing is left); they are
+    those of one `sortie` if the plan is in sorties. `boat` is the number of a fleet's boat.
+
+    The boat is expected at `lat_deg`, `lon_deg`, `distance_m` in a straight line from that target.
+    The rest takes `remaining_s` by the shortest (taut) path in the weather that was planned for.
+    `forgets` says whether a recorded mission would be discarded; `doubts` is what to look at first.
     """
 
     reached: int
@@ -52,7 +54,7 @@ class Preview:
 
 
 def preview_of(departure: Departure) -> Preview:
-    """Return what a mission from `departure` has before it; nothing is opened or changed."""
+    """Return the preview of a mission from `departure`; nothing is opened or changed."""
     survey, (north, east, heading, *_) = departure.survey, departure.state
     lon, lat = survey.frame.to_wgs84((north, east)).tolist()
     ahead = survey.targets[departure.reached :]
@@ -73,8 +75,9 @@ def preview_of(departure: Departure) -> Preview:
 
 
 def fleet_preview(survey_file: SurveyFile, now: datetime) -> dict[str, Any]:
-    """Return what the next sortie of each boat of a fleet has before it, by name; `remaining_s` is
-    that of the boat that takes longest. Raises what `prepare` does.
+    """Return the preview of the next sortie of each boat of a fleet, by name.
+
+    `remaining_s` is that of the boat that takes longest. Raises what `prepare` raises.
     """
     progress = survey_file.progress()
     ahead: dict[int, Sortie] = {}
@@ -107,13 +110,13 @@ def _detour(departure: Departure) -> tuple[str, ...]:
     left = shapely.difference(survey.water, shapely.union_all(list(survey.no_go)))
     if is_led(survey, lambda: left.buffer(ASTRAY_M), departure.reached, (place[0], place[1])):
         return ()
-    return ("the way to the next target leads around land, which the time does not count",)
+    return ("the way to the next target leads around land, which the time does not include",)
 
 
 def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:
-    """Return what a boat that is brought home from where it is has before it, by name.
+    """Return the preview of bringing a boat home from where it is, by name.
 
-    Raises what `ways_home` does, and `PlanError` where no way leads there.
+    Raises what `ways_home` raises, and `PlanError` if no path leads there.
     """
     survey = departure.survey
     north, east = departure.state[:2]

@@ -1,4 +1,4 @@
-"""Check the samples of a survey file; their flags are stored beside the values.
+"""Check the samples of a survey file, and store flags beside the values.
 
 The values themselves stay as they were measured.
 """
@@ -20,7 +20,7 @@ from grebe.mapping.quality.control import Quality, check_quality
 def check_samples(survey_file: SurveyFile, quantities: Quantities | None = None) -> Quality:
     """Check all samples of a file and store their flags; the counts go to its meta table.
 
-    `quantities` are those that the file declares, with other limits; None takes the file's.
+    `quantities` are those that the file declares, with other limits; None uses the file's.
     """
     known = survey_file.quantities if quantities is None else quantities
     quality = judged(survey_file.samples(), survey_file.survey.water, known)
@@ -32,8 +32,8 @@ def check_samples(survey_file: SurveyFile, quantities: Quantities | None = None)
 
 
 def judged(samples: Samples, water: shapely.Polygon, known: Quantities) -> Quality:
-    """The quality of all samples of a survey; nothing is stored."""
-    # A reading within two overlapping sets is recorded for each: it is checked once.
+    """Return the quality of all samples of a survey; nothing is stored."""
+    # A reading within two overlapping sets is recorded for each, but is checked once.
     rows = np.column_stack([samples.times, samples.positions, *samples.values.values()])
     _, once, back = np.unique(rows, axis=0, return_index=True, return_inverse=True, equal_nan=True)
     kept = np.sort(once)
@@ -43,8 +43,9 @@ def judged(samples: Samples, water: shapely.Polygon, known: Quantities) -> Quali
 
 
 def _checked(samples: Samples, water: shapely.Polygon, known: Quantities) -> Quality:
-    """The quality of samples, each boat's judged by themselves: what two boats read one after the
-    other says nothing of either.
+    """Return the quality of samples, each boat's judged separately.
+
+    Consecutive readings of two boats say nothing about either.
     """
     each = samples.each_boat()
     if len(each) == 1:

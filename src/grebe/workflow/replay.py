@@ -26,8 +26,10 @@ FASTEST = "max"
 
 
 def replay_boat(rest: str) -> BoatAt:
-    """Return what opens the boat of `replay:FILE?speed=N`; without a speed it is the recorded one,
-    and `max` is as fast as the mission computes.
+    """Return the function that opens the boat of `replay:FILE?speed=N`.
+
+    The speed is a multiple of the recorded one, 1 by default; `max` is as fast as the mission
+    computes.
     """
     name, speed = _parts(rest)
     path = Path(name)
@@ -42,9 +44,10 @@ def replay_boat(rest: str) -> BoatAt:
 
 
 def recording_of(path: Path, survey: Survey, quantities: Quantities) -> Recording:
-    """Read the track of a survey file and its samples of some quantities, in the frame of the
-    survey they are played to. Raises `LinkError` for a file without a track, `SurveyFileError` for
-    one that is not a survey file.
+    """Read the track of a survey file and its samples of some quantities.
+
+    They are in the frame of `survey`, to which they are played. Raises `LinkError` for a file
+    without a track, `SurveyFileError` for one that is not a survey file.
     """
     with SurveyFile.open(path) as file:
         track, samples, recorded = file.track(), file.samples(), file.survey
@@ -72,8 +75,10 @@ def recording_of(path: Path, survey: Survey, quantities: Quantities) -> Recordin
 def _prolonged(
     track: TrackTable, rows: NDArray[np.bool_], vessel: Vessel | None, last_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times and states of some rows, and where the boat went from the last one on under what it was
-    told there: its last target was reached after that. A track keeps orders, not estimates.
+    """Return the times and states of some rows, and where the boat went after the last one.
+
+    It went on under its last command. The last target was reached after that row: a track holds
+    commands, not estimates.
     """
     seconds, states = track.seconds[rows], track.states[rows]
     left_s = min(last_s - seconds[-1], LONGEST_GAP_S)
@@ -86,13 +91,16 @@ def _prolonged(
 
 
 def _rising(seconds: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """The rows that are later than all before: one moment may have two, where thrusts changed."""
+    """Return the rows that are later than all before.
+
+    A time may have two rows if the thrusts changed.
+    """
     before = np.concatenate([[-np.inf], np.maximum.accumulate(seconds)[:-1]])
     return seconds > before
 
 
 def _parts(rest: str) -> tuple[str, float]:
-    """The file's name and how many times as fast it is played."""
+    """Return the file's name and the factor by which it is played faster."""
     name, _, query = rest.partition("?")
     if not query:
         return name, 1.0
@@ -104,5 +112,5 @@ def _parts(rest: str) -> tuple[str, float]:
     except ValueError:
         speed = math.nan
     if not (math.isfinite(speed) and speed > 0):
-        raise LinkError(f"replay: takes ?speed=N, as N > 0 or as {FASTEST}, and not ?{query}.")
+        raise LinkError(f"replay: takes ?speed=N, with N > 0 or {FASTEST}, and not ?{query}.")
     return name, speed

@@ -32,7 +32,7 @@ HelmOf = Callable[[Departure], Helm]
 
 
 def steered_by(rule: Rule | None = None, solver: SolverBuilder | None = None) -> HelmOf:
-    """Return what makes Grebe's controller, with a rule and a solver, for a survey."""
+    """Return a factory of helms for a departure: Grebe's controller with a rule and a solver."""
 
     def helm(departure: Departure) -> Helm:
         survey = departure.survey
@@ -59,18 +59,18 @@ def run_survey(
     on_ready: Callable[[Mission], None] | None = None,
     instruments: Instruments | None = None,
 ) -> MissionReport:
-    """Steer a boat through the targets of a survey file and record what it measures; of a plan
-    in sorties through those of one, the first that is not done where `sortie` names none. With
-    `replans` the rest is planned anew where a target is out of reach, the current another or the
-    sortie late; without it as well where an area is closed;
-    `extends` says where the mission goes on once its order is sailed.
+    """Steer a boat through the targets of a survey file and record what it measures.
 
-    `boat_at` opens the link and `helm_of` makes whoever steers, once it is clear from where the
-    mission sets out and what the link knows of the boat; `listeners` hear its events; `on_ready`
-    is handed the mission before it begins, to stop it or call it home; `instruments` are sondes
-    apart from the boat, which the caller closes, and whose quantities the file declares. A recorded
-    mission is forgotten (`force`) only once all that the new one needs is there.
-    Raises what `prepare` raises; a link that fails on the way is in the report, not raised.
+    A plan in sorties sails the one that `sortie` names, by default the first that is not done. With
+    `replans` the rest is replanned when a target is out of reach, the current has changed or the
+    sortie is late; a closed area always does that. `extends` says where it goes on after its order.
+
+    `boat_at` opens the link and `helm_of` makes the helm, once the start and the link's knowledge
+    of the boat are known. `listeners` receive the events; `on_ready` gets the mission before it
+    begins, to stop it or call it home. `instruments` are sondes apart from the boat, which the
+    caller closes; the file declares their quantities. `force` discards a recorded mission only once
+    all that the new one needs is there. Raises what `prepare` raises; a link that fails on the way
+    is in the report instead.
     """
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     departure = spent_as_said(departure, settings)
@@ -112,7 +112,7 @@ def _begin(
     now: datetime,
     listeners: Sequence[Listener],
 ) -> None:
-    """Note in the file that a mission sets out, and what is to be known before it."""
+    """Note in the file that a mission sets out, and say what must be known before it."""
     if departure.clears:
         survey_file.clear_mission()
     survey_file.set_meta("water", source)
@@ -121,13 +121,13 @@ def _begin(
 
 
 def _whose(survey_file: SurveyFile, departure: Departure) -> int | None:
-    """The number of the boat that sails, where it is one of a fleet's."""
+    """Return the number of the boat that sails, if it is one of a fleet."""
     fleet, sortie = survey_file.survey.fleet, departure.sortie
     return None if fleet is None or sortie is None else sortie.boat
 
 
 def as_known_to(link: BoatLink, departure: Departure) -> Departure:
-    """The departure with the boat as its link knows it."""
+    """Return the departure with the boat as its link knows it."""
     model = as_driven(link).model
     return departure if model is None else replace(departure, vessel=model)
 
@@ -149,7 +149,10 @@ def _replanner(
     heeds: bool,
     extends: Extension | None,
 ) -> Replanner:
-    """What plans the rest anew; a boat whose time is not the clock's waits for it."""
+    """Return the replanner of the mission.
+
+    A simulated boat, whose time is not the clock's, waits for it.
+    """
     return Replanner(
         survey=survey_file.survey,
         plan=KeptPlan(revision=survey_file.revision),
@@ -164,15 +167,16 @@ def _replanner(
 
 
 def spent_as_said(departure: Departure, settings: MissionSettings | None) -> Departure:
-    """The departure with what its boat's battery has given, where the settings say it: another
-    battery than that of the track has its own time before it as well.
+    """Return the departure with the energy that the battery has given, if the settings state it.
+
+    This is another battery than that of the track, and so it also has its full time ahead.
     """
     used_wh = None if settings is None else settings.safety.used_wh
     return departure if used_wh is None else replace(departure, spent=Spent(energy_wh=used_wh))
 
 
 def counting(settings: MissionSettings | None, departure: Departure) -> MissionSettings:
-    """Settings that count what the boat's battery had given before, where they do not say."""
+    """Return settings with the energy that the battery had given before, unless they state it."""
     settings = settings or MissionSettings()
     if settings.safety.used_wh is not None:
         return settings
@@ -180,7 +184,7 @@ def counting(settings: MissionSettings | None, departure: Departure) -> MissionS
 
 
 def say_first(departure: Departure, survey_file: SurveyFile, listeners: Sequence[Listener]) -> None:
-    """Say what is to be known before a mission: doubts, and what a watchdog had to do before."""
+    """Report what must be known before a mission: doubts, and what a watchdog had to do earlier."""
     ears = Broadcast(SurveyRecorder(survey_file), listeners)
     said = [(doubt.code, doubt.message) for doubt in departure.doubts]
     said += [("watchdog_acted", note) for note in taken_notes(journal_beside(survey_file.path))]

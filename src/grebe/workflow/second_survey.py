@@ -1,8 +1,8 @@
-"""A second survey, of one boat or of several, by what a first one has measured.
+"""Plan a second survey, of one boat or several, from the measurements of a first one.
 
-The places where readings pay most are chosen as for one boat that goes on, on one way that is as
-long as all boats together may sail, and are then shared out and cut into sorties as any plan is.
-How long the way may be is fitted until the longest boat keeps its time.
+The places where readings pay most are chosen as for one boat that goes on, along one path as long
+as all boats together may sail. They are then shared out and cut into sorties as any plan is. The
+length of the path is fitted until the longest boat's time keeps its limit.
 """
 
 from __future__ import annotations
@@ -62,21 +62,23 @@ if TYPE_CHECKING:
     Order = NDArray[np.int64]
 
 Place = tuple[float, float]
-# Kicks of the polish of the way that is shared out; rounds of the search for trips, which is done
-# anew for each length of the way that is tried, for each place and at least.
+# Kicks of the polish of the path that is shared out; rounds of the search for trips, which is
+# repeated for each length of the path that is tried: per place, and at least.
 KICKS, ROUNDS_EACH, LEAST_ROUNDS = 2_000, 250, 20_000
-# A place is gone to where the way there and home takes up to this share of a sortie: one at its
-# very end takes a sortie for itself.
+# A place is visited if the way there and home takes up to this share of a sortie: one at the very
+# end of its range would take a sortie for itself.
 REACH_SHARE = 0.8
-# How many lengths of the way are tried, where the next one aims, as a share of the time, and to
-# what share a way at least is shortened that was too long.
+# How many lengths of the path are tried; the share of the time that the next one aims at; and the
+# share to which a path that was too long is shortened at least.
 TRIALS, AIM, SHRINKS = 7, 0.5 * (1 + FULL), 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
 class SecondSurvey:
-    """The revision that a second survey is, its plan by itself, and the root mean square of the
-    map's standard deviation before and as it is expected after, weighted by what matters.
+    """The revision of a second survey, its plan by itself, and the accuracy before and after.
+
+    `before_sd` and `expected_sd` are the root mean square of the map's standard deviation before
+    and as expected after, weighted by importance.
     """
 
     revision: PlanRevision
@@ -96,14 +98,15 @@ def second_survey(
     lies: Sequence[Place] = (),
     on_done: Callable[[int, int], None] | None = None,
 ) -> SecondSurvey:
-    """Return the survey that follows one which was sailed, by what that has measured.
+    """Return the survey that follows one that was sailed, based on what it measured.
 
-    `settings` say for which boats, batteries and harbours; each boat sails for the wish's minutes
-    at the most. `lies` (north, east) are where boats without a harbour set out, one for each boat;
-    without any each is launched where its part begins. `on_done` hears how far the search is.
+    `settings` give the boats, batteries and harbours; each boat sails for the wish's minutes at
+    most. `lies` (north, east) are the places where boats without a harbour set out, one for each
+    boat; without any, each is launched where its part begins. `on_done` is called with the progress
+    of the search.
 
-    Raises `InputError` where what was measured makes no map, and `PlanError` where the time is too
-    short for any place, or an independent check does not prove the plan.
+    Raises `InputError` if the measurements yield no map, and `PlanError` if the time is too short
+    for any place, or if an independent check does not prove the plan.
     """
     if wish.quantity not in samples.values:
         raise InputError(f"The survey has no quantity {wish.quantity!r}.")
@@ -127,7 +130,7 @@ def second_survey(
 
 @dataclass(frozen=True, kw_only=True)
 class _Water:
-    """Places all over the water, what plans ways through some of them, and where boats set out."""
+    """Places all over the water, the planner of paths through them, and where boats set out."""
 
     planner: Planner
     cells: list[Cell]
@@ -139,7 +142,7 @@ class _Water:
 
     @classmethod
     def of(cls, survey: Survey, settings: PlanSettings, lies: Sequence[Place]) -> _Water:
-        """Mesh the water of a survey; cells that are too narrow to be hit are only ways."""
+        """Mesh the water of a survey; cells too narrow to be hit are only passed through."""
         if survey.vessel is None or survey.start is None:
             raise PlanError("Only a planned survey can be followed by another; plan it first.")
         region = Region(name=survey.name, frame=survey.frame, water=survey.water)
@@ -158,7 +161,7 @@ class _Water:
         rings = [target_footprint(ring) for ring in rings_of([one.footprint for one in cells])]
         wide = cores_of(rings, cell_m)[1] & np.array([not one.is_speck for one in cells])
         if not wide.any():
-            raise PlanError("Nowhere is the water wide enough to go on to.")
+            raise PlanError("The water is nowhere wide enough to go on.")
         found = cls(
             planner=planner, cells=cells, network=network,
             members=np.flatnonzero(wide), lies=lies, harbours=harbours, start=start,
@@ -166,7 +169,7 @@ class _Water:
         return found if settings.sorties is None else found.within_reach()
 
     def within_reach(self) -> _Water:
-        """The water of which those places alone are gone to from which some boat comes home."""
+        """Return the water with only those places from which some boat comes home."""
         planner, settings = self.planner, self.planner.settings
         draft = self._draft(self.members)
         fleet = settings.fleet
@@ -186,39 +189,39 @@ class _Water:
         members = self.members[near[self.members]]
         if not len(members):
             raise PlanError(
-                "From no place does a boat come home within its battery or its minutes; give more.",
+                "No boat comes home from any place within its battery or its minutes; give more.",
                 settings=("sortie_battery_wh", "sortie_minutes", "harbours"),
             )
         return replace(self, members=members)
 
     @property
     def cell_m(self) -> float:
-        """How far it is from a place to the next."""
+        """The distance from a place to the next [m]."""
         assert self.planner.settings.cell_m is not None
         return self.planner.settings.cell_m
 
     @property
     def places(self) -> Array:
-        """The places that can be gone to (m, 2)."""
+        """The places that can be visited (m, 2)."""
         return self.network.centres[self.members]
 
     @property
     def pass_s(self) -> float:
-        """What it takes to pass a place [s]."""
+        """The time that passing a place takes [s]."""
         return self.cell_m * float(np.mean(self.planner.travel.slowness))
 
     @cached_property
     def ways(self) -> PlaceWays:
-        """The ways between the places."""
+        """The paths between the places."""
         return place_ways(self.places, self.cell_m, self.planner.water)
 
     @property
     def begins(self) -> Place:
-        """Where the one way that is shared out begins."""
+        """Where the one path that is shared out begins."""
         return [*self.harbours, *self.lies, self.start][0]
 
     def _draft(self, order: Order) -> Draft:
-        """The mesh with an order of some cells."""
+        """Return the mesh with an order of some cells."""
         return Draft(
             cells=self.cells, network=self.network, start=self.begins, cell_m=self.cell_m,
             angle_deg=0.0, route=Route(order=order, legs_s=0.0, method="adaptive"),
@@ -245,8 +248,9 @@ class _Water:
 def _fitted(
     water: _Water, worth: Worth, wish: Wish, on_done: Callable[[int, int], None] | None
 ) -> tuple[list[int], PlannedSorties]:
-    """The places that take most off what matters in the time, and the plan through them that keeps
-    it; `PlanError` where there is none.
+    """Return the places that reduce the weighted variance most in the time, and their plan.
+
+    Raises `PlanError` if there is none.
     """
     travel, fleet = water.planner.travel, water.planner.settings.fleet
     pace = 1 / float(np.mean(travel.slowness))
@@ -270,16 +274,18 @@ def _fitted(
         allowed_s = _next_s(tried, AIM * most_s)
     if best is None:
         raise PlanError(
-            f"No place that is worth a reading lies within {wish.minutes:g} minutes; give more.",
+            f"No place that is worth a reading is within {wish.minutes:g} minutes; give more.",
             settings=("minutes",),
         )
     return best
 
 
 def _next_s(tried: Sequence[tuple[float, float]], aim_s: float) -> float:
-    """How long the one way may be next [s], by the pairs of what was tried, of what the longest
-    boat took and what was allowed. What boats take goes up in steps, a sortie at a time: so a way
-    that was too long becomes shorter by a fifth at least, and between two nearly halves are taken.
+    """Return how long the one path may be next [s].
+
+    `tried` holds pairs: what the longest boat took, and what was allowed. The boats' times rise in
+    steps, a sortie at a time. So a path that was too long is shortened by a fifth at least, and
+    between two lengths the next is near the middle.
     """
     shorter = max((one for one in tried if one[0] <= aim_s), default=None, key=lambda one: one[1])
     longer = min((one for one in tried if one[0] > aim_s), default=None, key=lambda one: one[1])
@@ -293,7 +299,7 @@ def _next_s(tried: Sequence[tuple[float, float]], aim_s: float) -> float:
 
 
 def _alone(planner: Planner, draft: Draft) -> PlannedSorties:
-    """The plan of one boat that does not come back, as one sortie."""
+    """Return the plan of one boat that does not come back, as one sortie."""
     ways = Waterways(draft.cells, draft.network, planner.water, draft.cell_m)
     part = planner.survey(draft, ways, 0.0)
     survey, revision = put_together([part], 0.0)
@@ -308,16 +314,16 @@ def _alone(planner: Planner, draft: Draft) -> PlannedSorties:
 def _heard(
     on_done: Callable[[int, int], None] | None, trial: int
 ) -> Callable[[int, int], None] | None:
-    """Who hears of one search of several that take alike."""
+    """Return a callback for one search of several that take equally long."""
     if on_done is None:
         return None
     return lambda done, most: on_done(trial * most + done, TRIALS * most)
 
 
 def _prove(planned: PlannedSorties, planner: Planner) -> None:
-    """Refuse what checks that share nothing with the planner do not prove."""
+    """Refuse a plan that is not proved by checks that share nothing with the planner."""
     if not planned.check.outside_m2 == 0.0:
-        raise PlanError("The ways between the places are not all within the water.")
+        raise PlanError("The paths between the places are not all within the water.")
     if planner.settings.sorties is None:
         return
     checks = check_sorties(planned.survey, planned.revision, planner.water)
@@ -330,6 +336,6 @@ def _prove(planned: PlannedSorties, planner: Planner) -> None:
 
 
 def _ways_of(planned: PlannedSorties) -> list[Array]:
-    """The taut way (k, 2) of each sortie."""
+    """Return the shortest (taut) path (k, 2) of each sortie."""
     parts = [survey_of(planned.survey, planned.revision, one) for one in planned.revision.sorties]
     return [way_through(part) for part in parts]

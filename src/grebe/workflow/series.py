@@ -44,7 +44,7 @@ NETCDF_NAME = "series.nc"
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """Maps of several surveys on one grid, in the frame of the earliest; what is left out."""
+    """Maps of several surveys on one grid, in the frame of the earliest, and what is left out."""
 
     survey: Survey
     grid: Grid
@@ -60,10 +60,10 @@ def map_series(
     seasonal: bool = False,
     on_done: Callable[[int, int], None] | None = None,
 ) -> Series:
-    """Map the surveys, in the order of their times, where all of them cover the water; a quantity
-    that `FEWEST_SURVEYS` of them measured has a trend.
+    """Map the surveys, in the order of their times, where all of them cover the water.
 
-    `on_done` is told after each survey how many are mapped, and of how many.
+    A quantity that `FEWEST_SURVEYS` of them measured has a trend. `on_done` is called after each
+    survey with the number mapped so far and the total.
     """
     surveys = sorted(sailed(paths), key=lambda one: one.middle_s)
     days = days_of(np.array([one.middle_s for one in surveys]))
@@ -104,8 +104,9 @@ def map_series(
 
 
 def _by_day(rows: list[tuple[float, Array, Array]]) -> list[tuple[float, Array, Array]]:
-    """Maps (time, mean, sd) of which those of one day are one: what the day was like, and how the
-    sensors were calibrated, all of them have in common.
+    """Return maps (time, mean, sd) with those of one day merged into one.
+
+    The maps of a day share the day's conditions and the calibration of the sensors.
     """
     found: list[tuple[float, Array, Array]] = []
     first = 0
@@ -123,7 +124,10 @@ def _with_season(
     firsts: Mapping[str, QuantityMap],
     left_out: list[str],
 ) -> dict[str, list[tuple[float, Array, Array]]]:
-    """The quantities whose surveys tell a season from a trend; why others do not is added."""
+    """Return the quantities whose surveys separate a season from a trend.
+
+    The reasons for the others are added to `left_out`.
+    """
     kept: dict[str, list[tuple[float, Array, Array]]] = {}
     for key, several in rows.items():
         try:
@@ -157,14 +161,15 @@ def _with_trends(
 
 
 def _patches(one: QuantityMap, area_m2: float) -> float:
-    """How many places of the water are independent of each other, by the map's own covariance."""
+    """Return the number of independent places of the water, by the map's own covariance."""
     far = one.model.practical_range_m
     return 1.0 if far is None or far <= 0 else max(1.0, area_m2 / far**2)
 
 
 def write_series(series: Series, out: Path) -> dict[str, Path]:
-    """Write `series.nc`, and of each quantity a GeoTIFF of its trend and a picture; return the
-    GeoTIFFs by quantity.
+    """Write `series.nc`, and a GeoTIFF of its trend and a picture for each quantity.
+
+    Returns the GeoTIFFs by quantity.
     """
     make_folder(out)
     written: dict[str, Path] = {}

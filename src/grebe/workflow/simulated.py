@@ -21,22 +21,22 @@ from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import Water, conditioned_water, free_water
 
-# Samples further than this from the region say nothing of its water [m].
+# Samples farther than this from the region say nothing about its water [m].
 NEAR_M = 1000.0
 FEWEST_NEAR = 10
-# Between the seeds of two boats' noise.
+# Difference between the seeds of two boats' noise.
 SEEDS_APART = 10_007
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedWorld:
-    """The true world of a simulation, of which the controller is told nothing.
+    """The true world of a simulation, of which the controller knows nothing.
 
     `weather`; `mismatch`, the share by which the boat may differ from its model; `errors` of the
-    state estimates; `water_from` a survey file or a CSV track whose samples condition the water
+    state estimates; `water_from`, a survey file or a CSV track whose samples condition the water
     (None: free fields); `seed`; `faults` of the boat; `boat`, its number in a fleet, whose boats
-    sail the same water with noise of their own.
-    Called with a departure it is the boat in that world.
+    sail the same water with noise of their own. Called with a departure, it returns the link to the
+    boat in that world.
     """
 
     weather: Weather = CALM
@@ -72,7 +72,7 @@ def true_water(
     seed: int,
     quantities: Quantities = LIMNOLOGICAL,
 ) -> Water:
-    """Draw the true water of a survey's region: those of some quantities that it can have."""
+    """Draw the true water of a survey's region, with those of the quantities that it can have."""
     bounds = survey.water.bounds
     if water_from is None:
         return free_water(bounds, seed, quantities)
@@ -98,7 +98,7 @@ def true_water(
 
 
 def _known_samples(survey: Survey, source: Path, quantities: Quantities) -> Samples:
-    """The samples of a track or of a survey file in the survey's frame."""
+    """Return the samples of a track or of a survey file, in the survey's frame."""
     if source.suffix.lower() == ".csv":
         track = read_track(source, quantities=quantities)
         positions = survey.frame.to_local(track.lonlat)

@@ -1,4 +1,4 @@
-"""What a survey in sorties means for a run: how far a sortie has come, and when it must be home."""
+"""A survey in sorties, as a run sees it: how far each sortie has come, and when it must be home."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class SortieState:
 
 
 def sortie_states(survey_file: SurveyFile) -> list[SortieState]:
-    """Return how far each sortie of the plan has come; empty where it has none."""
+    """Return how far each sortie of the plan has come; empty if it has none."""
     progress = survey_file.progress()
     return [
         SortieState(sortie=one, reached=progress.reached_in(one))
@@ -42,9 +42,10 @@ def sortie_states(survey_file: SurveyFile) -> list[SortieState]:
 
 
 def kept_by_plan(safety: SafetySettings, survey: Survey, spent: Spent = NOTHING) -> SafetySettings:
-    """Return the settings with the battery and the time that the plan's sorties are made for, less
-    the time `spent` since the harbour, where the run does not say otherwise. `survey` is that of
-    the sortie, with the battery of its own boat.
+    """Return the settings with the battery and the time that the plan's sorties are made for.
+
+    The time `spent` since the harbour is subtracted. Values that the run states are kept. `survey`
+    is that of the sortie, with the battery of its own boat.
     """
     bounds = None if survey.settings is None else survey.settings.sorties
     if bounds is None:

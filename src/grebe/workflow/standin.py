@@ -1,4 +1,4 @@
-"""A stand-in autopilot that a ground station or a survey can talk to over UDP, to rehearse."""
+"""A stand-in autopilot for rehearsals, which a ground station or a survey can talk to over UDP."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def stand_in(
 def serve_stand_in(
     boat: StandIn, address: str, stopped: Callable[[], bool], speed: float = 1.0
 ) -> None:
-    """Let a boat live in real time and speak to HOST:PORT, until it is stopped."""
+    """Run a boat in real time, speaking to HOST:PORT, until it is stopped."""
     host, _, port = address.rpartition(":")
     if not (host and port.isdigit()):
         raise LinkError(f"{address!r} is not a HOST:PORT to speak to, such as 127.0.0.1:14550.")

@@ -1,6 +1,6 @@
 """Rules and solvers by the names that front ends and recorded missions give them.
 
-The controller itself takes values and knows no names: this is the one table of them.
+This is the only table of names: the controller itself takes values.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from grebe.core.errors import UsageError
 from grebe.workflow.own_files import OWN, function_of
 
 _T = TypeVar("_T")
-# What can be said of a built-in rule.
+# Settings of the built-in rules.
 NUMBERS = ("stages", "step_s", "epsilon", "alpha", "beta", "p", "q", "thrift")
 
 RULES: Mapping[str, type[Single | Dual | Lookahead]] = {
@@ -36,11 +36,11 @@ SOLVERS: Mapping[str, type[Fast | Fatrop | Ipopt]] = {
 
 
 def rule_named(name: str, settings: Mapping[str, Any] | None = None) -> Rule:
-    """Return the rule of that name with its own defaults, but for `settings`; or that of a user's
-    own file, `python:FILE.py`, as it makes it.
+    """Return the rule of that name with its own defaults, except for `settings`.
 
-    Settings that are None, and those that the rule does not have, are passed over: a record holds
-    what was typed for any rule. Raises `UsageError` for an unknown name or an impossible value.
+    `python:FILE.py` names the rule that a user's own file makes. Settings that are None, and those
+    that the rule does not have, are ignored: a record holds what was typed for any rule. Raises
+    `UsageError` for an unknown name or an impossible value.
     """
     if name.startswith(OWN):
         typed = [key for key in NUMBERS if (settings or {}).get(key) is not None]
@@ -54,7 +54,7 @@ def rule_named(name: str, settings: Mapping[str, Any] | None = None) -> Rule:
 
 
 def _own_rule(path: Path) -> Rule:
-    """What the function `rule` of a Python file returns."""
+    """Return what the function `rule` of a Python file returns."""
     try:
         found: Any = function_of(path, "rule", UsageError)()
     except UsageError:

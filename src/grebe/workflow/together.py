@@ -1,4 +1,4 @@
-"""The missions of a fleet's boats that sail at once, each in a thread of its own."""
+"""Sail the missions of a fleet's boats at once, each in a thread of its own."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from grebe.mission.rota import Rota
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.telling.statistics import MissionReport
 
-# How long missions have for their last words when all is stopped [s].
+# The time that missions have to end when everything is stopped [s].
 LAST_WORDS_S = 0.5
 
 
 class Together:
-    """What the missions of one round share: the boats that still have something to do among it."""
+    """The state that the missions of one round share, such as which boats are still busy."""
 
     def __init__(self, traffic: Traffic, file: SurveyFile) -> None:
         boats = list(traffic.order)
@@ -32,18 +32,18 @@ class Together:
             self._file.append_revision(revision)
 
     def sailing(self) -> set[int]:
-        """The boats whose missions are not over."""
+        """Return the boats whose missions are not over."""
         with self.lock:
             return set(self._sailing)
 
     def others_sail(self, boat: int) -> bool:
-        """Whether others still sail when this boat has done its part."""
+        """Note that this boat has done its part, and return whether others still sail."""
         with self.lock:
             self._busy.discard(boat)
             return bool(self._busy)
 
     def run(self, missions: dict[int, Mission], *, shares_time: bool) -> dict[int, MissionReport]:
-        """Sail all of them; raises what one of them raised, once all are over."""
+        """Sail all missions; once all are over, raise what one of them raised."""
         reports: dict[int, MissionReport] = {}
         failures: list[BaseException] = []
 
@@ -70,7 +70,7 @@ class Together:
             for thread in threads:
                 thread.join()
         except BaseException:
-            # Somebody stops it all: the missions end by themselves, and write until then.
+            # Everything is being stopped: the missions end by themselves, and write until then.
             for thread in threads:
                 thread.join(LAST_WORDS_S)
             raise

@@ -1,4 +1,4 @@
-"""A hand-driven track as a survey: its hull the region, its rows the samples (section 6.1)."""
+"""A hand-driven track as a survey: its hull is the region, its rows the samples (section 6.1)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedTrack:
-    """What came of an import: the survey, its quantities, where they were found, their flags."""
+    """The result of an import: the survey, its quantities, their columns, and their flags."""
 
     survey: Survey
     raw: RawTrack
@@ -43,7 +43,7 @@ class ImportedTrack:
 
     @property
     def without_good(self) -> list[str]:
-        """Quantities of which no value is good: missing, text, or flagged."""
+        """Quantities without a good value: all are missing, text, or flagged."""
         return [key for key in self.raw.values if not (self.quality.flags[key] == Flag.GOOD).any()]
 
 
@@ -62,12 +62,12 @@ def import_track(
 ) -> ImportedTrack:
     """Turn a track into a survey file with its samples, checked.
 
-    `sonde` is a file of readings without positions, joined by the clock, which is
-    `clock_offset_s` ahead of the track's (None for what the data tell); `zone` is that of the
-    times of either that name none; `profile` says what the logger's file holds, the sonde's where
-    there is one.
+    `sonde` is a file of readings without positions. It is joined by its clock, which is
+    `clock_offset_s` ahead of the track's (None for what the data show). `zone` is the time zone of
+    times in either file that name none. `profile` describes the logger's file, the sonde's if there
+    is one.
 
-    The file declares the quantities that the track has, of those that Grebe knows and those of
+    The file declares the quantities that the track has, among those that Grebe knows and those of
     `quantities_file` (or of a `quantities.toml` beside the survey).
     """
     known = BUILTIN.extended(user_quantities(quantities_file, to))
@@ -97,7 +97,10 @@ def import_track(
 
 
 def _shared(columns: TrackColumns) -> tuple[TrackColumns, TrackColumns]:
-    """Columns that were given: of place and time, the track's; of quantities, the sonde's."""
+    """Split given columns into those of place and time, and those of quantities.
+
+    The former are the track's, the latter the sonde's.
+    """
     placed = {key: name for key, name in columns.items() if key in {DATE, *PLACE_AND_TIME}}
     return placed, {key: name for key, name in columns.items() if key not in placed}
 
@@ -105,7 +108,7 @@ def _shared(columns: TrackColumns) -> tuple[TrackColumns, TrackColumns]:
 def survey_of_track(track: RawTrack, name: str) -> Survey:
     """Return the survey without targets whose region is the track's convex hull.
 
-    Raises `TrackError` for a track that stands still or runs straight.
+    Raises `TrackError` for a track that stands still or runs along one line.
     """
     try:
         hull = hull_of(track.lonlat)
@@ -120,7 +123,7 @@ def survey_of_track(track: RawTrack, name: str) -> Survey:
 def samples_of_track(track: RawTrack, survey: Survey, quantities: Quantities = BUILTIN) -> Samples:
     """Return the rows as samples, flagged by their gross range; speeds follow from the positions.
 
-    Raises `TrackError` when the track has no quantity at all, or no times.
+    Raises `TrackError` if the track has no quantity at all, or no times.
     """
     if not track.values:
         raise TrackError(
@@ -146,7 +149,10 @@ def samples_of_track(track: RawTrack, survey: Survey, quantities: Quantities = B
 
 
 def _speeds(positions: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Speed over ground between the neighbours of each row [m/s]; NaN where time stands."""
+    """Return the speed over ground between the neighbours of each row [m/s].
+
+    It is NaN where their times are equal.
+    """
     before = np.maximum(np.arange(len(times)) - 1, 0)
     after = np.minimum(np.arange(len(times)) + 1, len(times) - 1)
     seconds = times[after] - times[before]

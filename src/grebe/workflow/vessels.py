@@ -1,4 +1,4 @@
-"""Vessels by what a user says: a preset's name, or a TOML file of a boat of her own."""
+"""Vessels as users name them: a preset, or a TOML file of their own boat."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ from grebe.io.readers.vessel import read_vessel
 
 
 def vessel_of(text: str) -> Vessel:
-    """Return the preset of a name, or the vessel of a file that ends in .toml."""
+    """Return the preset of that name, or the vessel of a file that ends in .toml."""
     return read_vessel(Path(text)) if text.lower().endswith(".toml") else vessel_named(text)

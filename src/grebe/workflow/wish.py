@@ -1,4 +1,4 @@
-"""What a survey that was sailed may go on for."""
+"""The goal of extending a survey whose plan has been sailed."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ GOALS: tuple[Goal, ...] = ("accuracy", "threshold", "hot-spot")
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """What a survey goes on for: `minutes` more, for the accuracy of a quantity's map everywhere,
-    for where it crosses a `threshold`, or for where it is highest; or less, once the map's standard
-    deviation is no more than `sd`, in the quantity's unit.
+    """What a survey is extended for, and for how long.
+
+    It is extended by `minutes`: for the accuracy of a quantity's map everywhere, for the line where
+    the map crosses a `threshold`, or for the place where it is highest. It ends sooner once the
+    map's standard deviation is no more than `sd`, in the quantity's unit.
     """
 
     quantity: str
@@ -45,7 +47,7 @@ class Wish:
 
     @property
     def text(self) -> str:
-        """What it is for, in words."""
+        """The goal in words."""
         if self.goal == "threshold":
             return f"where {self.quantity} crosses {self.threshold:g}"
         if self.goal == "hot-spot":

@@ -1,7 +1,7 @@
-"""How a process begins that works for another: it lives no longer than that one.
+"""Begin a process that works for another, and lives no longer than it.
 
-A pool's workers wait for work at a pipe whose other end they hold themselves: they would wait for
-ever where the process that made them is killed.
+The workers of a pool wait for work at a pipe whose other end they hold themselves. They would wait
+forever if the process that made them were killed.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import signal
 import threading
 import time
 
-# How soon a worker sees that it works for nobody any more [s].
+# How often a worker checks that the process it works for still exists [s].
 LOOK_S = 1.0
 
 
 def begin_worker(parent: int) -> None:
-    """End with the process `parent`, leave Ctrl-C to it, and use one thread of linear algebra."""
+    """End with the process `parent`, leave Ctrl-C to it, and use one thread for linear algebra."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:

@@ -1,1 +1,1 @@
-"""Maps and plans in the formats of other programs."""
+"""Write maps and plans in the formats of other programs."""

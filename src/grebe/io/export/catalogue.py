@@ -1,7 +1,7 @@
-"""What a catalogue finds a set of maps by: place, time, what was measured, who, and on what terms.
+"""The catalogue entry of a set of maps: place, time, quantities, authors, and terms of use.
 
-One record makes the global attributes of `map.nc`, by ACDD 1.3 (Attribute Convention for Data
-Discovery), and the STAC item beside the GeoTIFFs. What is not known is left out, never made up.
+One record provides the global attributes of `map.nc`, by ACDD 1.3 (Attribute Convention for Data
+Discovery), and the STAC item beside the GeoTIFFs. Unknown attributes are omitted, never made up.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ VOCABULARY = "CF Standard Name Table v93"
 class CatalogueEntry:
     """A set of maps as a catalogue lists it.
 
-    `outline` the water in (longitude, latitude) [deg]; `first_s` and `last_s` [unix s] the first
-    and the last sample, `every_s` between two of them, mostly; `created_s` [unix s] when the maps
-    were made; `resolution_m` of their nodes; `credits` by ACDD's names; `simulated`: nothing was
-    measured.
+    `outline` is the water in (longitude, latitude) [deg]; `first_s` and `last_s` [unix s] are the
+    times of the first and the last sample, and `every_s` is the usual interval [s]; `created_s`
+    [unix s] is when the maps were made; `resolution_m` is that of their nodes; `credits` are by
+    ACDD's names; `simulated`: nothing was measured.
     """
 
     title: str
@@ -55,7 +55,7 @@ class CatalogueEntry:
 
     @property
     def summary(self) -> str:
-        """What there is, in a sentence."""
+        """A summary in one sentence."""
         when = f"{datetime.fromtimestamp(self.first_s, UTC):%Y-%m-%d}"
         boat = "a simulated boat (of simulated water)" if self.simulated else "a boat"
         return self.credits.get("summary") or (
@@ -65,27 +65,28 @@ class CatalogueEntry:
 
     @property
     def keywords(self) -> tuple[str, ...]:
-        """What it is looked for by."""
+        """The words to find it by."""
         given = [one.strip() for one in self.credits.get("keywords", "").split(",")]
         usual = ("limnology", "lake", "water quality", *(one.lower() for one in self.quantities))
         return tuple(dict.fromkeys(one for one in (*given, *usual) if one))
 
 
 def time_text(seconds: float) -> str:
-    """A moment [unix s] by ISO 8601, in UTC."""
+    """Return a time [unix s] in ISO 8601, in UTC."""
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def _digits(seconds: float) -> str:
-    """Seconds as a duration of ISO 8601 has them: no exponent."""
+    """Return seconds as an ISO 8601 duration has them: without an exponent."""
     return f"{seconds:.0f}" if seconds >= 100 else f"{seconds:.3g}"
 
 
 def acdd(
     entry: CatalogueEntry, bounds: tuple[float, float, float, float]
 ) -> dict[str, str | float]:
-    """The global attributes of a NetCDF file, by ACDD 1.3; `bounds` of its nodes: west, south,
-    east, north [deg].
+    """Return the global attributes of a NetCDF file, by ACDD 1.3.
+
+    `bounds` are those of its nodes: west, south, east, north [deg].
     """
     west, south, east, north = bounds
     # ACDD has the corners of a box in EPSG:4326, and so latitude first.

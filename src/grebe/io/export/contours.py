@@ -1,4 +1,4 @@
-"""Write contour lines of all maps as a GeoPackage, one layer a quantity, in WGS 84."""
+"""Write contour lines of all maps as a GeoPackage, one layer per quantity, in WGS 84."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ LEVELS = 10
 
 
 def contour_levels(one: QuantityMap) -> list[float]:
-    """Round values at most `LEVELS` of whose steps span the map; none where it is flat.
+    """Return round values that span the map in at most `LEVELS` steps; none if it is flat.
 
-    Two of them are further apart than the 95 % error of the median place: lines that are closer
-    draw what the map errs by as if it were water.
+    They are farther apart than the 95 % error of the median place: closer lines would draw the
+    map's errors as if they were water.
     """
     inside = one.mean[one.grid.inside]
     low, high = float(inside.min()), float(inside.max())
@@ -36,7 +36,7 @@ def contour_levels(one: QuantityMap) -> list[float]:
 
 
 def contour_lines(one: QuantityMap) -> list[tuple[float, shapely.LineString]]:
-    """Level and line (north, east) of each contour."""
+    """Return the level and the line (north, east) of each contour."""
     generator = contourpy.contour_generator(
         one.grid.east, one.grid.north, np.ma.masked_invalid(one.mean)
     )

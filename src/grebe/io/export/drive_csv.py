@@ -1,7 +1,7 @@
-"""Write a drive as it happens: rows of states, rows of commands, each on its way to the disk.
+"""Write a drive as it happens: rows of states and rows of commands, each flushed at once.
 
-`grebe.io.readers.drive_csv` reads it back. Commands are throttles, -1 to 1: what the actuators
-get, whatever curve a vessel is believed to have.
+`grebe.io.readers.drive_csv` reads it back. Commands are throttles, -1 to 1: what the actuators get,
+whatever thrust curve the vessel is assumed to have.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class DriveCsv:
             raise self._unwritten(error) from None
 
     def state(self, time_s: float, state: State) -> None:
-        """Write a state estimate; what is not a number is left empty."""
+        """Write a state estimate; NaN is left empty."""
         north, east, heading, surge, sway, yaw_rate = state
         cells = (
             f"{north:.4f}",
@@ -60,7 +60,7 @@ class DriveCsv:
         self._line(f"{time_s:.4f},{','.join(known)},,")
 
     def command(self, time_s: float, throttles: Sequence[float]) -> None:
-        """Write the throttles of port and starboard from now on."""
+        """Write the throttles of port and starboard that hold from now on."""
         self._line(f"{time_s:.4f},,,,,,,{throttles[0]:.6f},{throttles[1]:.6f}")
 
     def _line(self, text: str) -> None:

@@ -25,15 +25,20 @@ def write_geotiff(
     frame: LocalFrame,
     exceedances: Mapping[str, NDArray[np.floating]],
 ) -> None:
-    """Write bands `mean`, `sd`, both ends of 95 % intervals that are not symmetric, and one a
-    threshold, north up, in the survey's frame; the file appears only when complete.
+    """Write a map north up, in the survey's frame; the file appears only when complete.
+
+    Its bands are `mean`, `sd`, both ends of 95 % intervals that are not symmetric, and one per
+    threshold.
     """
     bands = {"mean": one.mean, "sd": one.sd, **one.interval95, **exceedances}
     write_bands(path, one, frame, bands, one.quantity.unit)
 
 
 def affine(grid: Grid) -> tuple[float, float, float, float, float, float]:
-    """From column and row, north up, to easting and northing: a, b, c, d, e, f of the transform."""
+    """Return the transform from column and row to easting and northing.
+
+    Rows run north up; the coefficients are a, b, c, d, e, f.
+    """
     step = grid.step_m
     west, north = float(grid.east[0]) - step / 2, float(grid.north[-1]) + step / 2
     return step, 0.0, west, 0.0, -step, north
@@ -47,8 +52,9 @@ def write_bands(
     unit: str,
     tags: Mapping[str, str] | None = None,
 ) -> None:
-    """Write named fields (rows, columns) on a map's grid, with `tags` of the file; NaN becomes
-    nodata.
+    """Write named fields (rows, columns) on a map's grid; NaN becomes nodata.
+
+    `tags` are those of the file.
     """
     from rasterio.crs import CRS
     from rasterio.errors import RasterioError

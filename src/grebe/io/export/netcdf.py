@@ -1,8 +1,8 @@
 """Write maps as CF and ACDD NetCDF: all quantities with their standard deviations in one file.
 
-Standard names of lake water do not exist in the CF table; the `sea_water_*` names are used, with
-a comment that says so, where they name the same quantity. A unit that UDUNITS does not know (NTU,
-RFU) stands in `reported_unit`.
+The CF table has no standard names for lake water. If a `sea_water_*` name denotes the same
+quantity, it is used, with a comment that says so. A unit that UDUNITS does not know (NTU, RFU) is
+in `reported_unit`.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ def write_netcdf(
 ) -> None:
     """Write `maps`, which share one grid, to `path`; it appears only when complete.
 
-    `probabilities` of concern by quantity and name (rows, columns); `draws` by quantity
+    `probabilities` of concern are by quantity and name (rows, columns). `draws` are by quantity
     (count, rows, columns): equally likely fields given the samples.
     """
-    # The library says "HDF error" by a RuntimeError when a disk is full.
+    # The library reports a full disk as a RuntimeError, "HDF error".
     with (
         written_whole(path, RuntimeError) as part,
         netCDF4.Dataset(part, "w", format="NETCDF4") as dataset,
@@ -99,8 +99,9 @@ def write_grid(
 def _write_time(
     dataset: netCDF4.Dataset, entry: CatalogueEntry, maps: Sequence[QuantityMap]
 ) -> None:
-    """One time for all fields: the moment that they are of, or the middle of the survey, whose ends
-    are global attributes.
+    """Write one time for all fields: their common moment, or else the middle of the survey.
+
+    The survey's ends are global attributes.
     """
     moments = {one.change.moment_s for one in maps if one.is_of_moment}
     of_moment = len(moments) == 1 and all(one.is_of_moment for one in maps)
@@ -111,7 +112,7 @@ def _write_time(
 def time_variable(
     dataset: netCDF4.Dataset, long_name: str, dimensions: tuple[str, ...] = ()
 ) -> netCDF4.Variable:
-    """The coordinate of the time [unix s]."""
+    """Create the coordinate of the time [unix s]."""
     time = dataset.createVariable("time", "f8", dimensions)
     time.setncatts(
         {
@@ -130,7 +131,7 @@ def _what(quantity: Quantity) -> str:
 
 
 def _write_map(dataset: netCDF4.Dataset, one: QuantityMap, beside: Sequence[str]) -> None:
-    """Write a map and what it is worth; `beside` names its other variables."""
+    """Write a map and how far it can be trusted; `beside` names its other variables."""
     quantity, model = one.quantity, one.model
     mean = field_variable(dataset, quantity.key, one.mean)
     mean.setncatts(
@@ -185,7 +186,7 @@ def _write_map(dataset: netCDF4.Dataset, one: QuantityMap, beside: Sequence[str]
 
 
 def _worth(one: QuantityMap) -> dict[str, float]:
-    """What is known of the noise, of the direction, and of how far the map can be trusted."""
+    """Return attributes on the noise, the direction, and the reliability of the map."""
     found = {
         "sensor_noise_sd": one.noise_sd,
         "sd_factor_on_the_way": one.calibration.on_way,
@@ -207,7 +208,7 @@ def _worth(one: QuantityMap) -> dict[str, float]:
 
 
 def _moment(one: QuantityMap) -> str:
-    """What time the values are of."""
+    """Return the time that the values are of."""
     change = one.change
     if one.is_of_moment:
         return datetime.fromtimestamp(change.moment_s, UTC).isoformat()
@@ -220,7 +221,7 @@ def _moment(one: QuantityMap) -> str:
 
 
 def _companions(one: QuantityMap) -> dict[str, str]:
-    """What a map was made together with."""
+    """Return the quantities that a map was made together with."""
     told = one.model.companions
     if told is None or not told.heeded:
         return {}
@@ -229,7 +230,7 @@ def _companions(one: QuantityMap) -> dict[str, str]:
 
 
 def standard_named(standard_name: str, modifier: str = "") -> dict[str, str]:
-    """The attribute of a standard name, where there is one."""
+    """Return the attribute of a standard name, if there is one."""
     return {"standard_name": standard_name + modifier} if standard_name else {}
 
 
@@ -258,7 +259,7 @@ def field_variable(
     dimensions: tuple[str, ...] = ("y", "x"),
     content: str = "modelResult",
 ) -> netCDF4.Variable:
-    """A compressed variable on the grid, NaN as missing."""
+    """Create a compressed variable on the grid, with NaN as missing."""
     variable = dataset.createVariable(
         name, "f4", dimensions, zlib=True, fill_value=np.float32(-9999)
     )

@@ -1,4 +1,4 @@
-"""Write movies as CF and ACDD NetCDF with an axis of time: each moment with its own uncertainty."""
+"""Write movies as CF and ACDD NetCDF with a time axis: each moment with its own uncertainty."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ IN_TIME = ("time", "y", "x")
 def write_movie_netcdf(
     path: Path, movies: Sequence[Movie], frame: LocalFrame, entry: CatalogueEntry
 ) -> None:
-    """Write `movies`, which share one grid and their moments, to `path`; it appears only when
-    complete.
+    """Write `movies`, which share one grid and their moments, to `path`.
+
+    The file appears only when complete.
     """
     with (
         written_whole(path, RuntimeError) as part,

@@ -1,4 +1,4 @@
-"""Write a series of maps as CF and ACDD NetCDF with an axis of time, and each place's trend."""
+"""Write a series of maps as CF and ACDD NetCDF with a time axis, and each place's trend."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ IN_TIME = ("time", "y", "x")
 
 @dataclass(frozen=True, kw_only=True)
 class SeriesFields:
-    """A quantity's maps over n surveys on one grid, NaN on land: `times_s` (n,) [unix s], `means`
-    and `sds` (n, rows, columns); `slope` [unit / year], its standard error and its adjusted
-    probability (rows, columns).
+    """A quantity's maps over n surveys on one grid, NaN on land.
+
+    `times_s` (n,) [unix s], `means` and `sds` (n, rows, columns); `slope` [unit / year], its
+    standard error and its adjusted probability (rows, columns).
     """
 
     quantity: Quantity
@@ -53,8 +54,9 @@ def write_series_netcdf(
     entry: CatalogueEntry,
     several: Sequence[SeriesFields],
 ) -> None:
-    """Write the maps of `several` quantities over the times that any of them has; a time at which
-    one was not mapped is missing. The file appears only when complete.
+    """Write the maps of `several` quantities over the times that any of them has.
+
+    A quantity is missing at the times when it was not mapped. The file appears only when complete.
     """
     times = np.unique(np.concatenate([one.times_s for one in several]))
     with (
@@ -102,6 +104,6 @@ def _write_quantity(
         if quantity.unit and quantity.cf_unit == "1" and not label.endswith("_p"):
             per = " / year" if "_trend" in label.removeprefix(key) else ""
             variable.reported_unit = f"{quantity.unit}{per}"
-        if fields.ndim == 2:  # a trend is of no one time
+        if fields.ndim == 2:  # a trend has no single time
             variable.coordinates = "lat lon"
         variable.setncatts({**named, "long_name": text, "units": unit})

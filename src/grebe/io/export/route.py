@@ -1,8 +1,8 @@
-"""Hand a plan to other programs: ground stations, GPS receivers, maps.
+"""Export a plan for other programs: ground stations, GPS receivers, maps.
 
-QGroundControl's `.plan` (JSON: mission, geofence, rally point), Mission Planner's
-`.waypoints` (QGC WPL 110), GPX, KML and GeoJSON. Waypoints are the targets' centres in
-order, in WGS 84; altitudes are zero.
+The formats are QGroundControl's `.plan` (JSON: mission, geofence, rally point), Mission Planner's
+`.waypoints` (QGC WPL 110), GPX, KML and GeoJSON. Waypoints are the targets' centres in order, in
+WGS 84; altitudes are zero.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _lonlat(survey: Survey) -> NDArray[np.float64]:
 
 
 def _home(survey: Survey) -> tuple[float, float]:
-    """Longitude and latitude of the start, or of the first target."""
+    """Return longitude and latitude of the start, or of the first target."""
     if survey.start is None:
         lon, lat = _lonlat(survey)[0].tolist()
     else:
@@ -67,7 +67,7 @@ def _home(survey: Survey) -> tuple[float, float]:
 
 
 def _pace(survey: Survey) -> float:
-    """Middle of the cells' speed window [m/s]."""
+    """Return the middle of the cells' speed window [m/s]."""
     target = next(t for t in survey.targets if t.kind == "cell")
     return 0.5 * (target.set.speed_min_mps + target.set.speed_max_mps)
 
@@ -111,7 +111,7 @@ def _item(number: int, command: int, frame: int, params: list[Any]) -> dict[str,
 
 
 def _fences(survey: Survey) -> list[dict[str, Any]]:
-    """The shore to stay within; islands and no-go zones to stay out of."""
+    """Return the shore to stay within, and the islands and no-go zones to stay out of."""
     water = survey.frame.geometry_to_wgs84(survey.water)
     zones = [survey.frame.geometry_to_wgs84(zone) for zone in survey.no_go]
     rings = [(True, shapely.get_exterior_ring(water))]

@@ -1,10 +1,9 @@
-"""Hand the samples of a survey to other programs: a table, GeoParquet, or results for WQX.
+"""Export the samples of a survey for other programs: a table, GeoParquet, or results for WQX.
 
-The plain table (CSV) and GeoParquet 1.1 hold every sample with its flags, one a row. A table of
-results (`.wqx.csv`) holds one value a row under the column names of the Water Quality Portal's
-narrow result profile, which the United States' Water Quality Exchange is filled from: what is
-flagged as suspect or failed is left out of it, and so is what has no name among its
-characteristics.
+The plain table (CSV) and GeoParquet 1.1 hold every sample with its flags, one per row. A table of
+results (`.wqx.csv`) holds one value per row, under the column names of the Water Quality Portal's
+narrow result profile, from which the United States' Water Quality Exchange is filled. It leaves out
+values flagged as suspect or failed, and quantities that have no name among its characteristics.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from grebe.io.store.timestamps import time_texts
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# The names and unit codes of the exchange's lists of characteristics and measure units.
+# The names and unit codes in the exchange's lists of characteristics and measure units.
 CHARACTERISTICS = {
     "temperature_degc": ("Temperature, water", "deg C"),
     "dissolved_oxygen_mgl": ("Dissolved oxygen (DO)", "mg/l"),
@@ -54,7 +53,7 @@ RESULT_COLUMNS = (
     "CharacteristicName", "ResultMeasureValue", "ResultMeasure/MeasureUnitCode",
     "ResultStatusIdentifier", "ResultValueTypeName",
 )  # fmt: skip
-# Of the activity and not a result: how deep the sonde hung.
+# How deep the sonde hung: part of the activity, not a result.
 SONDE_DEPTH = "sonde_depth_m"
 # Seven decimals of a degree are a centimetre.
 DECIMALS = 7
@@ -62,9 +61,7 @@ DECIMALS = 7
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """The samples of a survey: their `frame`, the `name` that the survey is known by, and the
-    `quantities` that they are of.
-    """
+    """The samples of a survey: their `frame`, the `name` of the survey, and their `quantities`."""
 
     samples: Samples
     frame: LocalFrame
@@ -78,24 +75,25 @@ class Measured:
 
     @property
     def keys(self) -> list[str]:
-        """The quantities of which there is any value."""
+        """The quantities that have any value."""
         return [key for key in self.samples.values if self.samples.measured(key)]
 
     def text(self, key: str, value: float) -> str:
-        """A value with the digits that its sensor resolves, and one more."""
+        """Return a value with the digits that its sensor resolves, and one more."""
         resolution = self.quantities.known(key).resolution
         if resolution <= 0:
             return f"{value:.6g}"
         return f"{value:.{max(0, math.ceil(-math.log10(resolution))) + 1}f}"
 
     def unnamed(self) -> list[str]:
-        """The quantities that the exchange has no name for."""
+        """Return the quantities that the exchange has no name for."""
         return [key for key in self.keys if key not in CHARACTERISTICS and key != SONDE_DEPTH]
 
 
 def writer_of(path: Path) -> Callable[[Measured, Path], int] | None:
-    """What writes samples to a file of such a name, and returns its rows; None where a plan is
-    meant.
+    """Return the function that writes samples to a file of that name; None if a plan is meant.
+
+    The function returns the number of rows.
     """
     name = path.name.lower()
     for ending, writer in WRITERS.items():
@@ -105,13 +103,13 @@ def writer_of(path: Path) -> Callable[[Measured, Path], int] | None:
 
 
 def write_table(measured: Measured, path: Path) -> int:
-    """Write every sample with its flags as CSV, one a row."""
+    """Write every sample with its flags as CSV, one per row."""
     columns = _columns(measured, time_texts(measured.samples.times))
     return write_rows_whole(path, list(columns), zip(*map(_texts, columns.values()), strict=True))
 
 
 def write_geoparquet(measured: Measured, path: Path) -> int:
-    """Write every sample with its flags as GeoParquet, points in WGS 84."""
+    """Write every sample with its flags as GeoParquet, as points in WGS 84."""
     pa, pq = arrow_for("Samples as GeoParquet")
     times = [datetime.fromtimestamp(float(t), UTC) for t in measured.samples.times]
     lonlat = measured.lonlat
@@ -123,7 +121,7 @@ def write_geoparquet(measured: Measured, path: Path) -> int:
         "geometry_types": ["Point"],
         "bbox": [*lonlat.min(axis=0).tolist(), *lonlat.max(axis=0).tolist()],
     }
-    # Without a reference system WGS 84, longitude first, is meant.
+    # Without a reference system, the format means WGS 84, longitude first.
     geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": geometry}}
     with written_whole(path, pa.ArrowException) as part:
         pq.write_table(table.replace_schema_metadata({"geo": json.dumps(geo)}), part)
@@ -154,7 +152,7 @@ def _results(measured: Measured) -> Iterator[list[str]]:
 
 
 def _depths(measured: Measured) -> list[str]:
-    """How deep the sonde hung at each sample, empty where that is not known."""
+    """Return how deep the sonde hung at each sample, empty where that is not known."""
     samples = measured.samples
     if SONDE_DEPTH not in samples.values:
         return [""] * len(samples)
@@ -164,7 +162,7 @@ def _depths(measured: Measured) -> list[str]:
 
 
 def _columns(measured: Measured, times: Any) -> dict[str, Any]:
-    """The columns of the plain table; the `times` are each format's own."""
+    """Return the columns of the plain table; the `times` are in the format's own form."""
     samples, lonlat = measured.samples, measured.lonlat
     columns: dict[str, Any] = {
         "time": times,
@@ -182,7 +180,7 @@ def _columns(measured: Measured, times: Any) -> dict[str, Any]:
 
 
 def _texts(column: Any) -> list[str]:
-    """A column as CSV has it: what is not known is empty."""
+    """Return a column as CSV has it, with NaN as empty."""
     if isinstance(column, np.ndarray) and column.dtype.kind == "f":
         return ["" if np.isnan(value) else f"{value:.12g}" for value in column]
     return [str(value) for value in column]

@@ -1,6 +1,6 @@
-"""Write the STAC item of a set of maps: what a spatial catalogue takes in.
+"""Write the STAC item of a set of maps, for spatial catalogues.
 
-STAC 1.1.0, with the projection extension; the assets lie beside the item.
+STAC 1.1.0, with the projection extension; the assets are beside the item.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def write_stac_item(
         "geometry": shapely.geometry.mapping(shapely.geometry.polygon.orient(entry.outline)),
         "bbox": [west, south, east, north],
         "properties": properties,
-        # A link to itself would have to be absolute, and nobody knows yet where it will lie.
+        # A link to itself would have to be absolute, and its final address is not known yet.
         "links": [],
         "assets": {one.path.name: _asset(one) for one in assets if one.path.suffix in MEDIA},
     }

@@ -1,4 +1,4 @@
-"""Write a vessel as TOML, with what is known of how sure its numbers are as comments."""
+"""Write a vessel as TOML, with the known accuracy of its parameters as comments."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def write_vessel(
     head: Sequence[str] = (),
     force: bool = False,
 ) -> None:
-    """Write a vessel; `comments` by field stand behind their lines, `head` above all."""
+    """Write a vessel; `comments` by field are put after their lines, `head` above everything."""
     if path.exists() and not force:
         raise InputError(
             f"{path} exists already; give another name, or replace it by force.",
@@ -43,6 +43,6 @@ def _quoted(text: str) -> str:
 
 
 def _number(value: float) -> str:
-    """Six digits say more than any identification."""
+    """Format a number with six digits, which is more than any identification yields."""
     text = f"{value:.6g}"
     return text if any(c in text for c in ".en") else f"{text}.0"

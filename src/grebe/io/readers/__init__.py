@@ -1,1 +1,1 @@
-"""Files from outside, read into plain records."""
+"""Read files from outside into plain records."""

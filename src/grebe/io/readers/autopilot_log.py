@@ -1,8 +1,8 @@
-"""Read a drive from what an ArduPilot boat logged: telemetry (.tlog) or DataFlash (.bin).
+"""Read a drive from a log of an ArduPilot boat: telemetry (.tlog) or DataFlash (.bin).
 
 States come from the autopilot's own filter, commands from the pulses that went to the thrusters,
-which tell the truth whatever mode the boat was in. Both logs bear the boat's parameters, which
-say what output is which thruster and where its neutral lies.
+which are right in any mode of the boat. Both logs contain the boat's parameters, which say which
+output drives which thruster and where its neutral is.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 # SERVOn_FUNCTION of a boat that steers by its thrusters.
 LEFT, RIGHT = 73, 74
-# Outputs of a BlueBoat and of ArduPilot's skid-steering frames, where the log has no parameters.
+# Outputs of a BlueBoat and of ArduPilot's skid-steering frames, for logs without parameters.
 USUAL_OUTPUTS = (1, 3)
 OUTPUTS = 16
 _TELEMETRY = ["LOCAL_POSITION_NED", "ATTITUDE", "SERVO_OUTPUT_RAW", "PARAM_VALUE"]
@@ -35,7 +35,7 @@ _DATAFLASH = ["XKF1", "NKF1", "ATT", "POS", "IMU", "RCOU", "PARM"]
 
 @dataclass
 class _Rows:
-    """What is gathered on the way, by its own clock [s]."""
+    """The rows gathered from the messages, by the log's own clock [s]."""
 
     places: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
     headings: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
@@ -59,7 +59,7 @@ def read_telemetry(path: Path) -> DriveLog:
             rows.headings.append((message.time_boot_ms / 1e3, message.yaw, message.yawspeed))
         elif kind == "SERVO_OUTPUT_RAW":
             pulses = [getattr(message, f"servo{i}_raw", 0) for i in range(1, OUTPUTS + 1)]
-            # Its clock has 32 bits of microseconds: it starts anew every 71 minutes.
+            # Its clock has 32 bits of microseconds: it starts again every 71 minutes.
             rows.pulses.append((message.time_usec / 1e6, *map(float, pulses)))
         elif kind == "PARAM_VALUE":
             rows.parameters[str(message.param_id)] = float(message.param_value)
@@ -108,7 +108,7 @@ def _without_wraps(rows: list[tuple[float, ...]], period_s: float) -> list[tuple
 
 
 def _places(fixes: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """Fixes in degrees as metres about the first; velocities are not known."""
+    """Return fixes in degrees as metres relative to the first; their velocities are unknown."""
     if not fixes:
         return []
     table = np.array(fixes)
@@ -123,7 +123,7 @@ def _places(fixes: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
 def _with_rates(
     headings: list[tuple[float, ...]], rates: list[tuple[float, float]]
 ) -> list[tuple[float, ...]]:
-    """Headings with the gyroscope's yaw rate, its mean about each of them."""
+    """Return headings with the gyroscope's yaw rate, averaged around each of them."""
     if not headings or len(rates) < 2:
         return headings
     table = np.array(rates)
@@ -146,11 +146,11 @@ def _log(path: Path, rows: _Rows) -> DriveLog:
         ("outputs to the thrusters (SERVO_OUTPUT_RAW, or RCOU)", rows.pulses),
     ):
         if not found:
-            raise InputError(f"{path} holds no {what}; ask the autopilot to log them at 10 Hz.")
+            raise InputError(f"{path} holds no {what}; set the autopilot to log them at 10 Hz.")
     places, headings = _in_order(rows.places), _in_order(rows.headings)
     pulses = _in_order(rows.pulses)
     first = max(places[0, 0], headings[0, 0])
-    # Headings count on one clock with the pulses: an autopilot's time since its start.
+    # Headings and pulses share one clock: the autopilot's time since its start.
     times, states = _states(places, headings)
     later = times >= first
     return DriveLog(
@@ -169,7 +169,7 @@ def _in_order(rows: list[tuple[float, ...]]) -> Array:
 
 
 def _states(places: Array, headings: Array) -> tuple[Array, Array]:
-    """States (n, 6) at the times of either, NaN for what the other would have brought."""
+    """Return states (n, 6) at the times of either, with NaN for the columns of the other."""
     yaw = unwrapped(headings[:, 1])
     there = np.interp(places[:, 0], headings[:, 0], yaw)
     cos, sin = np.cos(there), np.sin(there)
@@ -186,7 +186,7 @@ def _states(places: Array, headings: Array) -> tuple[Array, Array]:
 
 
 def _throttles(pulses: Array, parameters: dict[str, float]) -> Array:
-    """Throttles (m, 2) of port and starboard from the pulses (m, outputs) [us]."""
+    """Return the throttles (m, 2) of port and starboard from the pulses (m, outputs) [us]."""
     functions = {int(parameters.get(f"SERVO{i}_FUNCTION", 0)): i for i in range(OUTPUTS, 0, -1)}
     outputs = (functions.get(LEFT, USUAL_OUTPUTS[0]), functions.get(RIGHT, USUAL_OUTPUTS[1]))
     return np.column_stack([_throttle(pulses[:, i - 1], i, parameters) for i in outputs])
@@ -200,6 +200,6 @@ def _throttle(pulses: Array, output: int, parameters: dict[str, float]) -> Array
     above = (pulses - middle) / max(high - middle, 1.0)
     below = (pulses - middle) / max(middle - low, 1.0)
     throttle = np.clip(np.where(pulses >= middle, above, below), -1.0, 1.0)
-    # No pulse at all is an output that is off.
+    # An output without pulses is off.
     throttle = np.where(pulses == 0, 0.0, throttle)
     return -throttle if of("REVERSED", 0.0) else throttle

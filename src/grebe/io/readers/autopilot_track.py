@@ -1,4 +1,4 @@
-"""The positions of an ArduPilot log as a table, with the depth that its sounder read."""
+"""Read the positions of an ArduPilot log as a table, with the depths of its sounder."""
 
 from __future__ import annotations
 
@@ -29,15 +29,17 @@ class _Fix:
 
 @dataclass(frozen=True, kw_only=True)
 class _Sounding:
-    """What a sounder read: depth [m] and temperature [degC], NaN where it has none."""
+    """What a sounder read: depth [m] and temperature [degC], NaN if it has none."""
 
     depth: float
     temperature: float
 
 
 def read_autopilot_track(path: Path) -> Table:
-    """Read where a boat was from its .tlog or .bin: what its filter held, or else its receiver's
-    fixes, at most five a second; `TrackError` where it holds neither.
+    """Read where a boat was from its .tlog or .bin.
+
+    Positions are its filter's, or else its receiver's fixes, at most five a second; `TrackError` if
+    it holds neither.
     """
     logged = _dataflash(path) if path.suffix.lower() == ".bin" else _telemetry(path)
     rows: list[list[str]] = []
@@ -57,8 +59,10 @@ def read_autopilot_track(path: Path) -> Table:
 
 
 def _telemetry(path: Path) -> Iterator[_Fix | _Sounding]:
-    """Times are the autopilot's where it knows them from its receiver, else the station's that
-    wrote the log.
+    """Yield the fixes and soundings of a .tlog.
+
+    Times are the autopilot's if it knows them from its receiver, and otherwise those of the station
+    that wrote the log.
     """
     booted: float | None = None
     for message in messages_in(path, _TELEMETRY):
@@ -76,7 +80,10 @@ def _telemetry(path: Path) -> Iterator[_Fix | _Sounding]:
 
 
 def _dataflash(path: Path) -> Iterator[_Fix | _Sounding]:
-    """Each message is dated by pymavlink with the receiver's week and time, in UTC."""
+    """Return the fixes and soundings of a .bin.
+
+    Pymavlink dates each message with the receiver's week and time, in UTC.
+    """
     logged: list[tuple[str, _Fix | _Sounding]] = []
     for message in messages_in(path, _DATAFLASH):
         kind = message.get_type()
@@ -86,11 +93,11 @@ def _dataflash(path: Path) -> Iterator[_Fix | _Sounding]:
         elif getattr(message, "Status", 3) >= 3:
             fix = _Fix(time=float(message._timestamp), lat=message.Lat, lon=message.Lng)
             logged.append((kind, fix))
-    # The receiver's own fixes only where the filter's are not there.
+    # The receiver's own fixes are used only if the filter's are missing.
     other = "GPS" if any(kind == "POS" for kind, _ in logged) else "POS"
     return (one for kind, one in logged if kind != other)
 
 
 def _text(value: float) -> str:
-    """A cell; empty for what was not read."""
+    """Return a cell; empty for what was not read."""
     return f"{value:.3f}" if math.isfinite(value) else ""

@@ -1,8 +1,8 @@
 """Times as loggers write them: unix seconds, ISO 8601, a date and a time, in a zone.
 
-Local times are brought to UTC by a zone of the tz database. The hour that happens twice when
-summer time ends is told apart by the record's order where it runs through; where it cannot be
-told, that is said.
+Local times are converted to UTC by a zone of the tz database. The hour that happens twice when
+summer time ends is resolved by the order of the record if it is continuous; if it cannot be
+resolved, a note says so.
 """
 
 from __future__ import annotations
@@ -26,30 +26,31 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Surveys with a logger lie between these [unix s]: 1990 and 2100.
+# Surveys with a logger are between these [unix s]: 1990 and 2100.
 EARLIEST_S, LATEST_S = 631_152_000.0, 4_102_444_800.0
 MOST_OFFSET_H = 14
-# Between Hawaii and Newfoundland [h].
+# From Hawaii to Newfoundland [h].
 AMERICAN_H = (-10.0, -2.5)
 FIRST_YEAR = 1900
-# Spreadsheets count days from 1899-12-30; these are the numbers of the same years.
+# Spreadsheets count days from 1899-12-30; this is the number of 1970-01-01, and the length of a day
+# [s].
 EXCEL_EPOCH_DAYS, DAY_S = 25_569.0, 86_400.0
-# A time so far from the middle of a record is the logger's, from before its clock was set [s].
+# A time this far from the middle of a record is from before the logger's clock was set [s].
 FAR_S = 366 * DAY_S
-# So many of a record are few.
+# Up to this share of a record counts as few.
 FEW = 0.1
-# From a row to the next a spreadsheet's days go on by less than this [days].
+# A spreadsheet's days increase by less than this from row to row [days].
 LARGEST_STEP_DAYS = 0.1
-# From a row to the next the clock of a record without a pause goes on by less than the first; read
-# in the wrong order of day and month it goes over midnight by more than the second [s].
+# The clock of a continuous record advances by less than the first from row to row. If day and month
+# are read in the wrong order, it advances by more than the second at midnight [s].
 GOING_ON_S, LEAP_S = 3_600.0, 20 * DAY_S
-# A clock that is set goes back by less than this [s]; the end of summer time by an hour.
+# Setting a clock moves it back by less than this [s]; the end of summer time by an hour.
 JITTER_S = 600.0
-# Dates as they are written; the order of day and month is judged by the whole column.
+# Formats of dates; the order of day and month is judged by the complete column.
 _DAYS_FIRST = ("%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%d/%m/%y", "%d.%m.%y")
 _MONTHS_FIRST = ("%m/%d/%Y", "%m-%d-%Y", "%m/%d/%y", "%m%d%y")
 _YEAR_FIRST = ("%Y-%m-%d", "%Y/%m/%d", "%Y%m%d", "%y%m%d")
-# Of two digits and with strokes only where the header says that the year is first.
+# Formats with a two-digit year first and separators are tried only if the header says so.
 _SHORT_YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d", "%y.%m.%d")
 _MONTH_NAMED = ("%d-%b-%Y", "%d %b %Y", "%b %d %Y", "%b %d, %Y", "%d/%b/%Y", "%d-%b-%y")
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H%M%S")
@@ -58,7 +59,7 @@ _OFFSET_LINE = re.compile(
     r"(?:time|utc|gmt)\s*(?:zone)?\s*offset\s*[=:,]\s*([+-])?(\d\d?):(\d\d)(?::\d\d)?[,;\s]*",
     re.IGNORECASE,
 )
-# Zones by the letters that loggers write [h]; those that stand for several, as CST, are not known.
+# Zones by the letters that loggers write [h]; ambiguous ones, such as CST, are not known.
 _LETTERS = {
     "HST": -10, "AKST": -9, "AKDT": -8, "PST": -8, "PDT": -7, "MST": -7, "MDT": -6, "CDT": -5,
     "EST": -5, "EDT": -4, "AST": -4, "ADT": -3, "WET": 0, "WEST": 1, "CET": 1, "CEST": 2, "MEZ": 1,
@@ -70,7 +71,7 @@ _BARE_OFFSET = re.compile(r"([+-])(\d\d?)(?::?(\d\d))?")
 
 
 def zone_of(name: str) -> tzinfo:
-    """The zone of a name such as Europe/Paris; `InputError` where there is none."""
+    """Return the zone of a name such as Europe/Paris; `InputError` if there is none."""
     try:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError):
@@ -81,7 +82,7 @@ def zone_of(name: str) -> tzinfo:
 
 
 def zone_in_header(header: str) -> tzinfo | None:
-    """The offset that a header such as `Date Time, GMT-04:00` names."""
+    """Return the offset that a header such as `Date Time, GMT-04:00` names."""
     found = _OFFSET.search(header)
     if found is not None:
         return _offset(*found.groups())
@@ -96,8 +97,9 @@ def _of_letters(name: str) -> tzinfo:
 
 
 def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
-    """The zone that a column names which says the same in all its rows, `-05:00`, `UTC` or a name
-    of the tz database; None for anything else.
+    """Return the zone that a column names equally in all rows; None for anything else.
+
+    It is written as `-05:00`, `UTC` or a name of the tz database.
     """
     said = {cell.strip() for cell in cells if cell.strip()}
     if len(said) != 1:
@@ -113,8 +115,9 @@ def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
 
 
 def zone_in_preamble(lines: Sequence[str]) -> tuple[tzinfo, str] | None:
-    """The zone that one of the lines before a header names as the times' offset, as `Time Offset =
-    -07:00:00` of an In-Situ's export does, and the line.
+    """Return the zone that a line before the header names as the times' offset, and the line.
+
+    An example is `Time Offset = -07:00:00` in an In-Situ export.
     """
     for line in lines:
         found = _OFFSET_LINE.fullmatch(line.strip())
@@ -125,7 +128,7 @@ def zone_in_preamble(lines: Sequence[str]) -> tuple[tzinfo, str] | None:
 
 
 def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo | None:
-    """The zone of an offset; None for one that no place on Earth has."""
+    """Return the zone of an offset; None for one that no place on Earth has."""
     if int(hours) > MOST_OFFSET_H or int(minutes or 0) > 59:
         return None
     away = timedelta(hours=int(hours), minutes=int(minutes or 0))
@@ -133,8 +136,10 @@ def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo | None:
 
 
 def plausible(times: Array) -> tuple[Array, list[str]]:
-    """Times (n,) with NaN for those of a clock that was not set, and notes: what is before 1990 or
-    after 2100 beside others, and what is a year and more from all others but is only a few.
+    """Return times (n,) with NaN for those of a clock that was not set, and notes.
+
+    These are times before 1990 or after 2100 among others, and the times a year or more from all
+    others if they are only a few.
     """
     known = np.isfinite(times)
     possible = known & (times > EARLIEST_S) & (times < LATEST_S)
@@ -153,11 +158,11 @@ def plausible(times: Array) -> tuple[Array, list[str]]:
 def read_times(
     cells: Sequence[str], header: str = "", zone: tzinfo | None = None
 ) -> tuple[Array, list[str]] | None:
-    """Unix seconds (n,), NaN where a cell holds no time, and notes; None where less than half do.
+    """Return unix seconds (n,), NaN where a cell holds no time, and notes.
 
-    `header` may say the order of the date (`MM/DD/YYYY`) and an offset; `zone` is that of times
-    that name none, UTC for None. A zone in the header counts more than `zone`. Raises `InputError`
-    where days and months cannot be told apart.
+    None if less than half of the cells hold a time. `header` may give the order of the date
+    (`MM/DD/YYYY`) and an offset. `zone` is that of times that name none, UTC for None; a zone in
+    the header takes precedence. Raises `InputError` if days and months cannot be distinguished.
     """
     zone = zone_in_header(header) or zone
     values = numbers_of(cells)
@@ -175,8 +180,10 @@ def read_times(
 
 
 def _of_numbers(values: Array, header: str, zone: tzinfo | None) -> tuple[Array, list[str]]:
-    """Seconds since 1970, or of a counter, from those, from thousandths and less of them, or from a
-    spreadsheet's days, which are local.
+    """Return seconds since 1970, or of a counter.
+
+    The numbers may be such seconds, fractions of them (thousandths or smaller), or a spreadsheet's
+    days, which are local time.
     """
     if is_counted(header):
         return in_seconds(values, header), []
@@ -194,8 +201,10 @@ def _of_numbers(values: Array, header: str, zone: tzinfo | None) -> tuple[Array,
 
 
 def _are_days(days: Array) -> bool:
-    """Whether numbers (n,) of days since 1970 are those of a survey, and go on as one's rows do:
-    seconds from the start of something go on by more than a tenth.
+    """Return whether numbers (n,) are days since 1970 of a survey.
+
+    They must be in range and increase as a survey's rows do: seconds from the start of something
+    increase by more than a tenth.
     """
     known = days[np.isfinite(days)]
     middle = float(np.median(known)) * DAY_S
@@ -206,14 +215,14 @@ def _are_days(days: Array) -> bool:
 
 
 def _without_zone_name(text: str) -> str:
-    """`2024-07-03 09:15:00 UTC` as ISO 8601 has it."""
+    """Return `2024-07-03 09:15:00 UTC` as ISO 8601 has it."""
     return (
         re.sub(r"\s*(?<![A-Z])(UTC|GMT|Z)$", "+00:00", text.strip()) if text[-1:] in "CTZ" else text
     )
 
 
 def _without_letters(cells: Sequence[str]) -> tuple[Sequence[str], tzinfo | None]:
-    """Times without the letters of the one zone that ends all of them, and the zone."""
+    """Return times without the letters of the one zone that ends all of them, and the zone."""
     said = {found[1] if (found := _ZONE_IN_CELL.search(cell)) else "" for cell in cells if cell}
     if len(said) != 1 or said == {""}:
         return cells, None
@@ -230,7 +239,7 @@ def _iso(text: str) -> datetime | None:
 def _written(
     cells: Sequence[str], header: str, zone: tzinfo | None
 ) -> tuple[list[datetime | None], list[str]]:
-    """Dates and times in the one format that reads most of the column, and notes."""
+    """Return dates and times by the one format that reads most of the column, and notes."""
     texts = [" ".join(cell.split()) for cell in cells]
     probe = texts[:: max(len(texts) // 2000, 1)] + texts[-1:]
     read: dict[str, int] = {}
@@ -246,8 +255,8 @@ def _written(
     going_on = _going_on(texts, [best, *rivals])
     if going_on is not None:
         return [_parsed(text, going_on) for text in texts], [
-            f"{texts[0]!r} and the like: of the two orders of day and month the one by which the "
-            "record goes on over midnight"
+            f"{texts[0]!r} and the like: read in the order of day and month by which the record "
+            "goes on over midnight"
         ]
     one = _months_first([best, *rivals]) if _is_american(zone) else None
     if one is None:
@@ -257,13 +266,13 @@ def _written(
             settings=("columns",),
         )
     return [_parsed(text, one) for text in texts], [
-        f"{texts[0]!r} and the like: taken as month and day, as American clocks with AM and PM "
-        "have it"
+        f"{texts[0]!r} and the like: taken as month and day, which is usual on American clocks "
+        "with AM and PM"
     ]
 
 
 def _short_years(texts: Sequence[str], form: str) -> list[str]:
-    """What is to be said of years of two digits behind the day that may as well stand first."""
+    """Return a note on two-digit years after the day that might as well be first."""
     date, _, clock = form.partition(" ")
     read = _parsed(texts[0], form)
     if read is None or date not in _DAYS_FIRST or not date.endswith("%y"):
@@ -273,13 +282,14 @@ def _short_years(texts: Sequence[str], form: str) -> list[str]:
         return []
     return [
         f"{texts[0]!r} and the like: taken as day, month and year, {read:%d %B %Y}; if the year is "
-        "first, write so into the header, such as 'Date (YY/MM/DD)'"
+        "first, say so in the header, such as 'Date (YY/MM/DD)'"
     ]
 
 
 def _going_on(texts: Sequence[str], forms: Sequence[str]) -> str | None:
-    """Of formats that read a column alike the one by which it goes on from row to row, where by the
-    others it jumps: a clock goes over midnight to the next day, not to the next month.
+    """Return the one format, of those that read a column equally well, by which it is continuous.
+
+    By all others it must jump: at midnight a clock goes on to the next day, not to the next month.
     """
     longest = [_longest_gap(texts, form) for form in forms]
     going = [form for form, gap in zip(forms, longest, strict=True) if gap <= GOING_ON_S]
@@ -290,21 +300,22 @@ def _going_on(texts: Sequence[str], forms: Sequence[str]) -> str | None:
 
 
 def _longest_gap(texts: Sequence[str], form: str) -> float:
-    """The longest step between two rows that a format reads [s]."""
+    """Return the longest step between two rows that a format reads [s]."""
     read = [moment for text in texts if (moment := _parsed(text, form)) is not None]
     steps = [abs((b - a).total_seconds()) for a, b in itertools.pairwise(read)]
     return max(steps, default=0.0)
 
 
 def _is_american(zone: tzinfo | None) -> bool:
-    """Whether a zone lies where the month is written first."""
+    """Return whether a zone is one where the month is written first."""
     offset = None if zone is None else zone.utcoffset(datetime(2020, 1, 1))
     return offset is not None and AMERICAN_H[0] <= offset / timedelta(hours=1) <= AMERICAN_H[1]
 
 
 def _months_first(forms: Sequence[str]) -> str | None:
-    """Of formats that read a column alike, the one that has the month first, where all of them are
-    of a clock of twelve hours.
+    """Return the format that has the month first, of those that read a column equally well.
+
+    None unless all of them are of a twelve-hour clock.
     """
     if not all(form.endswith("%p") for form in forms):
         return None
@@ -335,7 +346,8 @@ def _parsed(text: str, form: str) -> datetime | None:
         read = datetime.strptime(text, form)
     except ValueError:
         return None
-    # Six digits may be taken for a year of four, a month and a day: of the eighth century.
+    # Six digits may be read as a four-digit year, a month and a day, which gives the eighth
+    # century.
     return read if read.year >= FIRST_YEAR else None
 
 
@@ -372,8 +384,10 @@ def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tupl
 def _folded(
     moments: Sequence[datetime | None], seconds: Array, zone: ZoneInfo
 ) -> tuple[Array, int, int]:
-    """Times in the hour that came twice, the second once the clock has gone back within it; how
-    many there are, and how many in an hour that never was.
+    """Resolve the times in the hour that came twice.
+
+    The second run begins when the clock goes back within it. Returns the times, how many are in
+    that hour, and how many in an hour that was skipped.
     """
     found, doubtful, missing = seconds.copy(), 0, 0
     latest = -np.inf

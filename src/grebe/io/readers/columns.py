@@ -1,7 +1,8 @@
 """Which column of a table holds what, in which unit.
 
-A column is found by its name, or named by the caller. The unit that its header names must be one
-of the quantity's own kind: it is converted, or the column is another quantity's or nobody's.
+A column is found by its name, or named by the caller. The unit that its header names must be of the
+quantity's own kind, and is then converted. Otherwise the column belongs to another quantity or to
+none.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from grebe.io.readers.counters import BARE
 if TYPE_CHECKING:
     from grebe.core.quantities import Quantities
 
-# Columns that speak about another one.
+# Columns that describe another one.
 _NOT_A_VALUE = re.compile(r"(_|\b)(qc|flag|quality|zone|unit|(?<!^ph_)units)$")
-# And, of quantities, what was reckoned from a value.
+# Columns of quantities that were computed from a value.
 _OF_A_VALUE = re.compile(r"(_|\b)(std|stdev|std[ _]?dev|sd|min|max|count|error)$")
-# What the columns of time and place may be called, first match wins; those of the quantities are
-# named in the registry. Matched on lower-case letters, digits and the signs of units alone.
+# Names of the columns of time and place, first match wins; those of the quantities are in the
+# registry. Only lower-case letters, digits and the signs of units are matched.
 PLACE_AND_TIME: dict[str, tuple[str, ...]] = {
     "time": (r"gpstimestamp", r"(unix)?timestamp", r"time.*", r"datetime.*", r"unix.*"),
     "lat": (r"lat(itude)?(deg|dd)?", r".*latitud(e|ine)?.*", r"breite(ngrad)?"),
@@ -40,10 +41,12 @@ CONDUCTIVITY, CONDUCTANCE_25 = "conductivity_uscm", "specific_conductance_uscm"
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """Where values are: the header's `name`, and `factor`, `offset` that bring them to the unit
-    of their quantity; `unit` as the header spells it. `by_solubility` where saturation and
-    concentration of oxygen are to be brought into each other. `unknown`: what stands in brackets
-    in the header, where that is no unit that is known.
+    """Where values are, and how they are converted.
+
+    `name` is the header's, `unit` as the header spells it; `factor` and `offset` convert to the
+    unit of the quantity. `by_solubility` is set if oxygen saturation and concentration have to be
+    converted into each other. `unknown` is the text in brackets in the header if it is no known
+    unit.
     """
 
     name: str
@@ -67,9 +70,9 @@ def find_columns(
     *,
     placed: bool = True,
 ) -> dict[str, Column]:
-    """The column of each key that the table has; `TrackError` says what is missing or wrong.
+    """Return the column of each key that the table has; `TrackError` says what is missing or wrong.
 
-    `placed`: the table must tell latitude and longitude.
+    With `placed` the table must have latitude and longitude.
     """
     known = {*PLACE_AND_TIME, DATE, *quantities}
     for key, name in given.items():
@@ -106,13 +109,14 @@ def find_columns(
 
 
 def unit_of(quantity: Quantity) -> Unit | None:
-    """The unit of a quantity's column, where it is one that is known; a pH has one of its own."""
+    """Return the unit of a quantity's column, if it is a known one; a pH has one of its own."""
     return parse_unit(quantity.unit or ("pH" if quantity.key == "ph" else ""))
 
 
 def _unit_behind(header: str, quantity: Quantity) -> tuple[str, Unit | None]:
-    """The unit that a header names, as it spells it and as it is for a quantity: of oxygen alone
-    moles and volumes have a mass.
+    """Return the unit that a header names, as it spells it and as it applies to a quantity.
+
+    Only for oxygen do moles and volumes have a mass.
     """
     spelled = split_header(header)[1]
     unit = parse_unit(spelled)
@@ -120,7 +124,7 @@ def _unit_behind(header: str, quantity: Quantity) -> tuple[str, Unit | None]:
 
 
 def _given(path: Path, name: str, quantity: Quantity) -> Column:
-    """A column that the caller named: converted to the quantity's unit, or refused."""
+    """Return a column that the caller named: converted to the quantity's unit, or refused."""
     here = unit_of(quantity)
     spelled, there = _unit_behind(name, quantity)
     if there is None or here is None:
@@ -138,7 +142,7 @@ def _given(path: Path, name: str, quantity: Quantity) -> Column:
 
 
 def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> Column | None:
-    """The column of a quantity: one in its very unit, or one that is converted to it."""
+    """Return the column of a quantity: one in exactly its unit, or one that is converted to it."""
     here = unit_of(quantity)
     name = _first_match(quantity.columns, plain)
     if name is not None:
@@ -166,8 +170,10 @@ def _found(header: Sequence[str], plain: dict[str, str], quantity: Quantity) -> 
 
 
 def _readings_of(column: str, spelled: str, here: Unit, quantity: Quantity) -> list[str]:
-    """A header with the unit that `spelled` is, as it would read in the quantity's own unit and
-    without one, which the patterns know. A conductivity whose unit holds at 25 °C is no other.
+    """Return a header as it would read in the quantity's own unit and without one.
+
+    The patterns match these forms. `spelled` is the header's unit. A unit that holds at 25 °C is
+    one of specific conductance, and never of plain conductivity.
     """
     base = _plain(split_header(column)[0])
     at_25 = [f"{base}25"] if here.kind == "conductivity" and is_at_25(spelled) else []
@@ -182,12 +188,15 @@ def _speaks_of_another(column: str) -> bool:
 
 
 def _plain(text: str) -> str:
-    # Without accents, and with the digits of O₂ as digits.
+    # Remove accents, and turn the subscript digits of O₂ into digits.
     return re.sub(r"[^a-z0-9°µμ]", "", unicodedata.normalize("NFKD", text.lower()))
 
 
 def _plain_names(header: Sequence[str]) -> dict[str, str]:
-    """Columns by their plain name, alone and with that of the column before: `before/this`."""
+    """Return columns by their plain name, alone and after that of the column before.
+
+    The latter has the form `before/this`.
+    """
     plain: dict[str, str] = {}
     before = ""
     for name in header:

@@ -1,4 +1,4 @@
-"""Times that are counted: in the unit that a header names, or in what their size tells."""
+"""Times that are counted, in the unit that a header names or that their size shows."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Beyond any survey's seconds since 1970 are milliseconds, and beyond these micro- and nanoseconds.
+# Times larger than any seconds of a survey since 1970 are milliseconds, still larger ones micro- or
+# nanoseconds. Each pair is where they begin, and how many make a second.
 SCALES = ((1e17, 1e9), (1e14, 1e6), (1e11, 1e3))
-# Names that are nothing but a unit: in capitals mS and uS are of a conductivity.
+# Names that are nothing but a unit. In capitals, mS and uS are units of conductivity.
 BARE = frozenset({"ms", "us", "ns", "millis", "micros"})
-# A unit behind a name, `Time[ms]`, `time_boot_ms`, `TimeUS`; minutes and hours in brackets alone,
-# for `time_min` may be the least, and `h` anything.
+# A unit after a name, `Time[ms]`, `time_boot_ms`, `TimeUS`. Minutes and hours only in brackets,
+# because `time_min` may be the minimum, and `h` anything.
 _UNIT = re.compile(
     r"(?:.*[^a-z]|.*time|.*timestamp|)(ms|msecs?|millis|milliseconds?|us|[uµμ]s|usecs?|micros"
     r"|microseconds?|ns|nsecs?|nanoseconds?)\s*[\])]?"
@@ -26,8 +27,9 @@ _LONGER = re.compile(r".*[\[(]\s*(min|mins|minutes?|h|hr|hrs|hours?)\s*[\])]")
 
 
 def per_second(header: str) -> float | None:
-    """How many of the unit that a header of times names are a second; None where it names none that
-    is known, or seconds.
+    """Return how many of the unit that a header of times names make a second.
+
+    None if it names seconds, or no known unit.
     """
     text = header.strip().lower()
     longer = _LONGER.fullmatch(text)
@@ -42,13 +44,15 @@ def per_second(header: str) -> float | None:
 
 
 def is_counted(header: str) -> bool:
-    """Whether a header names the unit that its times are counted in, and not seconds."""
+    """Return whether a header names the unit that its times are counted in, other than seconds."""
     return per_second(header) is not None
 
 
 def in_seconds(values: Array, header: str = "") -> Array:
-    """Seconds (n,) from a count in the unit that the header names; or from seconds since 1970, and
-    thousandths, millionths and less of them, which their size tells.
+    """Return seconds (n,) from a count in the unit that the header names.
+
+    Without one, the size of the numbers shows whether they are seconds since 1970, or thousandths,
+    millionths or smaller fractions of them.
     """
     unit = per_second(header)
     if unit is not None:

@@ -6,7 +6,7 @@ institution = "Lake Institute"
 license = "CC-BY-4.0"
 publisher_name = "Lake Institute"
 
-All keys may be left out. They are those of ACDD, the Attribute Convention for Data Discovery 1.3.
+All keys are optional. They are those of ACDD, the Attribute Convention for Data Discovery 1.3.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from grebe.io.readers.quantities import read_toml
 
 
 class Credits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Who made a survey and on what terms, in the words of ACDD; what is empty is not said."""
+    """Who made a survey and on what terms, in the terms of ACDD; empty entries are omitted."""
 
     creator_name: str = ""
     creator_email: str = ""
@@ -45,12 +45,12 @@ class Credits(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     instrument: str = ""
 
     def said(self) -> dict[str, str]:
-        """What is not empty."""
+        """Return the entries that are not empty."""
         return {name: value for name, value in msgspec.structs.asdict(self).items() if value}
 
 
 def read_credits(path: Path | None) -> Credits:
-    """The credits of a file, or none; `InputError` says what is wrong with it."""
+    """Return the credits of a file, or empty ones; `InputError` says what is wrong with it."""
     if path is None:
         return Credits()
     try:

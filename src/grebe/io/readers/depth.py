@@ -1,4 +1,4 @@
-"""Read a bathymetry: the depth of the water at any place, for a drift of the map's mean."""
+"""Read a bathymetry: the depth of the water at any place, as a drift of the map's mean."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ MOST_PIXELS = 50_000_000
 def read_depth(path: Path, frame: LocalFrame) -> DriftFunction:
     """Return the depth in the first band of a raster as a function of local positions (n, 2).
 
-    Between pixels bilinear; where the raster says nothing, as at its nearest pixel that does.
-    Raises `InputError` for what is not a raster, has no CRS, no values, or is too large.
+    Between pixels it is bilinear. A pixel without a value takes that of the nearest pixel that has
+    one. Raises `InputError` if the file is not a raster, has no CRS, no values, or is too large.
     """
     import rasterio
     from rasterio.errors import RasterioError
@@ -34,7 +34,7 @@ def read_depth(path: Path, frame: LocalFrame) -> DriftFunction:
     try:
         with rasterio.open(path) as file:
             if file.crs is None:
-                raise InputError(f"{path} does not say in which coordinates it is (no CRS).")
+                raise InputError(f"{path} does not say which coordinates it uses (no CRS).")
             if file.width * file.height > MOST_PIXELS:
                 raise InputError(
                     f"{path} has more than {MOST_PIXELS:,} pixels; cut it to the lake."
@@ -61,7 +61,7 @@ def read_depth(path: Path, frame: LocalFrame) -> DriftFunction:
 
 
 def _filled(path: Path, band: Array) -> Array:
-    """The band with each gap as at the nearest pixel that has a value."""
+    """Return the band with each gap filled from the nearest pixel that has a value."""
     missing = ~np.isfinite(band)
     if missing.all() or min(band.shape) < 2:
         raise InputError(f"{path} holds no depths.")

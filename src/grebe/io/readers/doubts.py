@@ -1,4 +1,4 @@
-"""What is to be said of a column that may mean something else than what it is taken as."""
+"""Notes on a column that may mean something other than what it is taken as."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from grebe.io.readers.columns import CONDUCTANCE_25, CONDUCTIVITY, OXYGEN, SATUR
 if TYPE_CHECKING:
     from grebe.core.quantity import Quantity
 
-# Nitrate is kept as its nitrogen, which a header says by an N of its own.
+# Nitrate is stored as its nitrogen, which a header shows by a separate N.
 NITRATE = "nitrate_mgl"
 _OF_NITROGEN = re.compile(r"nitrogen|(?<![a-z])n(?![a-z])|no3n|nitrate_?mgl")
-# Quantities that loggers give in units of which one is a thousand times the other, or another thing
-# altogether, so that a header without one leaves a doubt.
+# Loggers give these quantities in units that differ by a factor of a thousand, or measure something
+# else altogether, so a header without a unit leaves a doubt.
 _OF_MANY_UNITS = frozenset({CONDUCTIVITY, CONDUCTANCE_25, OXYGEN})
-# A conductivity whose meter may refer it to 25 °C without a word.
+# A conductivity that the meter may refer to 25 °C without saying so.
 _EC = re.compile(r"ec|cond")
-# A percentage of what the water takes up at the pressure of the day and the place.
+# A percentage of what the water can take up at the pressure of the day and the place.
 _LOCAL = re.compile(r"%[ -]*(local|l|cb)\b")
 
 
 def doubts(column: Column, quantity: Quantity, found: Collection[str]) -> list[str]:
-    """The doubts about a column that is taken as a quantity; `found` are the keys of all that the
-    table has.
+    """Return the doubts about a column that is taken as a quantity.
+
+    `found` are the keys of everything that the table has.
     """
     return [
         f"{column.name}: {text}"
@@ -37,13 +38,13 @@ def doubts(column: Column, quantity: Quantity, found: Collection[str]) -> list[s
 def _of_unit(column: Column, quantity: Quantity) -> list[str]:
     if column.unknown:
         unit = quantity.unit or "its unit"
-        return [f"{column.unknown!r} is no unit that is known; taken as {unit}"]
+        return [f"{column.unknown!r} is not a known unit; taken as {unit}"]
     if quantity.key in _OF_MANY_UNITS and not column.unit and not _ends_in_unit(column, quantity):
         return [f"its header names no unit; taken as {quantity.unit}"]
     if re.search("f[nt]u", column.unit.lower()):
         return [
-            "kept as it is, under NTU: the scales of infrared and of white light agree for "
-            "formazin alone"
+            "kept as it is, under NTU: the scales of infrared and of white light agree only for "
+            "formazin"
         ]
     return []
 
@@ -67,7 +68,7 @@ def _of_meaning(column: Column, quantity: Quantity, found: Collection[str]) -> l
 
 
 def _ends_in_unit(column: Column, quantity: Quantity) -> bool:
-    """Whether a name ends in the quantity's unit as in `spcond_us_cm`."""
+    """Return whether a name ends in the quantity's unit, as in `spcond_us_cm`."""
     plain = [
         re.sub(r"[^a-z]", "", text.lower().replace("µ", "u").replace("μ", "u"))
         for text in (column.name, quantity.unit)

@@ -1,4 +1,4 @@
-"""Read a drive with commands, whatever it was logged by: the file's ending says which."""
+"""Read a drive with commands from any kind of log, chosen by the file's suffix."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def read_drive(path: Path) -> DriveLog:
 
 
 def _read_track(path: Path) -> DriveLog:
-    """The track of a survey file: its states, and the thrusts ordered from each of them on."""
+    """Read the track of a survey file: its states, and the thrusts that hold from each state on."""
     with SurveyFile.open(path) as file:
         track = file.track()
     if len(track) == 0:

@@ -1,4 +1,4 @@
-"""Read a drive from CSV: one row an instant, columns found by their names, empty cells for nothing.
+"""Read a drive from CSV: one row per instant, columns by name, empty cells for no value.
 
 A row may hold a state, a command, or both; a command holds from its row to the next one.
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# What columns may be called, in lower case without anything but letters and digits; first come.
+# Names of the columns, in lower case with only letters and digits; the first match wins.
 COLUMNS: dict[str, str] = {
     "time": r"time(s|stamp|utc)?|t|seconds|elapseds?|unixtimes?",
     "north": r"north(m)?|pn|xnorthm",
@@ -46,9 +46,9 @@ COLUMNS: dict[str, str] = {
     "port_pwm": r"pwm(port|left)(us)?|(port|left)pwm(us)?",
     "starboard_pwm": r"pwm(starboard|right|stbd)(us)?|(starboard|right|stbd)pwm(us)?",
 }
-# Pulses [us] of a thruster at rest, and from there to full.
+# The pulse [us] of a thruster at rest, and the span from there to full thrust.
 NEUTRAL_US, SPAN_US = 1500.0, 400.0
-# Unix times in milliseconds are beyond any survey's seconds.
+# Times larger than this are unix times in milliseconds, not seconds.
 LATEST_S = 1e11
 
 
@@ -83,7 +83,7 @@ def _with_whole_heading(states: Array) -> Array:
 
 
 def _cells(path: Path) -> dict[str, list[str]]:
-    """The cells of the columns that are known, by key."""
+    """Return the cells of the known columns, by key."""
     text = read_text(path)
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     first = lines[0] if lines else ""
@@ -112,7 +112,7 @@ def _number(cell: str) -> float:
 
 
 def _times(path: Path, cells: list[str]) -> Array:
-    """Seconds: numbers as they are, or ISO 8601."""
+    """Return seconds: numbers are taken as they are, and texts are read as ISO 8601."""
     times = _numbers(cells)
     if np.isnan(times).all():
         times = np.array([_iso_seconds(cell) for cell in cells])
@@ -149,7 +149,7 @@ def _commands(path: Path, numbers: dict[str, Array]) -> tuple[Array, CommandUnit
 
 
 def _states(path: Path, numbers: dict[str, Array]) -> Array:
-    """States (n, 6), NaN where a row has none."""
+    """Return the states (n, 6), NaN where a row has none."""
     nothing = np.full(len(next(iter(numbers.values()))), np.nan)
     heading = numbers.get("heading_rad")
     if heading is None:
@@ -178,7 +178,7 @@ def _positions(numbers: dict[str, Array], nothing: Array) -> tuple[Array, Array]
 
 
 def _local(lonlat: Array) -> tuple[Array, Array]:
-    """North and east [m] about the first place that is known; NaN stays."""
+    """Return north and east [m] relative to the first known place; NaN stays."""
     known = np.isfinite(lonlat).all(axis=1)
     out = np.full(lonlat.shape, np.nan)
     if known.any():

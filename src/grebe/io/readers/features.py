@@ -1,4 +1,4 @@
-"""The features of a vector file: what they are called, and which of them is meant."""
+"""The features of a vector file: their names, and the choice of one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NAME_KEYS = ("name", "lake", "lake_name", "lakename", "gnis_name", "nom", "title
 
 
 def feature_name(attributes: object) -> str:
-    """What a feature is called by its attributes; empty where none of them is a name."""
+    """Return the name of a feature by its attributes; empty if none of them is a name."""
     if not isinstance(attributes, Mapping):
         return ""
     lower = {str(key).lower(): value for key, value in attributes.items()}
@@ -25,14 +25,14 @@ def feature_name(attributes: object) -> str:
 
 
 def feature_text(number: int, area: BaseGeometry, name: str) -> str:
-    """Number, name, size and place of a feature, for whoever has to choose."""
+    """Return the number, name, size and place of a feature, for whoever has to choose."""
     x0, y0, x1, y1 = area.bounds
     where = f"at {(y0 + y1) / 2:.4f} N {(x0 + x1) / 2:.4f} E"
     return f"{number} {name or 'without a name'} ({_size(area)}{where})"
 
 
 def _size(area: BaseGeometry) -> str:
-    """The area, where the coordinates are such that it can be told."""
+    """Return the area, if the coordinates allow it."""
     x0, y0, x1, y1 = area.bounds
     if not (-180 <= x0 <= x1 <= 180 and -85 <= y0 <= y1 <= 85):
         return ""
@@ -41,7 +41,7 @@ def _size(area: BaseGeometry) -> str:
 
 
 def chosen(path: Path, names: Sequence[str], wanted: str, listed: Sequence[str]) -> int:
-    """Index of the feature meant by a name, in any case of letters, or by a number from 1."""
+    """Return the index of the feature given by a name, ignoring case, or by a number from 1."""
     same = [i for i, name in enumerate(names) if name.lower() == wanted.strip().lower()]
     if len(same) == 1:
         return same[0]

@@ -1,5 +1,6 @@
-"""A track as whatever wrote it: a GPX, an autopilot's log, a receiver's sentences, Sea-Bird's .cnv,
-or a table.
+"""Read a track from whatever wrote it.
+
+This may be a GPX, an autopilot's log, NMEA sentences, Sea-Bird's .cnv, or a table.
 """
 
 from __future__ import annotations
@@ -14,15 +15,17 @@ from grebe.io.readers.nmea_log import SENTENCE, read_nmea
 from grebe.io.readers.seabird import is_seabird, read_seabird
 from grebe.io.readers.table import Table, read_table
 
-# So much of a file tells what it is [bytes].
+# This much of a file shows what it is [bytes].
 _BEGINNING = 4096
 
 
 def read_logged(
     path: Path, header_from: Path | None = None, columns: Sequence[str] | None = None
 ) -> Table:
-    """Read a logger's file as a table, by its name and by how it begins; `TrackError` or
-    `InputError` says what is wrong with it. `header_from` and `columns` as for `read_table`.
+    """Read a logger's file as a table, choosing the reader by its name and its beginning.
+
+    `TrackError` or `InputError` says what is wrong with it. `header_from` and `columns` are as for
+    `read_table`.
     """
     if path.suffix.lower() in LOG_SUFFIXES and path.is_file():
         return read_autopilot_track(path)
@@ -37,7 +40,7 @@ def read_logged(
 
 
 def _beginning(path: Path) -> str:
-    """The first characters; none where the file cannot be read, which its reader will say."""
+    """Return the first characters; empty if the file is unreadable, as its reader will report."""
     try:
         with path.open("rb") as file:
             return file.read(_BEGINNING).decode("utf-8", "replace")
@@ -46,6 +49,6 @@ def _beginning(path: Path) -> str:
 
 
 def _is_sentences(beginning: str) -> bool:
-    """Whether most whole lines hold a sentence."""
+    """Return whether most complete lines hold a sentence."""
     lines = [line for line in beginning.splitlines()[:-1] if line.strip()]
     return bool(lines) and sum(bool(SENTENCE.search(line)) for line in lines) > len(lines) / 2

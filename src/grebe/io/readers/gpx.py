@@ -9,8 +9,8 @@ from grebe.core.errors import TrackError
 from grebe.io.readers.hostile import check_xml
 from grebe.io.readers.table import Table
 
-# Elements of Garmin's TrackPointExtension, under the names that the columns of loggers have: its
-# depth is that of the water below a boat, or of a diver.
+# Elements of Garmin's TrackPointExtension, with the column names that loggers use. Its depth is
+# that of the water below a boat, or of a diver.
 _KNOWN = {"wtemp": "water temperature (degC)", "depth": "water depth (m)"}
 
 
@@ -18,7 +18,7 @@ def read_gpx(path: Path) -> Table:
     """Read the points of all tracks of a GPX file, in their order; `TrackError` says what is wrong.
 
     The columns are time, latitude, longitude and the elements of the points that hold a text,
-    those of extensions too.
+    including those of extensions.
     """
     check_xml(path)
     points = [one for one in ET.parse(path).getroot().iter() if _name(one.tag) == "trkpt"]
@@ -45,5 +45,5 @@ def _row(point: ET.Element) -> dict[str, str]:
 
 
 def _name(tag: str) -> str:
-    """An element's name without its namespace."""
+    """Return an element's name without its namespace."""
     return tag.rpartition("}")[2]

@@ -1,6 +1,7 @@
-"""A header that comes again among the rows: a logger was started anew, or files were appended.
+"""Find headers that are repeated among the rows.
 
-Its columns may have changed places, and then each value after it would stand under another name.
+This happens when a logger is restarted or files are appended. The columns may have changed places,
+and each value after it would then be under another name.
 """
 
 from __future__ import annotations
@@ -12,17 +13,18 @@ from pathlib import Path
 from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 
-# A row that has so many of the header's names is a header.
+# A row that has more than this share of the header's names is a header.
 SHARE = 0.5
-# What stands around a name: blanks, and the byte order mark of a file that was appended.
+# Characters around a name: blanks, and the byte order mark of a file that was appended.
 BLANK = " \t\ufeff"
 
 
 def under_one_header(
     path: Path, header: Sequence[str], rows: list[list[str]]
 ) -> tuple[list[list[str]], list[str]]:
-    """The rows (of `header`'s columns) without headers among them, each value under its name, and
-    notes. `TrackError` where a later header names other columns.
+    """Return the rows without the headers among them, each value under its name, and notes.
+
+    The rows have `header`'s columns. Raises `TrackError` if a later header names other columns.
     """
     header = _plain(header)
     names = {name for name in header if name}
@@ -47,12 +49,14 @@ def under_one_header(
     notes = [f"{counted(again, 'header')} among the rows: not used"] if again else []
     if moved:
         rows_moved = counted(moved, "row")
-        notes.append(f"{rows_moved} below a header of another order: put in the first one's")
+        notes.append(
+            f"{rows_moved} below a header in another order: put in the order of the first one"
+        )
     return kept, notes
 
 
 def _is_header(row: Sequence[str], names: set[str]) -> bool:
-    # Next to no row of values has one of the names: the first look is a short one.
+    # Almost no row of values holds one of the names, so a quick look comes first.
     if not any(cell.strip(BLANK) in names for cell in row[:3]):
         return False
     cells = [cell for cell in _plain(row) if cell]
@@ -60,7 +64,7 @@ def _is_header(row: Sequence[str], names: set[str]) -> bool:
 
 
 def _plain(row: Sequence[str]) -> list[str]:
-    """The cells of a header without blanks, and without empty ones behind the last name."""
+    """Return the cells of a header without blanks, and without empty ones after the last name."""
     cells = [cell.strip(BLANK) for cell in row]
     while cells and not cells[-1]:
         cells.pop()
@@ -68,7 +72,7 @@ def _plain(row: Sequence[str]) -> list[str]:
 
 
 def _places(header: Sequence[str], found: list[str]) -> list[int]:
-    """Where in a row below another header each of the first one's columns is."""
+    """Return where each column of the first header is in a row below another one."""
     left = list(enumerate(found))
     places: list[int] = []
     for name in header:

@@ -23,7 +23,7 @@ _WANTED = (".kml", ".shp", ".gpkg", ".gpx", ".geojson")
 
 
 def check_size(path: Path) -> None:
-    """Refuse a file that is larger than any outline."""
+    """Refuse a file that is empty, or larger than any outline."""
     size = path.stat().st_size
     if size == 0:
         raise InputError(f"{path}: the file is empty.")
@@ -35,7 +35,7 @@ def check_size(path: Path) -> None:
 
 
 def check_xml(path: Path) -> None:
-    """Refuse XML that declares entities, or is nested beyond reason, or is not well formed."""
+    """Refuse XML that declares a document type, is nested beyond reason, or is not well formed."""
     parser = expat.ParserCreate()
     depth = 0
 
@@ -64,8 +64,9 @@ def check_xml(path: Path) -> None:
 
 @contextmanager
 def unpacked(path: Path) -> Generator[Path]:
-    """Give the file to read: itself, or what a KMZ or a zipped Shapefile holds, unpacked into a
-    temporary folder and never beyond `LARGEST_UNPACKED_BYTES`.
+    """Yield the file to read: itself, or what a KMZ or a zipped Shapefile holds.
+
+    Archives are unpacked into a temporary folder, and never beyond `LARGEST_UNPACKED_BYTES`.
     """
     if path.suffix.lower() not in (".kmz", ".zip"):
         yield path
@@ -84,7 +85,7 @@ def _extracted(path: Path, archive: zipfile.ZipFile, folder: Path) -> Path:
         raise InputError(f"{path}: holds {len(members)} files; an outline is a few.")
     left = LARGEST_UNPACKED_BYTES
     for member in members:
-        # The name alone, without folders: an archive must not write outside its own.
+        # Only the name, without folders: an archive must not write outside its own folder.
         target = folder / Path(member.filename).name
         with archive.open(member) as source, target.open("wb") as sink:
             while chunk := source.read(_CHUNK):

@@ -1,6 +1,6 @@
-"""Tell a place at sea from one on land: who swaps longitude and latitude often ends at sea.
+"""Recognise a place at sea: swapping longitude and latitude often ends there.
 
-`land.bin` holds a bit for each degree of the globe, set where land is within a degree
+`land.bin` holds a bit for each degree of the globe, set if there is land within a degree
 (`tools/land_mask.py` made it, from NOAA's GLOBE, public domain).
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def is_near_land(lon_deg: float, lat_deg: float) -> bool:
-    """Whether there is land within about a degree of a place."""
+    """Return whether there is land within about a degree of a place."""
     bits = (resources.files("grebe.io.readers") / "land.bin").read_bytes()
     near = np.unpackbits(np.frombuffer(bits, np.uint8)).reshape(180, 360)
     row = min(int(90.0 - lat_deg), 179)
@@ -21,10 +21,10 @@ def is_near_land(lon_deg: float, lat_deg: float) -> bool:
 
 
 def sea_warning(lon_deg: float, lat_deg: float) -> str:
-    """What to say of a region at sea; empty for one on land, where lakes are."""
+    """Return a warning about a region at sea; empty for one on land, where lakes are."""
     if is_near_land(lon_deg, lat_deg):
         return ""
-    warning = f"the region lies at {lat_deg:.3f} N, {lon_deg:.3f} E, far from any land"
+    warning = f"the region is at {lat_deg:.3f} N, {lon_deg:.3f} E, far from any land"
     if abs(lon_deg) <= 90 and is_near_land(lat_deg, lon_deg):
         return (
             f"{warning}, and {lon_deg:.3f} N, {lat_deg:.3f} E is near land: are longitude and "

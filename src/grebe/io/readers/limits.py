@@ -1,4 +1,4 @@
-"""Read limits for quality control from TOML: one table a quantity, what is not said stays.
+"""Read limits for quality control from TOML: one table per quantity; omitted limits are unchanged.
 
 [ph]
 suspect_span = [6.0, 9.5]

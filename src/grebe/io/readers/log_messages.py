@@ -12,14 +12,15 @@ LOG_SUFFIXES = (".tlog", ".bin")
 
 
 def messages_in(path: Path, kinds: list[str]) -> Iterator[Any]:
-    """Yield the messages of the kinds, in the order of the log; `InputError` says that pymavlink is
-    missing, or that the file is no such log.
+    """Yield the messages of some kinds, in the order of the log.
+
+    `InputError` says that pymavlink is missing, or that the file is not such a log.
     """
     try:
         from pymavlink import DFReader, mavutil
     except ImportError:
         raise InputError(
-            f"{path}: reading an autopilot's log takes pymavlink; install grebe with its extra "
+            f"{path}: reading an autopilot's log needs pymavlink; install grebe with its extra "
             "'mavlink'."
         ) from None
     try:
@@ -36,6 +37,6 @@ def messages_in(path: Path, kinds: list[str]) -> Iterator[Any]:
                 return
             yield message
     except (ValueError, TypeError, LookupError, AttributeError, OSError) as error:
-        raise InputError(f"{path} is damaged, or no log of ArduPilot ({error}).") from None
+        raise InputError(f"{path} is damaged, or not an ArduPilot log ({error}).") from None
     finally:
         getattr(log, "close", lambda: None)()

@@ -28,7 +28,7 @@ from grebe.io.readers.table import Table, cells_of, number
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Columns that hold a date, the time standing in a column of its own.
+# Columns that hold only a date, with the time in another column.
 _DATE = re.compile(
     r"(local|utc)?(date|datum|fecha)(mmddyyyy|ddmmyyyy|yyyymmdd|mmddyy|ddmmyy|yymmdd)?"
 )
@@ -37,7 +37,7 @@ _TIME = re.compile(r"(local|utc|gmt)?(time|uhrzeit|zeit|heure|hora)(hhmmss|utc|g
 _DATED = re.compile(r"\d+[-/.]\d+[-/.]\d+")
 # Minutes and seconds.
 _MINUTES = re.compile(r"\d?\d:\d\d([.,]\d+)?")
-# What a clock of twelve hours goes back by at one o'clock.
+# A twelve-hour clock goes back by this at one o'clock.
 HALF_DAY_H = 12.0
 # The column of a zone.
 _ZONE = re.compile(r"(time)?(tz|zone|utcoffset|gmtoffset)")
@@ -45,8 +45,10 @@ _ZONE = re.compile(r"(time)?(tz|zone|utcoffset|gmtoffset)")
 
 @dataclass(frozen=True, kw_only=True)
 class Moments:
-    """Times (n,) of a table [unix s], None where it tells none; the `columns` that they came from
-    where those are not the one that is named like a time, the `clues` to their zone, and notes.
+    """The times (n,) of a table [unix s], None if it has none.
+
+    `columns` are those that they came from, if not the one named like a time; `clues` are the
+    columns that give their zone; `notes` are for the user.
     """
 
     times: NDArray[np.float64] | None = None
@@ -65,9 +67,11 @@ def read_moments(
     placed: bool,
     day: str | None = None,
 ) -> Moments:
-    """The times of a table's rows; `named` is the column that the caller says they are in, `zone`
-    that of times that name none, and `day` the column of their date, if the caller names one. Of a
-    track, which is `placed`, those of a clock that was not set are left out.
+    """Read the times of a table's rows.
+
+    `named` is the column that the caller says they are in, `zone` that of times that name none, and
+    `day` the column of their date, if the caller names one. For a track, which is `placed`, those
+    of a clock that was not set are left out.
     """
     told, clues = zone_told(table)
     before = zone_in_preamble(table.preamble)
@@ -94,21 +98,21 @@ def read_moments(
 
 
 def _unread(table: Table, found: Mapping[str, Column]) -> list[str]:
-    """What is to be said of a column that is named like times and holds none."""
+    """Return a note on a column that is named like times and holds none."""
     if "time" not in found:
         return []
     name = found["time"].name
     cell = next((cell for cell in cells_of(table, name) if cell.strip()), "")
     why = "no date and time"
     if _MINUTES.fullmatch(cell.strip()):
-        why = "minutes and seconds alone, all that a spreadsheet saves of what it shows so"
+        why = "minutes and seconds alone, which is all that a spreadsheet saves of times shown so"
     elif number(cell) is not None:
         why = "a count from an unknown beginning"
     return [f"column {name!r} holds {cell!r} and the like, {why}"]
 
 
 def _runs_back(times: NDArray[np.float64]) -> list[str]:
-    """What is to be said of a clock that runs back."""
+    """Return a note on a clock that runs back."""
     rows = np.flatnonzero(np.isfinite(times))
     step = np.diff(times[rows])
     back = np.flatnonzero(step < -JITTER_S)
@@ -128,8 +132,9 @@ def _read(
     day: str | None,
     zone: tzinfo | None,
 ) -> tuple[tuple[NDArray[np.float64], list[str]] | None, list[str]]:
-    """Times and notes by a date and a time in two columns, and these; or by the column of the time.
-    Seconds since 1970 count before a date and a time, which may be local, and these before what
+    """Return times and notes, and the two columns they come from if a date and a time are separate.
+
+    Seconds since 1970 take precedence over a date and a time, which may be local, and these over
     counts from an unknown beginning.
     """
     alone = cells_of(table, found["time"].name) if "time" in found else None
@@ -138,7 +143,7 @@ def _read(
     if pair is not None and by_two:
         both = [cells_of(table, name) for name in pair]
         texts = [
-            # A clock that says the day too needs no other column for it.
+            # A clock that includes the day needs no other column for it.
             clock if _DATED.match(clock) else f"{day} {clock}"
             for day, clock in zip(*both, strict=True)
         ]
@@ -156,10 +161,10 @@ def _read(
 
 
 def _beside(day: str, found: Mapping[str, Column]) -> tuple[str, str]:
-    """The column of the date that the caller named, and that of the time of day."""
+    """Return the column of the date that the caller named, and that of the time of day."""
     if "time" not in found:
         raise InputError(
-            f"a column of dates is given, {day!r}, and none of the time of day; name it, as "
+            f"a column of dates is given, {day!r}, but none of the time of day; name it, as "
             "time=NAME.",
             settings=("columns",),
         )
@@ -167,7 +172,7 @@ def _beside(day: str, found: Mapping[str, Column]) -> tuple[str, str]:
 
 
 def _counts_seconds(cells: Sequence[str] | None, found: Mapping[str, Column]) -> bool:
-    """Whether the column of times, which holds some cells, counts since 1970."""
+    """Return whether the column of times, which holds some cells, counts since 1970."""
     probe = [one for one in map(number, (cells or [])[:50]) if one is not None]
     if not probe:
         return False
@@ -176,8 +181,9 @@ def _counts_seconds(cells: Sequence[str] | None, found: Mapping[str, Column]) ->
 
 
 def _dated(table: Table, found: Mapping[str, Column]) -> str | None:
-    """A column of dates with their times beside one that counts from an unknown beginning; None
-    where there is none.
+    """Return a column of dates with times beside one that counts; None if there is none.
+
+    The counts begin at an unknown time.
     """
     for name in table.header:
         stamps = re.search("time|date", name.lower()) and name != found["time"].name
@@ -188,7 +194,7 @@ def _dated(table: Table, found: Mapping[str, Column]) -> str | None:
 
 
 def zone_told(table: Table) -> tuple[tzinfo | None, list[str]]:
-    """The zone that a column of its own names, and the column."""
+    """Return the zone that a separate column names, and the column."""
     for name in table.header:
         if _ZONE.fullmatch(re.sub(r"[^a-z]", "", name.lower())):
             zone = zone_in_cells(cells_of(table, name))
@@ -197,11 +203,11 @@ def zone_told(table: Table) -> tuple[tzinfo | None, list[str]]:
 
 
 def _date_and_time(header: Sequence[str]) -> tuple[str, str] | None:
-    """The columns of the date and of the time of day, where a table has one of each."""
+    """Return the columns of the date and of the time of day, if a table has both."""
     plain = {re.sub(r"[^a-z]", "", name.lower()): name for name in header}
     days = [name for text, name in plain.items() if _DATE.fullmatch(text)]
     clocks = [name for text, name in plain.items() if _TIME.fullmatch(text)]
-    # Of several the one that says that it is no local time.
+    # Of several, prefer one that says that it is not local time.
     for some in (days, clocks):
         some.sort(key=lambda name: "utc" not in name.lower() and "gmt" not in name.lower())
     return (days[0], clocks[0]) if days and clocks else None

@@ -1,4 +1,4 @@
-"""Sentences of NMEA 0183 that a receiver wrote to a file, as a table: a row for each position."""
+"""NMEA 0183 sentences that a receiver wrote to a file, as a table: a row for each position."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from grebe.io.readers.table import Table
 from grebe.io.readers.text import read_text
 
 HEADER = ["time", "latitude", "longitude", "water temperature (degC)", "water depth (m)"]
-# A sentence; programs that log may write a time of their own before it.
+# A sentence; logging programs may write a time of their own before it.
 SENTENCE = re.compile(r"\$[A-Z]{2}[A-Z]{3},[^$]*\*[0-9A-Fa-f]{2}")
 
 
 def read_nmea(path: Path) -> Table:
-    """Read the positions of a log of sentences, with what the sounder (DPT, else DBT) and the
-    probe (MTW) said since the one before; `TrackError` where none tells the date, which RMC alone
-    does.
+    """Read the positions of a log of sentences, with depths and temperatures.
+
+    They are what the sounder (DPT, else DBT) and the probe (MTW) reported since the position
+    before. Raises `TrackError` if no sentence gives the date, which only RMC does.
     """
     import pynmea2
 
@@ -44,14 +45,14 @@ def read_nmea(path: Path) -> Table:
             said = dict.fromkeys(said, "")
     if not rows:
         raise TrackError(
-            f"{path}: no sentence RMC tells a position with its date; let the receiver send RMC."
+            f"{path}: no RMC sentence gives a position with its date; let the receiver send RMC."
         )
     notes = (f"{counted(damaged, 'damaged sentence')}: left out",) if damaged else ()
     return Table(header=HEADER, rows=rows, notes=notes)
 
 
 def _fix(sentence: Any) -> tuple[str, str, str]:
-    """Time, latitude, longitude."""
+    """Return time, latitude, longitude."""
     return (
         sentence.datetime.isoformat(),
         f"{sentence.latitude:.8f}",
@@ -60,7 +61,7 @@ def _fix(sentence: Any) -> tuple[str, str, str]:
 
 
 def _below_surface(sentence: Any) -> str:
-    """Depth [m]: below the transducer; an offset that is positive adds its own."""
+    """Return the depth [m]: below the transducer, plus the offset if that is positive."""
     try:
         return f"{float(sentence.depth) + max(float(sentence.offset or 0.0), 0.0):.2f}"
     except (TypeError, ValueError):

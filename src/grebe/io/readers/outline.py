@@ -1,6 +1,6 @@
 """Read the outline of a region: vector files of many kinds, or the convex hull of a track.
 
-What comes out is in WGS 84 degrees (longitude, latitude) and as it stands in the file;
+The result is in WGS 84 degrees (longitude, latitude) and otherwise as in the file;
 `grebe.planning.region` judges and cleans it.
 """
 
@@ -31,15 +31,15 @@ if TYPE_CHECKING:
 # GeoJSON is WGS 84 by its standard (RFC 7946); older files may still name a CRS.
 WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
 VECTOR_SUFFIXES = (".kml", ".kmz", ".gpx", ".shp", ".zip", ".gpkg")
-# Deeper than any outline is nested, far from where a parser would run out of stack.
+# Deeper than any outline is nested, but far from where a parser would run out of stack.
 DEEPEST_JSON = 60
-# Polygons of a file that are compared with each other, for one within another.
+# The most polygons of a file that are compared with each other, to find one within another.
 MOST_COMPARED = 200
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outline:
-    """A geometry in degrees, its name, and what the reader had to say about it."""
+    """A geometry in degrees, its name, the reader's notes, and the features of the file."""
 
     geometry: BaseGeometry
     name: str
@@ -54,8 +54,10 @@ def read_outline(
     *,
     feature: str | None = None,
 ) -> Outline:
-    """Read a region from GeoJSON, KML, KMZ, GPX, a Shapefile (zipped too) or a GeoPackage, or,
-    for a .csv, from the hull of a track (section 6.2). Hostile files are refused unread.
+    """Read a region from a vector file, or, for a .csv, from the hull of a track (section 6.2).
+
+    Vector files are GeoJSON, KML, KMZ, GPX, a Shapefile (zipped too) or a GeoPackage. Hostile files
+    are refused unread.
     """
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -106,7 +108,7 @@ def _check_depth(path: Path, text: str) -> None:
 
 
 def _outline(path: Path, found: list[tuple[Any, str]], name: str, wanted: str | None) -> Outline:
-    """Keep the polygons, and lines that close, or the one wanted; say what was left out."""
+    """Keep the polygons and closed lines, or only the one wanted; note what was left out."""
     areas = [(area, own) for g, own in found if (area := _polygonal(g)) is not None]
     listed = tuple(feature_text(i, *one) for i, one in enumerate(areas, start=1))
     if wanted is not None and areas:
@@ -123,20 +125,21 @@ def _outline(path: Path, found: list[tuple[Any, str]], name: str, wanted: str | 
     notes += tuple(_within_others(areas))
     geometry = polygons[0] if len(polygons) == 1 else shapely.GeometryCollection(polygons)
     if len(areas) > 1 and name in {own for _, own in areas}:
-        # A lake is called as its largest polygon is, not as an island that stands before it.
+        # A lake has the name of its largest polygon, not of an island that comes before it.
         name = max(areas, key=lambda one: one[0].area)[1]
     return Outline(geometry=geometry, name=name or path.stem, notes=notes, features=listed)
 
 
 def _open_line(found: list[tuple[Any, str]]) -> str:
-    """What is to be said where a line might have been meant for an outline."""
+    """Return the end of an error message for a line that might have been meant as an outline."""
     lines = any(isinstance(one, shapely.LineString | shapely.MultiLineString) for one, _ in found)
-    return ", or a line that ends where it begins, and those that are here do not" if lines else ""
+    return ", or a line that ends where it begins; the lines in this file do not" if lines else ""
 
 
 def _within_others(areas: list[tuple[BaseGeometry, str]]) -> Iterator[str]:
-    """Notes of polygons that lie wholly within another: an island that is drawn as a polygon of its
-    own makes no hole in the lake.
+    """Yield notes on polygons within another.
+
+    An island that is drawn as a separate polygon makes no hole in the lake.
     """
     parts = [(part, own) for area, own in areas for part in shapely.get_parts(area).tolist()]
     if len(parts) > MOST_COMPARED or not all(part.is_valid for part, _ in parts):
@@ -158,7 +161,7 @@ def _polygonal(geometry: Any) -> BaseGeometry | None:
     if isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
         return geometry
     if isinstance(geometry, shapely.GeometryCollection):
-        # As of KML's MultiGeometry, in which a label's point stands beside a lake.
+        # For example KML's MultiGeometry, in which a label's point accompanies a lake.
         areas = [area for one in geometry.geoms if (area := _polygonal(one)) is not None]
         parts = [part for area in areas for part in shapely.get_parts(area)]
         return None if not parts else parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
@@ -202,12 +205,12 @@ def _layer(path: Path, inner: Path, layer: str) -> list[tuple[BaseGeometry, str]
     crs = meta.get("crs")
     if not crs:
         raise InputError(
-            f"{path}: does not say what its coordinates are in; add its .prj file or set its CRS."
+            f"{path}: does not say which coordinates it uses; add its .prj file or set its CRS."
         )
     try:
         transformer = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
     except CRSError:
-        raise InputError(f"{path}: declares a CRS that is not known ({crs[:80]}).") from None
+        raise InputError(f"{path}: declares an unknown CRS ({crs[:80]}).") from None
 
     def to_degrees(points: Any) -> Any:
         return np.column_stack(transformer.transform(points[:, 0], points[:, 1]))
@@ -232,7 +235,7 @@ def _geometry(path: Path, feature: dict[str, Any]) -> BaseGeometry | None:
     if not isinstance(body, dict):
         return None
     try:
-        # NaN is let through without numpy's warning: the region's own check names it.
+        # NaN passes without numpy's warning: the region's own check reports it.
         with np.errstate(invalid="ignore"):
             return shape(body)
     except (LookupError, TypeError, ValueError, AttributeError, ShapelyError) as error:

@@ -1,4 +1,4 @@
-"""Positions as loggers write them: degrees, minutes, sides, whole numbers of 1e-7 degrees."""
+"""Positions as loggers write them: degrees, minutes, hemispheres, whole numbers of 1e-7 degrees."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from grebe.io.readers.table import Table, cells_of, numbers_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# Whole numbers beyond this are degrees times 1e7, as autopilots and receivers log them; metres of
-# a projection are less.
+# Whole numbers beyond this are degrees times 1e7, as autopilots and receivers log them; a
+# projection's metres are smaller.
 E7_FROM = E7 = 1e7
-# Columns that say on which side of the equator and of Greenwich a place is.
+# Columns that give the hemisphere of a place: north or south, east or west.
 _SIDES = {
     "lat": re.compile(
         r"(lat(itude)?)?(ns|nors|nsindicator)|lat(itude)?(hemi(sphere)?|dir(ection)?)"
@@ -31,7 +31,7 @@ _WESTWARDS = {
     "lat": re.compile(r"[(\[]\s*(s|south)\s*[)\]]", re.IGNORECASE),
     "lon": re.compile(r"[(\[]\s*(w|west)\s*[)\]]", re.IGNORECASE),
 }
-# An angle in degrees, or degrees and minutes, or seconds too, with its side before or behind it:
+# An angle in degrees, perhaps with minutes and seconds, with its hemisphere before or after it:
 # `45°30.5'N`, `N 45 30 30.1`, `45-30.508W`, `43.48211 N`.
 _ANGLE = re.compile(
     r"""(?P<before>[NSEW])?\s*(?P<sign>[+-])?\s*(?P<degrees>\d{1,3}(?:\.\d+)?)\s*[°ºD:\s-]*
@@ -46,8 +46,9 @@ _MINUTES = re.compile(r"d{2,3}m{2}\.?m*", re.IGNORECASE)
 def read_places(
     table: Table, found: Mapping[str, Column]
 ) -> tuple[NDArray[np.float64], list[str], list[str]]:
-    """Positions (n, 2), longitude and latitude [deg], of a table's columns `lon` and `lat`; notes,
-    and the columns that told their sides.
+    """Return positions (n, 2) from a table's columns `lon` and `lat`, notes, and clues.
+
+    Positions are longitude and latitude [deg]; clues are the columns that give their hemispheres.
     """
     signed: dict[str, NDArray[np.float64]] = {}
     notes, clues = list[str](), list[str]()
@@ -67,7 +68,7 @@ def read_places(
 
 
 def _hold_minutes(lat: NDArray[np.float64], lon: NDArray[np.float64]) -> bool:
-    """Whether angles (n,) are beyond degrees and none has 60 minutes or more."""
+    """Return whether angles (n,) are too large for degrees and none has 60 minutes or more."""
     pairs = np.abs(np.column_stack([lat, lon]))
     pairs = pairs[np.isfinite(pairs).all(axis=1)]
     if not len(pairs):
@@ -77,14 +78,16 @@ def _hold_minutes(lat: NDArray[np.float64], lon: NDArray[np.float64]) -> bool:
 
 
 def _from_minutes(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Degrees (n,) from numbers whose hundreds are degrees and the rest minutes."""
+    """Return degrees (n,) from numbers whose hundreds are degrees and the rest minutes."""
     size = np.abs(angles)
     return np.sign(angles) * (size // 100 + size % 100 / 60)
 
 
 def _angles(cells: Sequence[str], column: str) -> tuple[NDArray[np.float64], list[str]]:
-    """Angles (n,) [deg] of cells that are numbers or, where most are none, degrees with their
-    minutes and sides; NaN for anything else, and notes.
+    """Return the angles (n,) [deg] of cells, and notes.
+
+    Cells are numbers, or, if most are not, degrees with minutes and hemispheres; NaN for anything
+    else.
     """
     numbers = numbers_of(cells)
     texts = sum(bool(cell.strip()) for cell in cells)
@@ -97,7 +100,7 @@ def _angles(cells: Sequence[str], column: str) -> tuple[NDArray[np.float64], lis
 
 
 def _angle(text: str) -> float:
-    """An angle [deg], south and west negative; NaN where the text is none."""
+    """Return an angle [deg], south and west negative; NaN if the text is not an angle."""
     found = _ANGLE.fullmatch(text.upper().replace(",", "."))
     if found is None or (found["before"] and found["behind"]):
         return np.nan
@@ -112,8 +115,9 @@ def _angle(text: str) -> float:
 def _with_side(
     table: Table, column: str, key: str, degrees: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[str], list[str]]:
-    """Latitudes or longitudes (n,) that a column of N and S, or E and W, or their own header puts
-    on the other side; notes, and the column of the letters.
+    """Return latitudes or longitudes (n,) with their sign, notes, and the column of the letters.
+
+    A column of N and S, or E and W, or their own header may put them in the other hemisphere.
     """
     here, there = {"lat": ("N", "S"), "lon": ("E", "W")}[key]
     for name in table.header:
@@ -123,7 +127,7 @@ def _with_side(
         said = np.array([cell.strip().upper() for cell in cells])
         if np.isin(said, (here, there, "")).all() and (said != "").any():
             turned = np.where(said == there, -np.abs(degrees), degrees)
-            return turned, [f"{name}: the side of {column}"], [name]
+            return turned, [f"{name}: the hemisphere of {column}"], [name]
     if _WESTWARDS[key].search(column):
         text = f"{column}: counted to the {'west' if key == 'lon' else 'south'}"
         return -np.abs(degrees), [text], []
@@ -133,8 +137,9 @@ def _with_side(
 def _degrees(
     lon: NDArray[np.float64], lat: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[str]]:
-    """Positions (n, 2) in degrees, from degrees, from whole numbers of 1e-7 degrees, or from
-    longitudes that count on to 360.
+    """Return positions (n, 2) in degrees, and notes.
+
+    They are given in degrees, in whole numbers of 1e-7 degrees, or with longitudes up to 360.
     """
     lonlat = np.column_stack([lon, lat])
     known = lonlat[np.isfinite(lonlat).all(axis=1) & (lonlat != 0).any(axis=1)]

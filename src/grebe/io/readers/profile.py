@@ -1,8 +1,8 @@
-"""Profiles: what a logger's file holds, where the file does not say it.
+"""Profiles: what a logger's file holds, if the file does not say it.
 
 A profile is TOML: `names`, the columns in their order for a file without a header, as a header
-would spell them, with units; `columns`, by `time`, `lat`, `lon` or a quantity's key, the name of
-its column; `zone`, that of its clock.
+would spell them, with units; `columns`, the name of the column of `time`, `lat`, `lon` or a
+quantity's key; `zone`, that of its clock.
 
 names = ["time", "latitude", "longitude", "Temp °C", "SpCond mS/cm"]
 zone = "Europe/Paris"
@@ -30,8 +30,10 @@ _KEYS = ("names", "columns", "zone", "note")
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """`names` of the columns of a file without a header, None where it has one; `columns` by key;
-    `zone` of its clock, None where it is not known.
+    """The description of a logger's file.
+
+    `names` of the columns of a file without a header, None if it has one; `columns` by key; `zone`
+    of its clock, None if it is not known.
     """
 
     names: tuple[str, ...] | None = None
@@ -40,13 +42,13 @@ class Profile:
 
 
 def builtin_profiles() -> dict[str, Path]:
-    """The profiles that come with Grebe, by name."""
+    """Return the profiles that come with Grebe, by name."""
     folder = Path(str(resources.files("grebe.io.readers") / "profiles"))
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
 def read_profile(given: str) -> Profile:
-    """The profile of a name that Grebe brings, or of a file; `InputError` says what is wrong."""
+    """Return a profile of Grebe by name, or that of a file; `InputError` says what is wrong."""
     ours = builtin_profiles()
     path = ours.get(given, Path(given))
     if not path.is_file():
@@ -60,9 +62,9 @@ def read_profile(given: str) -> Profile:
         raise InputError(f"{path}: holds {unknown[0]!r}; it may hold {', '.join(_KEYS)}.")
     names, columns = table.get("names"), table.get("columns", {})
     if names is not None and not _texts(names):
-        raise InputError(f"{path}: names is a list of texts, the columns in their order.")
+        raise InputError(f"{path}: names must be a list of texts, the columns in their order.")
     if not isinstance(columns, dict) or not _texts(list(cast("dict[str, Any]", columns).values())):
-        raise InputError(f"{path}: columns is a table of texts, the names of columns by key.")
+        raise InputError(f"{path}: columns must be a table of texts, the column names by key.")
     zone = table.get("zone")
     return Profile(
         names=None if names is None else tuple(names),

@@ -1,4 +1,4 @@
-"""Read a user's quantities from TOML: one table a quantity, as in `grebe/core/quantities.toml`.
+"""Read a user's quantities from TOML: one table per quantity, as in `grebe/core/quantities.toml`.
 
 [tryptophan_rfu]
 label = { en = "Tryptophan", fr = "Tryptophane" }
@@ -8,7 +8,7 @@ span = [0, 100]
 resolution = 0.01
 columns = ['trp(rfu)?']
 
-A table with the key of a quantity that Grebe knows changes what it says, and may be empty.
+A table with the key of a quantity that Grebe knows changes what it states, and may be empty.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from grebe.core.errors import InputError
 from grebe.core.quantities import BUILTIN, Quantities, Quantity, quantities_of
 from grebe.io.readers.text import read_text
 
-# A file of this name in a survey's folder is read without being asked for.
+# A file of this name in a survey's folder is read automatically.
 BESIDE_NAME = "quantities.toml"
 
 
@@ -35,14 +35,14 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_quantities(path: Path, base: Mapping[str, Quantity] = BUILTIN) -> Quantities:
-    """Return the quantities that a file holds, those alone; `InputError` says what is wrong."""
+    """Return only the quantities that a file holds; `InputError` says what is wrong."""
     return quantities_of(read_toml(path), base, str(path))
 
 
 def user_quantities(given: Path | None, survey: Path) -> Quantities:
     """Return the quantities of a file that was given or, for None, of the one beside a survey.
 
-    None are returned where there is neither.
+    The result is empty if there is neither.
     """
     path = survey.parent / BESIDE_NAME if given is None else given
     if given is None and not path.is_file():

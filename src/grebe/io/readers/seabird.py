@@ -1,8 +1,8 @@
 """Read a Sea-Bird .cnv file, as SBE Data Processing converts the data of its instruments.
 
-Lines of `*` and `#` say what stands in the columns, when the record began and which number stands
-for no value, up to `*END*`; the columns are separated by blanks. Times are told by the short names
-of their columns, as the manual of SBE Data Processing lists them.
+Lines of `*` and `#`, up to `*END*`, describe the columns, when the record began and which number
+stands for no value. The columns are separated by blanks. Times are recognised by the short names of
+their columns, as the manual of SBE Data Processing lists them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _NAME = re.compile(r"#\s*name\s+\d+\s*=\s*([^:]*?)\s*:\s*(.*?)\s*")
 _SETTING = re.compile(r"#\s*(nvalues|bad_flag|start_time|interval|file_type)\s*=\s*(.*?)\s*")
 _START = re.compile(r"(\w{3}\s+\d+\s+\d{4}\s+\d+:\d\d:\d\d)(.*)")
 _INTERVAL_S = re.compile(r"seconds\s*:\s*([\d.eE+-]+)")
-# Who gave the start: a clock that runs in UTC, or the computer that read the instrument out.
+# The source of the start: a clock that runs in UTC, or the computer that read the instrument out.
 _OF_UTC, _OF_UPLOAD = re.compile(r"NMEA|UTC"), re.compile(r"upload", re.IGNORECASE)
 # A quantity, what measured it, and its unit: `Oxygen, SBE 43 [ml/l]`.
 _SENSED = re.compile(r"(temperature|oxygen|salinity|turbidity|depth),([^\[]*)(\[.*)", re.IGNORECASE)
@@ -33,8 +33,10 @@ _FLAG = "flag"
 
 @dataclass(frozen=True, kw_only=True)
 class _Clock:
-    """A column that tells times, by its short name: in units of `unit_s` seconds since `epoch`, or
-    since the record's start or, `of_year`, the day before its year; `utc` where it is no local one.
+    """A column of times, by its short name.
+
+    It counts in units of `unit_s` seconds since `epoch`; without one, since the record's start or,
+    with `of_year`, since the day before its year. `utc` if it is not local time.
     """
 
     name: str
@@ -44,7 +46,7 @@ class _Clock:
     utc: bool = False
 
 
-# The first that a file has is taken: those that know UTC, then those that know the moment.
+# The first that a file has is used: those in UTC first, then those with an absolute time.
 _CLOCKS = (
     _Clock(name="timeQ", epoch=datetime(2000, 1, 1), utc=True),
     _Clock(name="timeN", epoch=datetime(1970, 1, 1), utc=True),
@@ -60,8 +62,10 @@ _CLOCKS = (
 
 @dataclass(frozen=True, kw_only=True)
 class _Header:
-    """What the lines before `*END*` say: the short and the long name of each column, and the
-    settings by their names; `begins` is None where no start is told.
+    """The header of a .cnv file, which ends at `*END*`.
+
+    It holds the short and the long name of each column, and the settings by their names; `begins`
+    is None if no start is given, and `by` is the source of the start.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -76,15 +80,15 @@ class _Header:
 
 
 def is_seabird(path: Path, beginning: str) -> bool:
-    """Whether a file is Sea-Bird's, by its name or by how it begins."""
+    """Return whether a file is Sea-Bird's, by its name or its beginning."""
     return path.suffix.lower() == ".cnv" or _BEGINS.match(beginning) is not None
 
 
 def read_seabird(path: Path) -> Table:
     """Read a .cnv file as a table; `TrackError` or `InputError` says what is wrong with it.
 
-    The first column is the time, where the file tells it. Scans that are marked as bad are left
-    out, and numbers that stand for no value are empty.
+    The first column is the time, if the file gives it. Scans that are marked as bad are left out,
+    and numbers that stand for no value are empty.
     """
     text, told = read_any_text(path)
     before, end, after = text.partition(END)
@@ -137,12 +141,12 @@ def _moment(text: str) -> datetime | None:
 def _rows(
     path: Path, header: _Header, lines: Sequence[str]
 ) -> tuple[list[list[str]], tuple[str, ...]]:
-    """The whole rows, nothing where a number stands for none, and notes."""
+    """Return the complete rows, with empty cells for numbers that stand for no value, and notes."""
     there = [row for row in map(str.split, lines) if row]
     rows = [row for row in there if len(row) == len(header.names)]
     if len(rows) <= len(there) / 2:
         raise TrackError(
-            f"{path}: its header names {len(header.names)} columns, and most of its "
+            f"{path}: its header names {len(header.names)} columns, but most of its "
             f"{len(there)} rows have another number of values."
         )
     said = [f"{counted(len(there) - len(rows), 'row')} cut short: left out"]
@@ -159,8 +163,9 @@ def _without(row: list[str], place: int | None) -> list[str]:
 
 
 def _names(header: _Header) -> list[str]:
-    """The columns' long names, of the first sensor of a quantity without its make; a second one
-    keeps its own, and is another column.
+    """Return the columns' long names, without the make for the first sensor of a quantity.
+
+    A second sensor keeps its make, and is another column.
     """
     names: list[str] = []
     for _, name in header.names:
@@ -172,7 +177,7 @@ def _names(header: _Header) -> list[str]:
 
 
 def _not_marked(header: _Header, rows: list[list[str]]) -> list[bool]:
-    """Which rows (n,) the column of flags does not mark as bad."""
+    """Return which rows (n,) the column of flags does not mark as bad."""
     if _FLAG not in header.shorts:
         return [True] * len(rows)
     place = header.shorts.index(_FLAG)
@@ -180,8 +185,9 @@ def _not_marked(header: _Header, rows: list[list[str]]) -> list[bool]:
 
 
 def _times(header: _Header, rows: list[list[str]]) -> tuple[list[str], int | None, str]:
-    """The rows' times as ISO 8601, empty where none is told; the place of the column that they came
-    from, None for the interval between rows; and what the times are to be called.
+    """Return the rows' times as ISO 8601, the place of their column, and their name.
+
+    A row without a time is empty. The place is None if they come from the interval between rows.
     """
     for clock in _CLOCKS:
         origin = clock.epoch
@@ -204,7 +210,7 @@ def _times(header: _Header, rows: list[list[str]]) -> tuple[list[str], int | Non
 
 
 def _at(origin: datetime, seconds: float | None) -> str:
-    """A moment as ISO 8601; empty for none, and for one that no calendar has."""
+    """Return a time as ISO 8601; empty for None, and for one that no calendar has."""
     try:
         return "" if seconds is None else (origin + timedelta(seconds=seconds)).isoformat()
     except OverflowError:

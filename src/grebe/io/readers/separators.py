@@ -1,7 +1,7 @@
-"""What separates the values of a table: a mark, or blanks.
+"""Find what separates the values of a table: a mark, or blanks.
 
-A mark or a blank stands within values too: a decimal comma, a date and a time, a name of two words.
-What separates is what most lines have equally many of.
+A mark or a blank may also be within values: a decimal comma, a date and a time, a name of two
+words. The separator is the one that occurs equally often in most lines.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Callable, Sequence
 
-# Blanks, as what `separator` returns; the marks, the first of equals.
+# Blanks, as `separator` returns them; and the marks, of which the first wins a tie.
 BLANKS = " "
 _MARKS = "\t;,|"
 # A number with a decimal comma between blanks, in which the comma separates nothing.
@@ -19,8 +19,8 @@ _DECIMALS = re.compile(r"(?<!\S)[+-]?\d+,\d+(?!\S)")
 _QUOTED = re.compile(r'"[^"]*"')
 # A line that is drawn below a header.
 _DRAWN = re.compile(r"[-+|=:\s]+")
-# Values between blanks: each a word; a date with its time one value; or two blanks and more between
-# values, one blank within.
+# Values between blanks: each is a word; or a date with its time is one value; or values are
+# separated by two blanks or more, with single ones inside.
 _WORD = re.compile(r'"[^"]*"|\S+')
 _DATED = re.compile(r'"[^"]*"|\d+[-/.]\d+[-/.]\d+[ T]\d?\d:\d\d\S*(?: [AP]M\b)?|\S+', re.IGNORECASE)
 _WIDE = re.compile(r'"[^"]*"|\S+(?: \S+)*')
@@ -29,8 +29,10 @@ _Values = Callable[[str], list[str]]
 
 
 def separator(lines: Sequence[str]) -> str:
-    """The mark that separates the values of some lines, or `BLANKS`: where more lines agree on
-    blanks than on any mark, and no mark stands in half of them, but within a number.
+    """Return the mark that separates the values of some lines, or `BLANKS`.
+
+    It is `BLANKS` if more lines agree on blanks than on any mark, and no mark is in more than half
+    of them, other than within a number.
     """
     there = [_QUOTED.sub("", line) for line in lines if line.strip()]
     mark = max(_MARKS, key=lambda one: _agreement([line.count(one) for line in there]))
@@ -42,7 +44,10 @@ def separator(lines: Sequence[str]) -> str:
 
 
 def rows_of(text: str, separates: str, lines: Sequence[str]) -> list[list[str]]:
-    """The rows of a text that are not empty; `lines` are its first ones. Raises `csv.Error`."""
+    """Return the rows of a text that are not empty; `lines` are its first ones.
+
+    Raises `csv.Error`.
+    """
     if separates == BLANKS:
         values = max(_ways(), key=lambda one: _agreement(_gaps(lines, one))[0])
         split = [values(line) for line in text.split("\n") if not _DRAWN.fullmatch(line)]
@@ -54,7 +59,7 @@ def rows_of(text: str, separates: str, lines: Sequence[str]) -> list[list[str]]:
 
 
 def _agreement(counts: Sequence[int]) -> tuple[int, int]:
-    """How many lines have the usual number of what is counted in each, and that number."""
+    """Return how many lines have the usual count, and that count."""
     usual = max(set(counts) - {0}, key=lambda each: (counts.count(each), each), default=0)
     return (counts.count(usual) if usual else 0, usual)
 
@@ -65,7 +70,7 @@ def _gaps(lines: Sequence[str], values: _Values) -> list[int]:
 
 
 def _ways() -> list[_Values]:
-    """The ways to split a line at blanks, the first of equals to be taken."""
+    """Return the ways to split a line at blanks; the first wins a tie."""
     return [_splitter(one) for one in (_WORD, _DATED, _WIDE)]
 
 

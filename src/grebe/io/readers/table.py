@@ -1,7 +1,7 @@
-"""A table as loggers export it: what stands before the header, the header, and the rows.
+"""A table as loggers export it: the lines before the header, the header, and the rows.
 
-Instruments write lines about themselves before the names of the columns, and some a line of units
-below them: the header is the line that names most of what is looked for.
+Instruments write lines about themselves before the names of the columns, and some add a line of
+units below them. The header is the line that names most of the expected columns.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from grebe.io.readers.unit_columns import with_units
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A header is looked for within so many lines.
+# A header is looked for within this many lines.
 LONGEST_PREAMBLE = 120
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d+)?")
 _DECIMAL_POINT = re.compile(r"[+-]?\d+\.\d+")
 # In a line of units: how a date or a time of day is written, such as MMDDYY.
 _ORDER_OF_DATE = re.compile(r"(?=.*[DH])[DMYHS/:.-]{6,}", re.IGNORECASE)
-# What stands for no value, but for signs.
+# Texts that stand for no value, signs aside.
 _NOTHING = {"", "nan", "na", "null", "none", "nodata", "inf"}
 MOST_LOOKED_AT = 5_000
 _NAMES = re.compile(
@@ -45,9 +45,10 @@ _NAMES = re.compile(
 @dataclass(frozen=True, kw_only=True)
 class Table:
     """The names of the columns, and the rows as texts; a row may be shorter than the header.
-    `groups`: a comma within a number stands between thousands; `clues`: columns that are used for
-    what they say of others; `mixed`: what is to be said of columns whose unit changes; `preamble`:
-    the lines before the header.
+
+    `groups`: commas within numbers separate thousands; `clues`: columns that are used because they
+    describe others; `mixed`: messages on columns whose unit changes; `preamble`: the lines before
+    the header.
     """
 
     header: list[str]
@@ -64,8 +65,8 @@ def read_table(
 ) -> Table:
     """Read a table; `TrackError` or `InputError` says what is wrong with it.
 
-    A file without a header takes its names from that of `header_from`, or from `columns`; both
-    must have as many as its rows.
+    A file without a header takes its names from that of `header_from`, or from `columns`; both must
+    have as many as its rows.
     """
     text, told = read_any_text(path)
     rows, delimiter = _rows(path, text)
@@ -93,7 +94,7 @@ def read_table(
         body = _without_units(path, body, units)
         header = [_with_unit(name, unit.strip()) for name, unit in zip(header, units, strict=False)]
     if not body:
-        raise TrackError(f"{path}: a header and no rows.")
+        raise TrackError(f"{path}: the file holds a header, but no rows.")
     header, clues, mixed = with_units(path, header, body)
     header, twice = _told_apart(header)
     before = [f"{counted(place, 'line')} before the header: not used"] if place else []
@@ -109,24 +110,27 @@ def read_table(
 
 
 def _told_apart(header: Sequence[str]) -> tuple[list[str], list[str]]:
-    """A header in which no name stands twice, `Temp #2` being the second of its name, and notes."""
+    """Return a header in which no name occurs twice, and notes.
+
+    `Temp #2` is the second column of its name.
+    """
     seen: dict[str, int] = {}
     names: list[str] = []
     for name in header:
         seen[name] = seen.get(name, 0) + 1
         names.append(f"{name} #{seen[name]}" if name and seen[name] > 1 else name)
     return names, [
-        f"{count} columns are called {name!r}: the others than the first are {name + ' #2'!r} "
-        "and so on"
+        f"{count} columns are called {name!r}: all but the first become {name + ' #2'!r} and so on"
         for name, count in seen.items()
         if name and count > 1
     ]
 
 
 def _groups_thousands(rows: list[list[str]], delimiter: str) -> bool:
-    """Whether a comma within numbers groups them: each stands before three digits, other numbers
-    have a point before their decimals, and commas separate the values: where something else does,
-    they stand before decimals.
+    """Return whether commas within numbers separate thousands.
+
+    They do if each is before three digits, other numbers have decimal points, and commas separate
+    the values. If something else separates the values, they are decimal commas.
     """
     if delimiter != ",":
         return False
@@ -142,8 +146,9 @@ def _groups_thousands(rows: list[list[str]], delimiter: str) -> bool:
 
 
 def _refuse_unlike(path: Path, header: list[str], rows: list[list[str]]) -> None:
-    """Refuse a header of other length than the rows: a blank within a name would put each value
-    behind it under another one.
+    """Refuse a header with another length than the rows.
+
+    A blank within a name would shift the values after it.
     """
     unlike = sum(len(row) != len(header) for row in rows)
     if rows and unlike > len(rows) / 2:
@@ -161,20 +166,23 @@ def _header_of(path: Path) -> list[str]:
 
 
 def _fitting(path: Path, rows: list[list[str]], names: list[str], source: str) -> list[str]:
-    """The names, if each row has as many values: else a name would stand over another column."""
+    """Return the names, if each row has as many values.
+
+    Otherwise a name would be over another column.
+    """
     widths = {len(row) for row in rows}
     usual = max(widths, key=[len(row) for row in rows].count)
     if usual != len(names):
         raise TrackError(
             f"{path}: its rows have {usual} columns, and {source} names {len(names)}: the names "
-            "would stand over the wrong values; give names for this very format.",
+            "would be over the wrong values; give names for exactly this format.",
             settings=("header_from",),
         )
     return names
 
 
 def _header_place(rows: list[list[str]]) -> int:
-    """The row that names most columns; the first where none names two."""
+    """Return the row that names most columns; the first if none names two."""
 
     def score(row: list[str]) -> int:
         texts = [cell for cell in row if cell.strip() and not is_number(cell)]
@@ -185,13 +193,13 @@ def _header_place(rows: list[list[str]]) -> int:
     scores = [score(row) for row in rows[:LONGEST_PREAMBLE]]
     best = max(scores)
     place = 0 if best in {0, first} else scores.index(best)
-    # A row of names above rows of values is the header, however much one below them may name.
+    # A row of names above rows of values is the header, however many names a later row has.
     earlier = (k for k in range(place) if scores[k] and _holds_values(rows[k + 1 : k + 3]))
     return next(earlier, place)
 
 
 def _holds_values(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether one of some rows is more than half numbers."""
+    """Return whether one of some rows is more than half numbers."""
     return any(sum(map(is_number, row)) > len(row) / 2 for row in rows if len(row) > 1)
 
 
@@ -202,7 +210,10 @@ def _is_units(row: list[str]) -> bool:
 
 
 def _without_units(path: Path, rows: list[list[str]], units: list[str]) -> list[list[str]]:
-    """The rows without the line of units, which may come again; `TrackError` for another one."""
+    """Return the rows without the line of units, which may be repeated.
+
+    Raises `TrackError` for another line of units.
+    """
     kept: list[list[str]] = []
     for row in rows:
         if row == units:
@@ -223,13 +234,13 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def _rows(path: Path, text: str) -> tuple[list[list[str]], str]:
-    """The rows of a text that are not empty, and what separates their values."""
+    """Return the rows of a text that are not empty, and what separates their values."""
     lines = text.lstrip().split("\n", LONGEST_PREAMBLE)[:LONGEST_PREAMBLE]
     if lines[0].lower().startswith("sep="):
         text, lines = text.lstrip().split("\n", 1)[1], lines[1:]
     if lines[0].lstrip().lower().startswith(("<?xml", "<gpx", "<kml")):
         raise TrackError(
-            f"{path}: an XML file, and a table of separated values is read here; export the track "
+            f"{path}: this is an XML file, and not a table of separated values; export the track "
             "as CSV, with a time, a latitude and a longitude in each row."
         )
     separates = separator(lines)
@@ -240,14 +251,14 @@ def _rows(path: Path, text: str) -> tuple[list[list[str]], str]:
 
 
 def cells_of(table: Table, column: str) -> list[str]:
-    """The cells of a column, empty where a row is too short."""
+    """Return the cells of a column, empty where a row is too short."""
     place = table.header.index(column)
     cells = [row[place] if place < len(row) else "" for row in table.rows]
     return [_ungrouped(cell) for cell in cells] if table.groups else cells
 
 
 def numbers_of(cells: Sequence[str]) -> NDArray[np.float64]:
-    """Numbers (n,), NaN for anything else; all at once where all are plain."""
+    """Return numbers (n,), NaN for anything else; all at once if all are plain."""
     try:
         values = np.array([float(cell or "nan") for cell in cells])
     except ValueError:
@@ -258,8 +269,9 @@ def numbers_of(cells: Sequence[str]) -> NDArray[np.float64]:
 
 
 def no_numbers(name: str, cells: Sequence[str], values: NDArray[np.float64]) -> list[str]:
-    """What is to be said of a column whose cells (n,) hold something that is no number, but for
-    what stands for nothing: `values` (n,) are what was read.
+    """Return a note on a column whose cells (n,) include some that are not numbers.
+
+    Texts that stand for no value do not count. `values` (n,) are what was read.
     """
     strange = [
         cells[k] for k in np.flatnonzero(np.isnan(values)).tolist() if not _is_empty(cells[k])
@@ -276,17 +288,17 @@ def _is_empty(cell: str) -> bool:
 
 
 def _ungrouped(text: str) -> str:
-    """A number without the commas between its thousands; anything else as it is."""
+    """Return a number without the commas between its thousands; anything else unchanged."""
     return text.replace(",", "") if _GROUPED.fullmatch(text.strip()) else text
 
 
 def is_number(text: str) -> bool:
-    """Whether a cell holds a number."""
+    """Return whether a cell holds a number."""
     return number(text) is not None
 
 
 def number(text: str) -> float | None:
-    """A number, with a point or a comma before its decimals; None for anything else."""
+    """Return a number, with a decimal point or comma; None for anything else."""
     try:
         return float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text.strip()) else text)
     except ValueError:

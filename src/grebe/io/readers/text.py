@@ -1,4 +1,4 @@
-"""Read a text file, with one clear sentence where that fails."""
+"""Read a text file, with one clear sentence when that fails."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from grebe.core.errors import InputError
 
-# How a UTF-16 file begins, as Windows writes it: the byte order mark, little or big endian.
+# How a UTF-16 file begins as Windows writes it: the byte order mark, little or big endian.
 UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -17,8 +17,10 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
 
 
 def read_text(path: Path) -> str:
-    """Return a file's text, of UTF-8 or of UTF-16 with its mark, lines ending as in Python;
-    `InputError` says what is wrong with the file.
+    """Return a file's text, with line endings as in Python.
+
+    It is read from UTF-8, or from UTF-16 with its mark. `InputError` says what is wrong with the
+    file.
     """
     data = _read(path)
     try:
@@ -28,7 +30,10 @@ def read_text(path: Path) -> str:
 
 
 def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
-    """As `read_text`, of the old code page of Windows too, as spreadsheets save it, with a note."""
+    """Read as `read_text` does, but also the old code page of Windows, with a note.
+
+    Spreadsheets save files in it.
+    """
     data = _read(path)
     try:
         return _checked(path, _decoded(data)), ()
@@ -37,11 +42,11 @@ def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
             text = data.decode("cp1252")
         except UnicodeDecodeError:
             text = "\0"
-        # Of UTF-8 with a byte that is broken every letter beyond ASCII would be two others.
+        # In UTF-8 with a broken byte, every letter beyond ASCII would become two others.
         rest = data.decode("utf-8", "ignore")
         if _CONTROL.search(text) or not rest.isascii():
             raise _undecoded(path, error) from None
-        return _checked(path, text), ("read as text of Windows-1252, for it is no UTF-8",)
+        return _checked(path, text), ("read as Windows-1252 text, because it is not UTF-8",)
 
 
 def _read(path: Path) -> bytes:

@@ -1,8 +1,8 @@
-"""Read the track of a survey boat from a table: positions, times and what the sonde said.
+"""Read the track of a survey boat from a table: positions, times and the sonde's readings.
 
 Columns are found by their names and units, or named by the caller. Rows whose position is missing,
-zero, not on Earth or a jump are left out and reported; nothing is repaired silently, and each
-column that is not used is told.
+zero, not on Earth or a jump are left out and reported. Nothing is repaired silently, and each
+column that is not used is reported.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ if TYPE_CHECKING:
 JUMP_SPEED_MPS = 10.0
 # Without times, a step this many times the median step is a jump.
 JUMP_FACTOR = 50.0
-# A row whose latitude and longitude are swapped is so near to the others once they are put right.
+# A row with swapped latitude and longitude is this close to the others once they are put right.
 NEAR_DEG = 0.5
-# After so long a pause [s] a survey is another one.
+# After a pause this long [s], another survey begins.
 LONG_PAUSE_S = 12 * 3600.0
-# Rows are put in the order of their times where the way is not so much longer then.
+# Rows are sorted by their times if that lengthens the boat's path by no more than this factor.
 NO_LONGER = 1.05
 
 # A depth in one column, of the water or of the sonde.
 WATER_DEPTH, SONDE_DEPTH = "water_depth_m", "sonde_depth_m"
-# No sonde hangs below a small boat deeper than this in its usual place [m].
+# A sonde below a small boat does not usually hang deeper than this [m].
 SONDE_HANGS_M = 2.0
 
 # Columns that the caller knows, by `time`, `lat`, `lon` or the key of a quantity; the others are
@@ -55,9 +55,9 @@ TrackColumns = Mapping[str, str]
 class RawTrack:
     """A track without glitches.
 
-    `lonlat` (n, 2) degrees; `times` (n,) unix seconds, or None; `values` one (n,) array
-    with NaN for gaps for each quantity that the file has; `columns` which column each came
-    from; `notes` what was left out or converted; `unused` the columns that nothing was made of.
+    `lonlat` (n, 2) degrees; `times` (n,) unix seconds, or None; `values` one (n,) array with NaN
+    for gaps for each quantity that the file has; `columns` the column that each came from; `notes`
+    what was left out or converted; `unused` the columns that were not used.
     """
 
     lonlat: NDArray[np.float64]
@@ -70,8 +70,9 @@ class RawTrack:
 
 @dataclass(frozen=True, kw_only=True)
 class Readings:
-    """The rows of a table before anything is left out: `lonlat` (n, 2) is None where it has no
-    positions, the rest is as in `RawTrack`.
+    """The rows of a table before anything is left out.
+
+    `lonlat` (n, 2) is None if it has no positions; the rest is as in `RawTrack`.
     """
 
     lonlat: NDArray[np.float64] | None
@@ -93,16 +94,16 @@ def read_track(
 ) -> RawTrack:
     """Read and clean a track; `TrackError` or `InputError` says what is wrong with it.
 
-    `header_from` names a file whose first row holds the columns' names where this one has
-    none; `quantities` are those that are looked for; `zone` is that of times that name none;
-    `profile` says what a logger's file holds.
+    `header_from` names a file whose first row holds the columns' names if this one has none;
+    `quantities` are those that are looked for; `zone` is that of times that name none; `profile`
+    says what a logger's file holds.
     """
     read = read_readings(path, columns, header_from, quantities, zone=zone, profile=profile)
     return clean_track(path, read)
 
 
 def clean_track(path: Path, read: Readings) -> RawTrack:
-    """A track of readings that have positions, its glitches left out and reported."""
+    """Make a track of readings that have positions; glitches are left out and reported."""
     lonlat, times = read.lonlat, read.times
     if lonlat is None:
         raise TrackError(f"{path}: the file holds no positions.")
@@ -123,7 +124,7 @@ def clean_track(path: Path, read: Readings) -> RawTrack:
 def _pauses(
     times: NDArray[np.float64] | None, keep: NDArray[np.bool_], order: NDArray[np.intp]
 ) -> list[str]:
-    """What is to be said of long pauses between the rows that are kept."""
+    """Return a note on long pauses between the rows that are kept."""
     if times is None or keep.sum() < 2:
         return []
     rows = np.flatnonzero(keep)
@@ -137,15 +138,17 @@ def _pauses(
     longest_one = f"of {spell} after row {order[rows[longest]] + 1}"
     others = f", the longest of {count} of more than half a day" if count > 1 else ""
     return [
-        f"a pause {longest_one}{others}: the map is one of all days; give a file for each survey"
+        f"a pause {longest_one}{others}: the map combines all days; give a file for each survey"
     ]
 
 
 def _in_order(
     lonlat: NDArray[np.float64], times: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.intp], list[str]]:
-    """The rows (n,) in the order of their times, where these run back and the boat's way is not
-    longer so: a clock that was set back is told by the way, and the rows stay.
+    """Return the order (n,) of the rows, and notes.
+
+    Rows are sorted by their times if these run back and sorting does not lengthen the boat's path.
+    If it does, the clock was set back, and the rows keep their order.
     """
     as_read = np.arange(len(lonlat))
     if times is None or not np.any(np.diff(times[np.isfinite(times)]) < 0):
@@ -158,7 +161,7 @@ def _in_order(
 
     if way(order) > NO_LONGER * way(as_read):
         return as_read, []
-    return order, ["rows out of order: put in the order of their times"]
+    return order, ["rows out of order: sorted by their times"]
 
 
 def read_readings(
@@ -171,7 +174,7 @@ def read_readings(
     profile: Profile | None = None,
     placed: bool = True,
 ) -> Readings:
-    """Read a table's rows, in the quantities' own units; `placed`: it must have positions."""
+    """Read a table's rows, in the quantities' own units; with `placed` it must have positions."""
     profile = profile or Profile()
     given = {**profile.columns, **(columns or {})}
     table = read_logged(path, header_from, profile.names)
@@ -203,21 +206,24 @@ def read_readings(
 def _of_a_sounder(
     found: dict[str, Column], given: TrackColumns, quantities: Quantities
 ) -> tuple[dict[str, Column], list[str]]:
-    """The columns, and a note: a depth that no sonde's reading stands beside is the water's."""
+    """Return the columns, and a note.
+
+    A depth is the water's if there are no readings of a sonde beside it.
+    """
     beside = [key for key in quantities if key in found and quantities[key].on_sonde]
     depth = found.get(SONDE_DEPTH)
     if depth is None or SONDE_DEPTH in given or WATER_DEPTH in found or beside:
         return found, []
     named = {key: one for key, one in found.items() if key != SONDE_DEPTH}
     return named | {WATER_DEPTH: depth}, [
-        f"{depth.name}: taken as the depth of the water, for no sonde's reading stands beside it"
+        f"{depth.name}: taken as the depth of the water, as no reading of a sonde is beside it"
     ]
 
 
 def _values(
     path: Path, table: Table, found: Mapping[str, Column], quantities: Quantities
 ) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
-    """Values (n,) of each quantity that the table has, in its unit, and notes."""
+    """Return the values (n,) of each quantity that the table has, in its unit, and notes."""
     values: dict[str, NDArray[np.float64]] = {}
     notes: list[str] = []
     for key, one in quantities.items():
@@ -247,14 +253,14 @@ def _values(
 def _converted(
     path: Path, values: Mapping[str, NDArray[np.float64]], key: str, column: Column
 ) -> NDArray[np.float64]:
-    """Values in their quantity's unit; oxygen by its solubility in fresh water, at 1 atm."""
+    """Return values in their quantity's unit; oxygen by its solubility in fresh water, at 1 atm."""
     scaled = column.factor * values[key] + column.offset
     if not column.by_solubility:
         return scaled
     if "temperature_degc" not in values:
         raise TrackError(
             f"{path}: {column.name!r} in {column.unit} becomes {key} only with the temperature of "
-            "the water, and no column looks like one.",
+            "the water, but no column looks like one.",
             settings=("columns",),
         )
     full = oxygen_solubility_mgl(values["temperature_degc"])
@@ -267,15 +273,16 @@ def _conversion_text(column: Column, unit: str) -> str:
 
 
 def _present(values: NDArray[np.float64], missing: tuple[float, ...]) -> NDArray[np.float64]:
-    """Values with NaN for the numbers that stand for none."""
+    """Return values with NaN for the numbers that stand for none."""
     return np.where(np.isin(values, missing), np.nan, values) if missing else values
 
 
 def _find_glitches(
     lonlat: NDArray[np.float64], times: NDArray[np.float64] | None, order: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], list[str]]:
-    """Mark the rows to keep and count what is wrong with the others; `order` (n,) are their places
-    in the file.
+    """Mark the rows to keep and count what is wrong with the others.
+
+    `order` (n,) are their places in the file.
     """
     finite = np.isfinite(lonlat).all(axis=1)
     zero = finite & (np.abs(lonlat) < 1e-9).all(axis=1)
@@ -304,7 +311,7 @@ def _jump_text(
     order: NDArray[np.intp],
     keep: NDArray[np.bool_],
 ) -> str:
-    """Where the first jump is and what to do, by the number of its row of values."""
+    """Return where the first jump is and what to do, by the number of its row of values."""
     if not jumps:
         return ""
     lon, lat = lonlat[jumps[0]].tolist()
@@ -325,10 +332,10 @@ def _jump_text(
 def _find_jumps(
     lonlat: NDArray[np.float64], times: NDArray[np.float64] | None, keep: NDArray[np.bool_]
 ) -> list[int]:
-    """Indices of kept rows that no boat could have reached from the last good row.
+    """Return the indices of kept rows that no boat could have reached from the last good row.
 
-    A row is judged against the last good one; the first is judged by the median position,
-    so that a glitch at the start does not condemn all that follows.
+    A row is compared with the last good one. The first is compared with the median position, so
+    that a glitch at the start does not condemn all rows after it.
     """
     index = np.flatnonzero(keep)
     if len(index) < 3:
@@ -341,8 +348,8 @@ def _find_jumps(
     spread = np.hypot(*(places - middle).T)
     good = int(np.flatnonzero(spread <= 10 * np.median(spread) + reach)[0])
     jumps = [int(i) for i in index[:good]]
-    # Where a step can be made from the row before, that row is the last good one: only the others
-    # are looked at one by one.
+    # If a step from the row before is possible, that row is the last good one. Only the others are
+    # checked one by one.
     waited = np.full(len(steps), np.nan) if times is None else np.diff(times[index])
     doubtful = np.flatnonzero(steps > _allowed(waited, reach)) + 1
     k = good + 1
@@ -363,7 +370,7 @@ def _find_jumps(
 
 
 def _allowed(waited: NDArray[np.float64] | float, reach: float) -> NDArray[np.float64]:
-    """How far a boat can have come in a time [s], NaN for unknown."""
+    """Return how far a boat can have come in a time [s], NaN for unknown."""
     far = JUMP_SPEED_MPS * np.fmax(waited, 1.0) + 5.0
     return np.where(np.isfinite(waited), far, reach)
 

@@ -1,6 +1,4 @@
-"""Units that stand in a column of their own: `Temperature`, and beside it `TempUnit` with F in each
-row.
-"""
+"""Units in a column of their own: `Temperature`, and beside it `TempUnit` with F in each row."""
 
 from __future__ import annotations
 
@@ -16,8 +14,9 @@ _UNIT = re.compile(r"(.*?)[ _.]*units?", re.IGNORECASE)
 def with_units(
     path: Path, header: Sequence[str], rows: Sequence[Sequence[str]]
 ) -> tuple[list[str], list[str], dict[str, str]]:
-    """The header with the units that columns of their own name, these columns, and of each column
-    whose unit changes from row to row what is to be said where it is used.
+    """Return the header with the units that separate columns name, these columns, and messages.
+
+    The messages are for columns whose unit changes from row to row, and are raised if one is used.
     """
     named, used, mixed = list(header), list[str](), dict[str, str]()
     for place, name in enumerate(header):
@@ -38,8 +37,9 @@ def with_units(
 
 
 def _about(header: Sequence[str], place: int) -> int | None:
-    """The column of whose unit another one speaks: it begins with the same name, the one before or
-    the only one; None where there is none.
+    """Return the column whose unit another one gives; None if there is none.
+
+    It begins with the same name, and is the column before or the only such one.
     """
     found = _UNIT.fullmatch(header[place].strip())
     if found is None:
@@ -49,7 +49,7 @@ def _about(header: Sequence[str], place: int) -> int | None:
         k for k, name in enumerate(header) if k != place and stem and _plain(name).startswith(stem)
     ]
     if not stem:
-        # Alone it may be the number of a device: it speaks of a temperature's or of nothing.
+        # Alone it may be the number of a device: it describes a temperature or nothing.
         return place - 1 if place > 0 and "temp" in _plain(header[place - 1]) else None
     if place - 1 in same:
         return place - 1

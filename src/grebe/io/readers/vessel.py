@@ -25,7 +25,7 @@ def read_vessel(path: Path) -> Vessel:
         text = key in _TEXTS
         if text != isinstance(value, str) or isinstance(value, bool):
             raise VesselError(
-                f"{path}: {key} = {value!r}, which is no {'text' if text else 'number'}."
+                f"{path}: {key} = {value!r}, which is not a {'text' if text else 'number'}."
             )
         if not text and not isinstance(value, int | float):
             raise VesselError(f"{path}: {key} = {value!r}, which is not a number.")

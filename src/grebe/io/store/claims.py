@@ -1,6 +1,6 @@
-"""Claims: who writes a survey file keeps other writers off it; readers are not disturbed.
+"""Claims: the writer of a survey file keeps other writers off it; readers are not disturbed.
 
-A lock on a file of its own beside it, which the system lifts when the process ends.
+A claim is a lock on a separate file beside it, which the system releases when the process ends.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from grebe.core.errors import SurveyFileError
 
 
 def take(path: Path) -> TextIO | None:
-    """Claim a survey file; None where another process has it."""
+    """Claim a survey file; return None if another process has it."""
     while True:
         lock = _lock_path(path).open("w")
         try:
@@ -26,12 +26,12 @@ def take(path: Path) -> TextIO | None:
             return None
         if _is_at(path, lock):
             return lock
-        # Who had it gave it up and removed it between the two lines above.
+        # The former holder dropped it and removed the file between opening and locking.
         lock.close()
 
 
 def is_taken(path: Path) -> bool:
-    """Whether another process, or another part of this one, has claimed a survey file."""
+    """Return whether another process, or another part of this one, has claimed a survey file."""
     lock = _lock_path(path)
     if not lock.exists():
         return False
@@ -46,7 +46,7 @@ def is_taken(path: Path) -> bool:
 
 
 def drop(path: Path, lock: TextIO) -> None:
-    """Give a claim up."""
+    """Give up a claim."""
     if _is_at(path, lock):
         _lock_path(path).unlink(missing_ok=True)
     lock.close()
@@ -54,7 +54,10 @@ def drop(path: Path, lock: TextIO) -> None:
 
 @contextmanager
 def claimed(path: Path, why: str) -> Generator[None]:
-    """Hold a claim for a while; `SurveyFileError`, beginning with `why`, where it cannot be had."""
+    """Hold a claim within the block.
+
+    Raises `SurveyFileError`, beginning with `why`, if it cannot be had.
+    """
     try:
         lock = take(path)
     except OSError:
@@ -72,7 +75,7 @@ def claimed(path: Path, why: str) -> Generator[None]:
 
 
 def _is_at(path: Path, lock: TextIO) -> bool:
-    """Whether a lock's file is the one that others will find."""
+    """Return whether a lock's file is the one that others will find."""
     try:
         return os.path.samestat(_lock_path(path).stat(), os.fstat(lock.fileno()))
     except OSError:
@@ -80,6 +83,9 @@ def _is_at(path: Path, lock: TextIO) -> bool:
 
 
 def _lock_path(path: Path) -> Path:
-    """Beside the file itself, whatever link leads to it: one file has one lock."""
+    """Return the path of the lock of a survey file.
+
+    It is beside the file that `path` resolves to: one file has one lock, whatever link leads to it.
+    """
     path = path.resolve()
     return path.with_name(path.name + ".lock")

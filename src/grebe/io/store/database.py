@@ -1,4 +1,4 @@
-"""The database below a survey file: durable, all or nothing, its complaints turned into ours."""
+"""The database below a survey file: durable, transactional, with errors that name the file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ JOURNAL_BYTES = 8_000_000
 
 
 class UnwrittenError(SurveyFileError):
-    """The disk would not take it; `strerror` says why, as the system's own errors do."""
+    """The disk did not accept a write; `strerror` says why, as in the system's own errors."""
 
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"{path} cannot be written ({reason}); what was recorded before is kept.")
@@ -24,12 +24,12 @@ class UnwrittenError(SurveyFileError):
 
 
 def unwritten(path: Path, error: sqlite3.Error) -> UnwrittenError:
-    """What to raise where the disk would not take something."""
+    """Return the error to raise when the disk does not accept a write."""
     return UnwrittenError(path, str(error))
 
 
 class Transaction:
-    """All or nothing, with the disk's complaints turned into ours; one within another joins it."""
+    """A transaction that raises `UnwrittenError` if the disk fails; one within another joins it."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path = path
@@ -70,20 +70,23 @@ class Transaction:
             raise unwritten(self._path, failure) from None
 
 
-# How long another process is waited for that writes to the same file [s].
+# How long to wait for another process that writes to the same file [s].
 PATIENCE_S = 10.0
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Open for one thread at a time: a mission writes in another than the one it was opened in."""
+    """Open for one thread at a time.
+
+    A mission writes in another thread than the one that opened the file.
+    """
     return sqlite3.connect(path, isolation_level=None, timeout=PATIENCE_S, check_same_thread=False)
 
 
 def make_durable(connection: sqlite3.Connection) -> None:
-    """What is committed is on the disk, also after a power cut, and readers are not in the way."""
+    """Keep commits on the disk even after a power cut, without readers getting in the way."""
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
-    # It grows while another program holds on to what it reads, and shrinks to this afterwards.
+    # The journal grows while another program holds a read, and shrinks to this afterwards.
     connection.execute(f"PRAGMA journal_size_limit = {JOURNAL_BYTES}")
 
 
@@ -91,7 +94,7 @@ def make_durable(connection: sqlite3.Connection) -> None:
 def new_file(path: Path, *, force: bool) -> Generator[Path]:
     """Yield a temporary path for a new survey file that takes `path`'s place once it is complete.
 
-    Raises `SurveyFileError` where that cannot be written, or is there already and not forced.
+    Raises `SurveyFileError` if that cannot be written, or exists already and is not forced.
     """
     if path.exists() and not force:
         raise SurveyFileError(

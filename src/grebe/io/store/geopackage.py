@@ -1,9 +1,9 @@
 """The part of the GeoPackage standard that Grebe writes: its tables and its geometry blobs.
 
-Plain SQLite and nothing else, so that a mission depends on no GIS library. The layers carry
-no spatial index: its triggers call functions that plain SQLite lacks, and a layer that is
-appended to live would lose its writer. The application id is that of GeoPackage 1.1, whose
-`user_version` is free to number our own schema.
+It uses plain SQLite and nothing else, so that a mission depends on no GIS library. The layers have
+no spatial index: its triggers call functions that plain SQLite lacks, and appending to a layer live
+would fail. The application id is that of GeoPackage 1.1, whose `user_version` is free to number our
+own schema.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ _POINT = np.dtype(
 
 
 def point_coordinates(blobs: Sequence[bytes]) -> NDArray[np.float64]:
-    """Decode many points to x, y (n, 2), at once where they are as `to_blobs` writes them."""
+    """Decode many points to x, y (n, 2), all at once if they are as `to_blobs` writes them."""
     joined = b"".join(blobs)
     if len(joined) == _POINT.itemsize * len(blobs):
         raw = np.frombuffer(joined, _POINT)

@@ -1,7 +1,7 @@
-"""Bring survey files that older versions made up to the schema of this one.
+"""Bring survey files of older versions up to the schema of this one.
 
-Each step takes a file from the schema before it to its own; those that a file lacks run in one
-transaction, in their order, when it is opened. A step keeps every value, flag, target and event.
+Each step takes a file from the previous schema to its own. The steps that a file lacks run in
+order, in one transaction, when it is opened. A step keeps every value, flag, target and event.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ QUANTITY_COLUMNS = (
 
 
 def write_quantities(connection: sqlite3.Connection, quantities: Iterable[Quantity]) -> None:
-    """Write the whole definition of some quantities into the table that declares them."""
+    """Write the complete definition of some quantities into the table that declares them."""
     connection.executemany(
         "INSERT INTO quantities (key, label, unit, definition) VALUES (?, ?, ?, ?) ON CONFLICT "
         "(key) DO UPDATE SET label = excluded.label, definition = excluded.definition",
@@ -39,7 +39,10 @@ def write_quantities(connection: sqlite3.Connection, quantities: Iterable[Quanti
 
 
 def declare_quantities(connection: sqlite3.Connection) -> None:
-    """Declare the quantities that the columns of the samples hold: there were five, unsaid."""
+    """Declare the quantities in the columns of the samples.
+
+    Older files had five and did not declare them.
+    """
     columns = {row[1] for row in connection.execute("PRAGMA table_info(samples)")}
     held = Quantities(one for one in BUILTIN.values() if {one.key, f"{one.key}_qc"} <= columns)
     geopackage.create_layer(connection, "quantities", QUANTITY_COLUMNS, geometry=None)
@@ -66,7 +69,7 @@ STEPS: tuple[tuple[int, Step], ...] = (
 def migrate(path: Path, connection: sqlite3.Connection, version: int) -> None:
     """Run the steps that a file lacks, up to `version`, all or none.
 
-    Raises `SurveyFileError` where the file is read-only or another process writes it.
+    Raises `SurveyFileError` if the file is read-only or another process is writing it.
     """
     has = int(connection.execute("PRAGMA user_version").fetchone()[0])
     if has >= version:

@@ -1,4 +1,4 @@
-"""A plan's settings, its outcome and its cells, to a survey file and back."""
+"""Store a plan's settings, its outcome and its cells in a survey file, and read them back."""
 
 from __future__ import annotations
 
@@ -22,20 +22,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CELL_COLUMNS = "seq INTEGER NOT NULL UNIQUE"
-# Settings that fleets of unlike boats have, one for each boat.
+# Settings that only fleets of unlike boats have, one for each boat.
 _BY_BOAT = {"fleet": ("vessels",), "sorties": ("batteries_wh", "minutes_each")}
 _WEATHER = ("current_north_mps", "current_east_mps", "wind_force_north_n", "wind_force_east_n")
 
 
 def settings_text(settings: PlanSettings | None) -> str:
-    """Return settings whole as JSON; empty for a survey that was not planned."""
+    """Return the complete settings as JSON; empty for a survey that was not planned."""
     if settings is None:
         return ""
     values = asdict(settings)
     for name in ("sorties", "fleet"):
         if values[name] is None:
             del values[name]
-    # What one boat, or boats alike, do not have is left out: an older Grebe reads such plans too.
+    # What one boat, or boats alike, do not have is omitted, so that an older Grebe reads such plans
+    # too.
     for part, names in _BY_BOAT.items():
         for name in names if part in values else ():
             if not values[part][name]:
@@ -44,7 +45,7 @@ def settings_text(settings: PlanSettings | None) -> str:
 
 
 def parse_settings(text: str) -> PlanSettings | None:
-    """Read settings back, exactly; an unknown name is a `TypeError`."""
+    """Read settings back, exactly; an unknown name raises `TypeError`."""
     if not text:
         return None
     values = json.loads(text)
@@ -66,7 +67,7 @@ def _places(pairs: list[list[float]]) -> tuple[tuple[float, float], ...]:
 
 
 def outcome_text(outcome: PlanOutcome | None) -> str:
-    """Return an outcome as JSON; empty where there is none."""
+    """Return an outcome as JSON; empty if there is none."""
     return "" if outcome is None else json.dumps(asdict(outcome), sort_keys=True)
 
 
@@ -96,10 +97,10 @@ def read_cells(connection: sqlite3.Connection, frame: LocalFrame) -> dict[int, s
 
 
 def type_the_plan(connection: sqlite3.Connection) -> None:
-    """Bring the plan of schema 2 to schema 3: settings whole, and each target with its cell.
+    """Bring the plan of schema 2 to schema 3: complete settings, and each target with its cell.
 
-    Schema 2 kept neither pattern, return nor budgets: they are taken to be the defaults. It kept
-    no cells either: a target was its cell drawn in to a share, `core`, about the middle.
+    Schema 2 stored neither pattern, return nor budgets: they are taken to be the defaults. It
+    stored no cells either: a target was its cell drawn in to a share, `core`, about the middle.
     """
     old: dict[str, Any] = json.loads(_meta(connection).get("settings") or "{}")
     texts = {"settings": settings_text(_typed(old)), "outcome": ""}
@@ -129,7 +130,10 @@ def _typed(old: Mapping[str, Any]) -> PlanSettings | None:
 
 
 def _undrawn(footprints: NDArray[np.object_], core: float) -> NDArray[np.object_]:
-    """The cells whose cores some footprints are; a share is one in degrees as it is in metres."""
+    """Return the cells whose cores some footprints are.
+
+    A share is the same in degrees as in metres.
+    """
     if core == 1.0 or not len(footprints):
         return footprints
     corners, cell = shapely.get_coordinates(footprints, return_index=True)

@@ -1,8 +1,8 @@
-"""A survey file that disappears while a mission writes it: deleted, moved, or replaced.
+"""Rescue a survey file that disappears while a mission writes it: deleted, moved, or replaced.
 
-The system lets a program write on into a file that no name leads to any more, and all of it is gone
-when the program ends. So whoever writes looks whether the file and its journal are still the ones
-that were opened, and copies everything into a new file when they are not.
+The system lets a program go on writing into a file that no name leads to any more, and all of it is
+lost when the program ends. So the writer checks whether the file and its journal are still the ones
+that were opened, and copies everything into a new file if they are not.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Identity = tuple[tuple[int, int] | None, ...]
 
 
 def identity(path: Path) -> Identity:
-    """Which files the names of a survey file and of its journal lead to; None for none."""
+    """Return which files the names of a survey file and of its journal lead to; None for none."""
     return tuple(_inode(path.with_name(path.name + suffix)) for suffix in ("", "-wal"))
 
 
@@ -33,10 +33,10 @@ def _inode(path: Path) -> tuple[int, int] | None:
 
 
 def copy_out(path: Path, connection: sqlite3.Connection, now: datetime) -> Path:
-    """Copy all that a connection holds into a new file beside `path`, and return its name.
+    """Copy everything that a connection holds into a new file beside `path`, and return its name.
 
-    Where the folder is gone or full too, it goes to the working folder, the home or the system's
-    folder for temporary files. Raises `SurveyFileError` where none of them takes it.
+    If that folder is gone or full too, the copy goes to the working folder, the home folder or the
+    system's folder for temporary files. Raises `SurveyFileError` if none of them takes it.
     """
     stamp = now.astimezone(UTC).strftime("%Y%m%dT%H%M%S")
     name = f"{path.stem}.rescued-{stamp}{path.suffix}"

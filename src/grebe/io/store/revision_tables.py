@@ -1,7 +1,7 @@
-"""The revisions of a plan, to a survey file and back: appended, and never written over.
+"""Store the revisions of a plan in a survey file and read them back: appended, never overwritten.
 
-The first revision's order is that of the layers `targets` and `corridors`; each later one has a
-row in `legs` for every place of its order.
+The first revision's order is that of the layers `targets` and `corridors`; each later one has a row
+in `legs` for every place of its order.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ LAYERS: dict[str, tuple[str | None, str]] = {
 }
 
 
-# Where the metadata hold what the first order was made with; for a later one that was made with
-# something else its number stands behind.
+# The metadata key of the settings of the first order. A later order that was made with others
+# appends its number.
 SETTINGS = "settings"
 
 
@@ -62,12 +62,12 @@ def keep_revisions(connection: sqlite3.Connection) -> None:
 
 
 def write_first(connection: sqlite3.Connection, frame: LocalFrame, revision: PlanRevision) -> None:
-    """Write what the layers of the plan do not say of its first revision."""
+    """Write the parts of a plan's first revision that its layers do not hold."""
     _write_revision(connection, frame, revision)
 
 
 def append(connection: sqlite3.Connection, frame: LocalFrame, revision: PlanRevision) -> None:
-    """Write a later revision; its new targets are in the layer `targets` by then."""
+    """Write a later revision; its new targets must be in the layer `targets` already."""
     before = _settings(connection)
     if revision.settings != before[max(before)]:
         entry = (f"{SETTINGS}_{revision.number}", settings_text(revision.settings))
@@ -126,8 +126,9 @@ def read_all(
     *,
     last_only: bool = False,
 ) -> tuple[PlanRevision, ...]:
-    """Return the revisions in their order, or the last one alone. `pool` holds all targets by
-    their numbers, `corridors` those of the first revision.
+    """Return the revisions in their order, or only the last one.
+
+    `pool` holds all targets by their numbers, `corridors` those of the first revision.
     """
     heads = connection.execute(
         "SELECT number, reason, note, made_at, target_count FROM revisions ORDER BY number"
@@ -160,7 +161,7 @@ def read_all(
 
 
 def _settings(connection: sqlite3.Connection) -> dict[int, PlanSettings | None]:
-    """What orders are made with, by the number of the first revision that is."""
+    """Return the settings of the orders, by the number of the first revision made with them."""
     rows = connection.execute(
         "SELECT key, value FROM meta WHERE key = ? OR key GLOB ?", (SETTINGS, f"{SETTINGS}_[0-9]*")
     ).fetchall()
@@ -170,7 +171,7 @@ def _settings(connection: sqlite3.Connection) -> dict[int, PlanSettings | None]:
 def _legs(
     connection: sqlite3.Connection, frame: LocalFrame, number: int
 ) -> tuple[list[int], tuple[shapely.Polygon, ...]]:
-    """The order of a revision and its corridors."""
+    """Return the order of a revision and its corridors."""
     rows: list[Any] = connection.execute(
         "SELECT seq, geom FROM legs WHERE revision = ? ORDER BY place", (number,)
     ).fetchall()

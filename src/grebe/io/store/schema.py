@@ -1,7 +1,7 @@
-"""The layers of a survey file, and the plan's way into them and back.
+"""The layers of a survey file, and how the plan is written to them and read back.
 
-The layers and their columns are a public format: docs/survey-file.md describes them, and a
-change raises `VERSION`.
+The layers and their columns are a public format: docs/survey-file.md describes them, and a change
+raises `VERSION`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 VERSION = 5
-# What SQLite says where there is no room, be it for the journal's index in memory.
+# SQLite's errors when there is no room, even for the journal's index in memory.
 NO_ROOM = ("SQLITE_FULL", "SQLITE_IOERR_WRITE", "SQLITE_IOERR_SHM", "SQLITE_IOERR_FSYNC")
 STATE_COLUMNS = STATE_NAMES
 
@@ -62,7 +62,7 @@ _LAYERS: dict[str, tuple[str | None, str]] = {
         "split_stage INTEGER, solve_ms DOUBLE, status TEXT, current_north_mps DOUBLE, "
         "current_east_mps DOUBLE, boat INTEGER NOT NULL DEFAULT 1",
     ),
-    # Two columns a quantity follow: those that the file declares.
+    # Two columns per quantity follow, for those that the file declares.
     "samples": (
         "POINT",
         "time DATETIME NOT NULL, target_seq INTEGER, speed_mps DOUBLE, "
@@ -81,8 +81,9 @@ def create(
     quantities: Quantities,
     revision: PlanRevision | None = None,
 ) -> None:
-    """Write the layers and the plan into an empty database; `revision` is its first one, with
-    its sorties, where it has any.
+    """Write the layers and the plan into an empty database.
+
+    `revision` is the plan's first one, with its sorties, if it has any.
     """
     first = revision or first_revision(survey)
     if [t.seq for t in first.targets] != list(range(1, len(survey.targets) + 1)):
@@ -111,7 +112,7 @@ def create(
 
 
 def declare(connection: sqlite3.Connection, quantities: Iterable[Quantity]) -> None:
-    """Declare quantities and add their columns to the samples; those declared are defined anew."""
+    """Declare quantities and add their columns to the samples; existing ones are redefined."""
     columns = {row[1] for row in connection.execute("PRAGMA table_info(samples)")}
     declared = list(quantities)
     for one in declared:
@@ -168,7 +169,7 @@ def _blobs(frame: LocalFrame, polygons: NDArray[np.object_]) -> list[bytes]:
 
 
 def read_survey(connection: sqlite3.Connection) -> tuple[Survey, PlanRevision]:
-    """Read the plan back, in the order of its last revision, and that revision."""
+    """Read back the plan, in the order of its last revision, and that revision."""
     planned, corridors = _read_plan(connection)
     pool = {target.seq: target for target in planned.targets}
     last = revision_tables.read_all(connection, planned.frame, pool, corridors, last_only=True)
@@ -183,7 +184,7 @@ def read_revisions(connection: sqlite3.Connection) -> tuple[PlanRevision, ...]:
 
 
 def _read_plan(connection: sqlite3.Connection) -> tuple[Survey, tuple[shapely.Polygon, ...]]:
-    """The survey with all targets of all revisions, and the corridors of the first."""
+    """Read the survey with all targets of all revisions, and the corridors of the first."""
     meta = dict(connection.execute("SELECT key, value FROM meta").fetchall())
     frame = LocalFrame(
         origin_lon_deg=float(meta["frame_origin_lon_deg"]),
@@ -222,7 +223,7 @@ def _read_targets(connection: sqlite3.Connection, frame: LocalFrame) -> tuple[Ta
 def _read_corridors(
     connection: sqlite3.Connection, frame: LocalFrame
 ) -> tuple[shapely.Polygon, ...]:
-    """Corridors in the order of their targets; a file of schema 1 has none."""
+    """Read the corridors in the order of their targets; a file of schema 1 has none."""
     if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'corridors'").fetchone():
         return ()
     rows = connection.execute("SELECT geom FROM corridors ORDER BY seq")
@@ -238,8 +239,8 @@ def _polygons(frame: LocalFrame, blobs: list[bytes]) -> list[shapely.Polygon]:
 
 def check(path: Path, connection: sqlite3.Connection) -> None:
     """Refuse a file that is not a survey file, damaged, or newer than this program."""
-    # SQLite itself is asked: a process that closes a file loses all its locks on it, and those of
-    # a mission that writes it would be gone.
+    # Everything goes through SQLite: a process that opens and closes the file itself loses all its
+    # locks on it, including those of a mission that is writing it.
     try:
         version = int(connection.execute("PRAGMA user_version").fetchone()[0])
     except sqlite3.DatabaseError as error:
@@ -261,7 +262,7 @@ def check(path: Path, connection: sqlite3.Connection) -> None:
 
 
 def unavailable(path: Path, error: sqlite3.OperationalError) -> SurveyFileError:
-    """Return the error for a file that is sound but cannot be had: locked, or read-only."""
+    """Return the error for a file that is sound but unavailable: locked, or read-only."""
     if "locked" in str(error):
         return SurveyFileError(f"{path} is being written by another program; close it there first.")
     if error.sqlite_errorname.startswith(NO_ROOM):
@@ -274,7 +275,7 @@ def unavailable(path: Path, error: sqlite3.OperationalError) -> SurveyFileError:
 
 
 def damaged(path: Path, detail: str) -> SurveyFileError:
-    """Return the error for a file that SQLite cannot read to its end."""
+    """Return the error for a file that SQLite cannot read completely."""
     return SurveyFileError(
         f"{path} is damaged or cut off ({' '.join(detail.split())[:120]}); restore it from a "
         f"backup, or save what is left with: sqlite3 {path.name} .recover"

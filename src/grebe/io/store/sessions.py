@@ -1,7 +1,7 @@
-"""A mission that writes a survey file: noted in it from its beginning until it is closed.
+"""Note in a survey file that a mission is writing it, from its beginning until it is closed.
 
-What is written goes into a journal beside the file first (`-wal`), and is folded into the file from
-time to time. The file alone is sound without it, but older: the note tells such a copy.
+Writes go to a journal beside the file first (`-wal`), which is moved into the file from time to
+time. A copy of the file without its journal is sound, but older: the note reveals such a copy.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _KEY = "mission_open"
 
 
 def has_journal(path: Path) -> bool:
-    """Whether a journal that holds something lies beside a survey file."""
+    """Return whether there is a journal beside a survey file that holds something."""
     journal = path.with_name(path.name + "-wal")
     return journal.is_file() and journal.stat().st_size > 0
 
@@ -28,16 +28,16 @@ def enter(connection: sqlite3.Connection, now: datetime) -> None:
 
 
 def leave(connection: sqlite3.Connection) -> None:
-    """Take the note away."""
+    """Remove the note."""
     connection.execute("DELETE FROM meta WHERE key = ?", (_KEY,))
 
 
 def is_left_open(connection: sqlite3.Connection) -> bool:
-    """Whether a mission writes the file, or did not come to close it."""
+    """Return whether a mission is writing the file, or ended without closing it."""
     row = connection.execute("SELECT 1 FROM meta WHERE key = ?", (_KEY,)).fetchone()
     return row is not None
 
 
 def fold(connection: sqlite3.Connection) -> None:
-    """Bring all of the journal into the file itself."""
+    """Move all of the journal into the file itself."""
     connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")

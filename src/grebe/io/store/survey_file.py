@@ -1,7 +1,7 @@
 """Write and read survey files.
 
-Every row is committed, with WAL and full synchronisation, before the call returns: a sample
-that the loop has seen is on the disk. Other programs may read the file meanwhile.
+Every row is committed, with WAL and full synchronisation, before the call returns: a sample that
+the loop has seen is on the disk. Other programs may read the file meanwhile.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class SurveyFile(SurveyReader):
         self, path: Path, connection: sqlite3.Connection, *, had_journal: bool = True
     ) -> None:
         super().__init__(path, connection)
-        # Whether a mission did not come to close the file.
+        # Whether a mission is writing the file, or ended without closing it.
         self._left_open = sessions.is_left_open(connection)
         self._had_journal = had_journal
         self._lock: TextIO | None = None
@@ -86,11 +86,11 @@ class SurveyFile(SurveyReader):
         quantities: Quantities = LIMNOLOGICAL,
         revision: PlanRevision | None = None,
     ) -> None:
-        """Write a new survey file, which declares some quantities; `revision` is its plan's
-        first one where it has sorties.
+        """Write a new survey file, which declares some quantities.
 
-        An existing file is left alone unless `force`; then it is replaced only once the new
-        one is complete. Raises `SurveyFileError`.
+        `revision` is its plan's first one if that has sorties. An existing file is left unchanged
+        unless `force` is given, and then it is replaced only once the new one is complete. Raises
+        `SurveyFileError`.
         """
         with (
             new_file(path, force=force) as part,
@@ -103,7 +103,7 @@ class SurveyFile(SurveyReader):
     def open(cls, path: Path) -> Self:
         """Open an existing survey file; `SurveyFileError` says why it cannot be used.
 
-        One that an older version made is brought up to date.
+        A file that an older version made is brought up to date.
         """
         path = Path(path)
         if path.is_dir():
@@ -131,9 +131,10 @@ class SurveyFile(SurveyReader):
             raise schema.damaged(path, str(error)) from None
 
     def stay_safe(self, now: datetime) -> str:
-        """Look whether the file is still there; where it was taken away, go on in a new one.
+        """Check that the file is still there; if it was taken away, go on in a new one.
 
-        Returns what there is to say, which the new file's log holds too; nothing as a rule.
+        Returns a message if that happened, which is also in the new file's log, and otherwise an
+        empty string.
         """
         if self._identity is None or rescue.identity(self.path) == self._identity:
             return ""
@@ -144,7 +145,7 @@ class SurveyFile(SurveyReader):
         return said
 
     def _move(self, path: Path) -> None:
-        """Write into another file from here on, which holds all that this one does."""
+        """Write to another file from here on, which holds everything that this one does."""
         connection = connect(path)
         make_durable(connection)
         self._connection.close()
@@ -175,9 +176,9 @@ class SurveyFile(SurveyReader):
             raise SurveyFileError(f"{self.path} is being written by another mission.")
 
     def begin_session(self, now: datetime) -> None:
-        """Note in the file that a mission writes it, until it is closed.
+        """Note in the file that a mission is writing it, until it is closed.
 
-        A copy of the file alone, without the journal beside it, is then known for one.
+        This reveals a copy of the file that was made without the journal beside it.
         """
         self.claim()
         self._in_session = True
@@ -188,7 +189,7 @@ class SurveyFile(SurveyReader):
         self._identity = rescue.identity(self.path)
 
     def close(self) -> None:
-        """Fold the write-ahead log into the file and close it."""
+        """Move the write-ahead log into the file and close it."""
         with suppress(sqlite3.Error, OSError):
             if self._in_session:
                 sessions.leave(self._connection)
@@ -201,8 +202,10 @@ class SurveyFile(SurveyReader):
             self._lock = None
 
     def _note_whole(self) -> None:
-        """Note that nothing is missing, though nobody closed the file: what a dead mission left in
-        its journal is being folded. Where a mission still writes, nothing is noted.
+        """Note that nothing is missing, although nobody closed the file.
+
+        The journal of a dead mission is being moved into the file. If a mission is still writing,
+        nothing is noted.
         """
         lock = self._lock or claims.take(self.path)
         if lock is None:
@@ -213,17 +216,17 @@ class SurveyFile(SurveyReader):
 
     @property
     def journal_missing(self) -> bool:
-        """Whether a mission did not come to close the file, and its journal is not there either."""
+        """Whether a mission ended without closing the file, and its journal is missing too."""
         return self._left_open and not self._had_journal
 
     # -- writing ---------------------------------------------------------------------
 
     def together(self) -> AbstractContextManager[None]:
-        """Write what is written within as one: all of it is on the disk at the end, or nothing."""
+        """Write everything within the block as one: in the end all is on the disk, or nothing."""
         return self._together
 
     def declare(self, quantities: Quantities) -> None:
-        """Declare more quantities; those that are declared are defined anew, in the same unit."""
+        """Declare more quantities; existing ones are redefined, in the same unit."""
         for key, one in quantities.items():
             before = self._quantities.get(key)
             if before is not None and before.unit != one.unit:
@@ -260,7 +263,7 @@ class SurveyFile(SurveyReader):
                     )
 
     def extend_samples(self, samples: Samples) -> None:
-        """Append columns of samples, as `append_samples` does a few, in one transaction."""
+        """Append columns of samples in one transaction, as `append_samples` does with a few."""
         self._refuse_undeclared(set(samples.values))
         sql = self._insert_samples()
         with self._together:
@@ -274,7 +277,7 @@ class SurveyFile(SurveyReader):
             )
 
     def append_revision(self, revision: PlanRevision) -> None:
-        """Keep a revision of the plan beside those before it; from now on it is the plan.
+        """Store a revision of the plan after the earlier ones; from now on it is the plan.
 
         Raises `SurveyFileError` for one that does not follow the file's last.
         """
@@ -306,7 +309,7 @@ class SurveyFile(SurveyReader):
         )
 
     def mark_reached(self, seq: int, time: datetime) -> None:
-        """Note when a target was reached; the first time stands."""
+        """Note when a target was reached; the first time is kept."""
         self._execute(
             "UPDATE targets SET reached_at = ? WHERE seq = ? AND reached_at IS NULL",
             (time_text(time), seq),
@@ -320,7 +323,7 @@ class SurveyFile(SurveyReader):
             return
         fids = [row[0] for row in self._query("SELECT fid FROM samples ORDER BY fid")]
         if any(len(column) != len(fids) for column in flags.values()):
-            raise ValueError(f"flags are given for other than the {len(fids)} samples there are")
+            raise ValueError(f"the flags do not match the {len(fids)} samples of the file")
         setters = ", ".join(f'"{key}_qc" = ?' for key in keys)
         with self._together:
             for first in range(0, len(fids), ROWS_AT_ONCE):
@@ -345,8 +348,9 @@ class SurveyFile(SurveyReader):
             self._insert("meta", {"key": key, "value": value})
 
     def clear_mission(self) -> None:
-        """Forget track, samples, events and what was reached; the plan is as it was before missions
-        revised it.
+        """Delete the track, the samples, the events and what was reached.
+
+        The plan is restored to what it was before missions revised it.
         """
         again = begun_anew(self.revisions())
         with self._together:

@@ -1,4 +1,4 @@
-"""What an open survey file tells: the plan, the track, the samples, the events."""
+"""Read an open survey file: the plan, the track, the samples, the events."""
 
 from __future__ import annotations
 
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 
 
 class SurveyReader:
-    """Reads a survey file over a connection that somebody else opens and closes; `survey` and
-    `revision` are the plan's last.
+    """Reads a survey file over a connection that somebody else opens and closes.
+
+    `survey` and `revision` are those of the plan's last revision.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
@@ -42,7 +43,7 @@ class SurveyReader:
 
     @property
     def quantities(self) -> Quantities:
-        """The quantities that the file declares: its samples have a column of each."""
+        """The quantities that the file declares: its samples have a column for each."""
         return self._quantities
 
     def meta(self) -> dict[str, str]:
@@ -76,9 +77,7 @@ class SurveyReader:
         return track_of(rows)
 
     def track_ends(self, boat: int | None = None) -> tuple[TrackEnd, TrackEnd] | None:
-        """Return the first and the last row of the track, or of one boat's; None where there is
-        none.
-        """
+        """Return the first and the last row of the track, or of one boat's; None if it is empty."""
         columns = ", ".join(schema.STATE_COLUMNS)
         some = "track" if boat is None else f"track WHERE boat = {int(boat)}"
         rows = self._query(
@@ -93,8 +92,9 @@ class SurveyReader:
         return first, last
 
     def last_target(self, boat: int | None = None) -> int | None:
-        """Return the number of the target that was steered to last, by a boat or by any; None where
-        there is none.
+        """Return the number of the target that was steered to last; None if there is none.
+
+        It is that of one boat, or of any.
         """
         whose = "" if boat is None else f"AND boat = {int(boat)} "
         rows = self._query(
@@ -104,9 +104,9 @@ class SurveyReader:
         return int(rows[0][0]) if rows else None
 
     def last_time(self) -> datetime | None:
-        """Return when the recorded mission was last heard of; None where there is none.
+        """Return the latest time in the recorded mission; None if there is none.
 
-        Of several boats the one that wrote last need not be the one whose time is latest.
+        With several boats, the one that wrote last need not be the one with the latest time.
         """
         rows = self._query(
             "SELECT max(reached_at) FROM targets UNION ALL SELECT max(time) FROM events UNION ALL "
@@ -145,7 +145,7 @@ class SurveyReader:
         return int(self._query(f"SELECT count(*) FROM {table}")[0][0])
 
     def _blocks(self, sql: str) -> Iterator[list[Any]]:
-        """The rows of a query, so many at a time."""
+        """Yield the rows of a query in blocks."""
         try:
             cursor = self._connection.execute(sql)
             while rows := cursor.fetchmany(ROWS_AT_ONCE):

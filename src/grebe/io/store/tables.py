@@ -1,4 +1,4 @@
-"""What a survey file hands out besides its plan, and how samples stand in its rows."""
+"""The tables of a survey file besides its plan, and the form of samples in its rows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-# Rows that are turned into columns, and columns into rows, at a time: memory stays in bounds.
+# Rows are turned into columns, and columns into rows, in blocks of this many, to bound memory.
 ROWS_AT_ONCE = 50_000
 
 
@@ -56,8 +56,10 @@ class TrackEnd:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackTable:
-    """The whole track as columns: `seconds` since the first row, `states` (n, 6),
-    `thrusts` (n, 2) [N], `solve_ms` (n,), `status` (n,), `boat` (n,) by its number in the fleet.
+    """The complete track as columns.
+
+    `seconds` since the first row, `states` (n, 6), `thrusts` (n, 2) [N], `solve_ms` (n,), `status`
+    (n,), `boat` (n,) by its number in the fleet.
     """
 
     times: tuple[datetime, ...]
@@ -73,11 +75,11 @@ class TrackTable:
         return len(self.states)
 
     def each_boat(self) -> list[TrackTable]:
-        """The tracks of the boats, the one with the lowest number first."""
+        """Return the tracks of the boats, the one with the lowest number first."""
         return [self.of_boat(number) for number in np.unique(self.boat).tolist()]
 
     def of_boat(self, number: int) -> TrackTable:
-        """The track of one boat."""
+        """Return the track of one boat."""
         return self._rows(self.boat == number)
 
     def _rows(self, chosen: NDArray[np.bool_]) -> TrackTable:
@@ -94,7 +96,7 @@ class TrackTable:
 
 
 def track_row(point: Step, place: bytes, boat: int) -> dict[str, Any]:
-    """A step of a boat as a row of the track; `place` is its point as the file has it."""
+    """Return a step of a boat as a row of the track; `place` is its point as the file stores it."""
     return {
         "geom": place,
         "time": time_text(point.time),
@@ -112,8 +114,9 @@ def track_row(point: Step, place: bytes, boat: int) -> dict[str, Any]:
 
 
 def track_of(rows: Sequence[tuple[Any, ...]]) -> TrackTable:
-    """The track from its rows: time, status, target, boat, the state, both thrusts, ms of the
-    solver.
+    """Return the track from its rows.
+
+    A row holds time, status, target, boat, the state, both thrusts, and ms of the solver.
     """
     times = tuple(parse_time(row[0]) for row in rows)
     numbers = np.array([row[4:] for row in rows], dtype=float).reshape(-1, 9)
@@ -130,13 +133,13 @@ def track_of(rows: Sequence[tuple[Any, ...]]) -> TrackTable:
 
 
 def sample_columns(quantities: Quantities) -> list[str]:
-    """The columns of the table of samples, as SQL names them."""
+    """Return the columns of the table of samples, as SQL names them."""
     pairs = [name for key in quantities for name in (f'"{key}"', f'"{key}_qc"')]
     return ["geom", "time", "target_seq", "speed_mps", "boat", *pairs]
 
 
 def row_of(sample: Sample, frame: LocalFrame, quantities: Quantities, boat: int) -> tuple[Any, ...]:
-    """One sample of a boat as a row of `sample_columns`."""
+    """Return one sample of a boat as a row of `sample_columns`."""
     place = frame.to_wgs84((sample.north_m, sample.east_m)).tolist()
     pairs = [
         cell
@@ -150,7 +153,7 @@ def row_of(sample: Sample, frame: LocalFrame, quantities: Quantities, boat: int)
 def rows_of(
     samples: Samples, frame: LocalFrame, quantities: Quantities
 ) -> Iterator[tuple[Any, ...]]:
-    """Columns of samples as rows of `sample_columns`; SQLite keeps NaN as NULL."""
+    """Return columns of samples as rows of `sample_columns`; SQLite stores NaN as NULL."""
     n = len(samples)
     points = cast("NDArray[np.object_]", shapely.points(frame.to_wgs84(samples.positions)))
     columns: list[Sequence[Any]] = [
@@ -170,7 +173,7 @@ def rows_of(
 def samples_of(
     blocks: Iterator[list[tuple[Any, ...]]], frame: LocalFrame, quantities: Quantities
 ) -> Samples:
-    """Rows of `sample_columns`, in blocks, as columns."""
+    """Return rows of `sample_columns`, in blocks, as columns."""
     width = 3 + 2 * len(quantities)
     parts = [_block(rows, width) for rows in blocks]
     parts = parts or [_block([], width)]
@@ -191,7 +194,7 @@ def samples_of(
 def _block(
     rows: list[tuple[Any, ...]], width: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Times (n,), longitude and latitude (n, 2) and the other columns (n, width) of some rows."""
+    """Return times (n,), longitudes and latitudes (n, 2), and other columns (n, width) of rows."""
     return (
         parse_times([row[1] for row in rows]),
         geopackage.point_coordinates([row[0] for row in rows]),

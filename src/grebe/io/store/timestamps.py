@@ -22,7 +22,7 @@ def time_text(time: datetime) -> str:
 
 
 def time_texts(seconds: NDArray[np.float64]) -> list[str]:
-    """Return unix seconds (n,) as `time_text` writes one: milliseconds begun, not rounded."""
+    """Return unix seconds (n,) as `time_text` writes one; milliseconds are truncated."""
     fraction, whole = np.modf(seconds)
     micros = 1_000_000 * whole.astype(np.int64) + np.rint(1e6 * fraction).astype(np.int64)
     texts = np.datetime_as_string((micros // 1000).astype("datetime64[ms]"))
@@ -35,7 +35,7 @@ def parse_time(text: str) -> datetime:
 
 
 def parse_times(texts: Sequence[str]) -> NDArray[np.float64]:
-    """Read times to unix seconds (n,), at once where they are as `time_text` writes them."""
+    """Read times to unix seconds (n,), all at once if they are as `time_text` writes them."""
     if all(len(text) == _LENGTH and text.endswith("Z") for text in texts):
         stamps = np.array([text[:-1] for text in texts], dtype="datetime64[ms]")
         return stamps.astype(np.int64) / 1000.0
