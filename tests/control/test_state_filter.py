@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import scipy.linalg
 
+from grebe.control.observer import Observer, RandomWalk
 from grebe.control.state_filter import LEAST_S, LEAST_SHARE, StateFilter
-from grebe.core.dynamics import Weather
-from grebe.core.motion import parameter_vector
+from grebe.core.dynamics import Weather, rates
+from grebe.core.motion import advance, parameter_vector
 from grebe.core.vessel import PRESETS
 from grebe.simulation.plant import Plant
 
@@ -29,6 +29,7 @@ def sail(noise, *, seconds=60, boat=BOAT, weather=None, drift_m=0.0, seed=5):
     rng = np.random.default_rng(seed)
     weather = weather or Weather()
     plant, one = Plant(boat, (0.0,) * 6, weather), StateFilter()
+    observer = Observer(BOAT, weather)
     p = parameter_vector(BOAT, np.array(weather.as_tuple()))
     true, seen, believed, thrusts = [], [], [], (0.0, 0.0)
     off = np.zeros(2)
@@ -39,7 +40,7 @@ def sail(noise, *, seconds=60, boat=BOAT, weather=None, drift_m=0.0, seed=5):
         estimate[:2] += off
         seen.append(tuple(estimate.tolist()))
         if i:
-            one.see(p, seen[-2], thrusts, seen[-1], EVERY_S, SUBSTEPS)
+            one.see(p, seen[-2], thrusts, seen[-1], EVERY_S, SUBSTEPS, observer)
         believed.append(one.filtered(seen[-1]))
         if i % 20 == 0:
             thrusts = tuple((rng.uniform(-0.2, 0.9, 2) * boat.thrust_max_n).tolist())
@@ -99,7 +100,7 @@ def test_a_wild_estimate_is_taken_as_it_comes_and_spoils_nothing():
     seen[400][0] += 20.0
     before = np.zeros(6)
     for i, (last, now) in enumerate(pairwise(map(tuple, seen)), 1):
-        one.see(p, last, (0.0, 0.0), now, EVERY_S, SUBSTEPS)
+        one.see(p, last, (0.0, 0.0), now, EVERY_S, SUBSTEPS, Observer(BOAT))
         believed = one.filtered(now)
         assert abs(believed[3]) < 4 * ALL[3]
         if i == 399:
@@ -123,25 +124,71 @@ def gain_at_rest(seen, element):
         one, last = StateFilter(), list(seen[-1])
         last[element] += shift
         for before, after in pairwise([*seen[:-1], tuple(last)]):
-            one.see(p, before, (0.0, 0.0), after, EVERY_S, SUBSTEPS)
+            one.see(p, before, (0.0, 0.0), after, EVERY_S, SUBSTEPS, Observer(BOAT))
         ends.append(one.filtered(seen[-1])[element])
     return (ends[1] - ends[0]) / moved, one.variances
 
 
-def test_at_rest_it_is_the_steady_kalman_filter():
-    """Its gains are those of SciPy's solution of the discrete algebraic Riccati equation.
-
-    (Simon 2006, ch. 7), for the learned noise and a boat at rest.
+def test_at_rest_it_is_the_kalman_filter():
+    """At rest the gains are those of the textbook's recursion (Simon 2006, ch. 5) in matrices, with
+    the noise that was learned.
     """
     rng = np.random.default_rng(2)
     seen = [tuple((rng.normal(size=6) * ALL).tolist()) for _ in range(900)]
     gains, learned = zip(*(gain_at_rest(seen, i) for i in range(6)), strict=True)
-    rates = np.array([BOAT.x_u / BOAT.m11_kg, BOAT.y_v / BOAT.m22_kg, BOAT.n_r / BOAT.m33_kgm2])
-    decay = np.exp(EVERY_S * rates)
-    slopes = np.diag([1.0, 1.0, 1.0, *decay])
-    slopes[range(3), range(3, 6)] = (decay - 1.0) / rates
-    measured = learned[0]
-    model = np.diag(LEAST_SHARE * measured)
-    ahead = scipy.linalg.solve_discrete_are(slopes.T, np.eye(6), model, np.diag(measured))
-    steady = np.diag(ahead @ np.linalg.inv(ahead + np.diag(measured)))
-    assert np.array(gains) == pytest.approx(steady, rel=0.25)
+    walk, noise = RandomWalk.around(BOAT), np.diag(learned[0])
+    slopes, measures = slopes_at_rest(walk.probe), np.eye(6, 10)
+    model = np.diag([*(LEAST_SHARE * learned[0]), *(EVERY_S * walk.drift)])
+    covariance, gain = np.diag([*learned[0], *walk.sd**2]), np.zeros((10, 6))
+    for _ in seen:
+        ahead = slopes @ covariance @ slopes.T + model
+        gain = ahead @ measures.T @ np.linalg.inv(measures @ ahead @ measures.T + noise)
+        covariance = (np.eye(10) - gain @ measures) @ ahead
+    assert np.array(gains) == pytest.approx(np.diag(gain), rel=0.25)
+
+
+def slopes_at_rest(weather_steps):
+    """Derivatives (10, 10) of state and weather after one period, by those before, at rest."""
+    slopes, steps = np.eye(10), np.array([*[1e-6] * 6, *weather_steps])
+    for j in range(10):
+        moved, end = np.zeros(10), np.empty(6)
+        moved[j] = steps[j]
+        p = parameter_vector(BOAT, moved[6:])
+        advance(p, moved[:6], np.zeros(2), EVERY_S, SUBSTEPS, end)
+        slopes[:6, j] = end / steps[j]
+    return slopes
+
+
+def test_the_weather_is_known_better_than_by_pairs_of_estimates():
+    """Pairs share an estimate; its noise enters both, and the observer counts it twice."""
+    noise = VELOCITIES
+    rng, truth = np.random.default_rng(7), Weather(current_north_mps=0.2, current_east_mps=-0.1)
+    plant, observer, one = Plant(BOAT, (0.0,) * 6, truth), Observer(BOAT), StateFilter()
+    before, thrusts, errors = tuple(rng.normal(size=6) * noise), (0.0, 0.0), []
+    for i in range(900):
+        if i % 20 == 0:
+            thrusts = tuple((rng.uniform(-0.2, 0.9, 2) * BOAT.thrust_max_n).tolist())
+            plant.command(thrusts)
+        plant.advance(EVERY_S)
+        after = tuple((np.array(plant.state) + rng.normal(size=6) * noise).tolist())
+        observer.update(before, thrusts, after, EVERY_S)
+        p = parameter_vector(BOAT, current_and_wind(one.weather or observer.weather))
+        one.see(p, before, thrusts, after, EVERY_S, SUBSTEPS, observer)
+        errors.append(
+            [
+                accelerations(plant, each) - accelerations(plant, truth)
+                for each in (one.weather or observer.weather, observer.weather)
+            ]
+        )
+        before = after
+    joint, pairs = np.sqrt(np.mean(np.square(np.array(errors)[300:]), axis=(0, 2)))
+    assert joint < 0.7 * pairs
+
+
+def current_and_wind(weather):
+    return np.array(weather.as_tuple())
+
+
+def accelerations(plant, weather):
+    """Surge and sway acceleration (2,) in some weather, current and wind together."""
+    return np.array(rates(plant.vessel, plant.state, plant.thrusts, weather.as_tuple())[3:5])

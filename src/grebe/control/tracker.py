@@ -99,6 +99,9 @@ class Tracker:
     @property
     def weather(self) -> Weather:
         """The weather estimated from the boat's motion."""
+        filtered = None if self._filter is None else self._filter.weather
+        if filtered is not None:
+            return filtered
         return Weather() if self._observer is None else self._observer.weather
 
     @property
@@ -260,7 +263,7 @@ class Tracker:
             vessel = self.vessel
             per_second = max(SUBSTEPS_PER_S, vessel.fastest_rate_hz)
             substeps = max(2, math.ceil(seconds * per_second))
-            self._filter.see(self._parameters(vessel), *pair, substeps)
+            self._filter.see(self._parameters(vessel), *pair, substeps, self._observer)
 
     def _parameters(self, vessel: Vessel) -> Array:
         """Parameters of the equations of motion for a boat in the estimated weather."""
