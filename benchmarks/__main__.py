@@ -25,6 +25,7 @@ BENCHMARKS = {
     "summary": "summary",
     "steps": "steps",
     "missions": "missions",
+    "noisy": "noisy",
     "thrift": "thrift",
     "losses": "losses",
     "agreement": "agreement",

@@ -50,8 +50,8 @@ LEAST = np.array([1e-3, 1e-3, 5e-4, 1e-3, 1e-3, 1e-3])
 # Otherwise estimates would count for nothing, and velocities that are measured a little too large
 # would carry the position away.
 LEAST_SHARE = 0.02
-# Random error of a variance over half a minute, as a share of the noise in a surprise. For position
-# and heading it is not attributed to the model, which integrates velocities correctly.
+# Random error of a variance over half a minute, as a share of the noise in a surprise. It is not
+# attributed to the model, whose lasting errors count as weather.
 CHANCE = 0.25
 # Standard deviations beyond which a surprise is an outlier: it is clipped when the noise is
 # learned, and the filter starts again.
