@@ -1,5 +1,6 @@
 """The fence: its predictions come true, and the boat stays inside."""
 
+import itertools
 import math
 
 import numpy as np
@@ -181,3 +182,26 @@ def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_dou
         farthest = max(farthest, plant.state[0] - here[0])
     assert farthest < way.max() + min(FOLLOWED_DOUBT * way.max(), MOST_DOUBT_M)
     assert plant.state[0] < here[0]
+
+
+@pytest.mark.parametrize("name", ["blueboat", "heron", "otter", "spyboat"])
+def test_in_a_channel_hardly_wider_than_the_boat_a_way_to_stop_stays_inside_to_its_end(name):
+    """A current sets across the channel. Beyond the refuge, half a metre inside, is the other
+    shore; a boat that goes on to its refuge by the law must not reach it.
+    """
+    boat, across = without_lag(vessel_named(name)), Weather(current_east_mps=0.2)
+    channel = Fence(water=shapely.box(-30, -0.6, 30, 0.6))
+    proved = 0
+    for east, heading in itertools.product((-0.48, -0.24, 0.0, 0.24, 0.48), np.arange(-6, 6)):
+        state = (0.0, east, heading * math.pi / 6, 0.3, 0.0, 0.0)
+        way_out = escape(channel, keeper(boat), state, lambda _: (0.0, 0.0), across, reaction_s=0.3)
+        if way_out is None:
+            continue
+        proved += 1
+        plant = Plant(boat, state, across)
+        for k in range(200):
+            later = keeper(boat).keep(tuple(plant.state), across, way_out.refuge)
+            plant.command(way_out.thrusts[k] if k < len(way_out.thrusts) else later)
+            plant.advance(0.1)
+            assert channel.holds(tuple(plant.state[:2])), (east, heading, k)
+    assert proved > 20
