@@ -37,8 +37,8 @@ STOPPED_MPS = 0.1
 # The boat need not turn against a drift below this [m/s].
 NO_DRIFT_MPS = 0.05
 # A boat is on its way to its refuge if the cosine of the angle between its course and the refuge is
-# above `STRAIGHT`, and the fence is farther than the boat needs to stop by at least `ROOM_M` [m].
-STRAIGHT, ROOM_M = 0.5, 1.0
+# above `STRAIGHT`, and it stops at most `BEYOND_M` [m] beyond the refuge, where there is water.
+STRAIGHT, BEYOND_M = 0.5, 1.0
 # The rounding of the outline, and of a position in it [m].
 ROUNDING_M = 0.02
 # Distances inside the fence of possible refuges [m]. The boat uses the first of them to which it
@@ -321,21 +321,20 @@ def _has_stopped(state: np.ndarray, room_m: float, drift_mps: float, fence: Fenc
 
 
 def _arrives(state: np.ndarray, refuge: Place, keeper: StationKeeper, fence: Fence) -> bool:
-    """Whether the boat moves slowly towards its refuge, with room to stop on every side.
+    """Whether the boat moves towards its refuge and stops at most `BEYOND_M` beyond it.
 
-    The refuge alone proves nothing: in narrow water the far shore is just beyond it.
+    Without that much water around the refuge it never does: in a channel the other shore is there.
     """
     north, east, heading, surge, sway, _ = state.tolist()
     speed = math.hypot(surge, sway)
     to_north, to_east = refuge[0] - north, refuge[1] - east
     over_north = surge * math.cos(heading) - sway * math.sin(heading)
     over_east = surge * math.sin(heading) + sway * math.cos(heading)
+    away = math.hypot(to_north, to_east)
     nearing = over_north * to_north + over_east * to_east
-    goes = nearing > STRAIGHT * speed * math.hypot(to_north, to_east)
-    if not (goes and STOPPED_MPS < 2 * speed < 2 * APPROACH_MPS):
-        return False
     stops_m = 0.5 * speed * stopping_s(keeper, speed)
-    return fence.is_far((north, east), stops_m + ROOM_M)
+    goes = nearing > STRAIGHT * speed * away and STOPPED_MPS < 2 * speed < 2 * APPROACH_MPS
+    return goes and stops_m < away + BEYOND_M and fence.is_far(refuge, BEYOND_M)
 
 
 def _surely_enough_m(

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 # Allowance for the motion of a boat that holds its position, and for errors of estimates [m].
+# Claims are this much farther apart than stated. A boat stops this much before that, so that it may
+# wander and still claim its place. Plans keep this much more again, so that few end in a stop.
 WANDER_M = 1.0
 # The tolerance to which the path of a claim is simplified [m].
 ROUNDING_M = 0.05
@@ -68,7 +70,7 @@ class Traffic:
 
     def taken(self, boat: int) -> BaseGeometry:
         """Return the water that the claims of others keep this boat's centre out of."""
-        return _around(self._of_others(boat), self.apart_m + 2 * WANDER_M)
+        return _around(self._of_others(boat), self.taken_m)
 
     def wished(self, boat: int, *, by_all: bool = False) -> BaseGeometry:
         """Return the water that other boats wish to cross: those that wait and have precedence, or
@@ -81,6 +83,11 @@ class Traffic:
                 if other != boat and (by_all or self._is_to_be_left(other, boat))
             ]
         return _around(wishes, self.wide_m)
+
+    @property
+    def taken_m(self) -> float:
+        """The distance from the claims of others within which a boat does not go on [m]."""
+        return self.apart_m + 2 * WANDER_M
 
     @property
     def wide_m(self) -> float:
@@ -109,7 +116,7 @@ class Traffic:
         distance that plans keep.
         """
         line = _line(way)
-        claimed_m = self.wide_m if of_plan else self.apart_m + 2 * WANDER_M
+        claimed_m = self.wide_m if of_plan else self.taken_m
         with self._lock:
             claimed = {
                 other
