@@ -11,6 +11,7 @@ import pytest
 import grebe
 from grebe.cli.flags import FLAGS, sentence
 from grebe.cli.main import COMMANDS
+from grebe.cli.options import MOMENT
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings
 
@@ -57,6 +58,50 @@ def test_every_flag_in_the_table_is_one_of_a_command():
             if isinstance(parameter, click.Option):
                 flags |= set(parameter.opts)
     assert set(FLAGS.values()) <= flags
+
+
+def test_every_default_is_in_the_help():
+    for name in COMMANDS:
+        command = importlib.import_module(f"grebe.cli.{name}_command").command
+        for option in command.params:
+            if not isinstance(option, click.Option) or option.is_flag or option.multiple:
+                continue
+            if isinstance(option.default, str | int | float):
+                shown = option.show_default or "[default:" in (option.help or "")
+                assert shown, (name, option.opts)
+
+
+def test_no_message_of_a_command_names_a_flag_twice():
+    """A sentence with a flag in it needs no setting, whose flag would be put behind it."""
+    seen = 0
+    for path in (PACKAGE / "cli").glob("*.py"):
+        for call in (one for one in ast.walk(ast.parse(path.read_text())) if is_call(one)):
+            message = " ".join(text for one in call.args for text in texts_in(one))
+            for keyword in (one for one in call.keywords if one.arg == "settings"):
+                for setting in texts_in(keyword.value):
+                    seen += 1
+                    assert FLAGS.get(setting) not in re.findall(r"--[a-z-]+", message), message
+    assert seen > 5
+
+
+def is_call(node):
+    return isinstance(node, ast.Call)
+
+
+def texts_in(tree):
+    found = (one.value for one in ast.walk(tree) if isinstance(one, ast.Constant))
+    return [value for value in found if isinstance(value, str)]
+
+
+def test_a_moment_is_written_as_the_help_shows_it():
+    option = click.Option(["--moment"], type=MOMENT)
+    command = click.Command("map", params=[option])
+    context = click.Context(command)
+    assert "--moment TIME|middle" in command.get_help(context)
+    assert option.process_value(context, "middle") == "middle"
+    with pytest.raises(click.BadParameter, match="MIDDLE") as caught:
+        option.process_value(context, "MIDDLE")
+    assert "'--moment'" in caught.value.format_message()
 
 
 def test_the_flag_stands_behind_the_sentence():

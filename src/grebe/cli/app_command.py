@@ -170,14 +170,11 @@ def _remote(
     """Uvicorn's TLS settings and the password; empty and None if only this computer has access."""
     if certificate is None and key is None and password_file is None and host in LOCAL:
         if names:
-            raise UsageError(
-                "A --name is only for other computers; see --host.", settings=("name",)
-            )
+            raise UsageError("A --name is only for other computers; see --host.")
         return {}, None
     if certificate is None or key is None:
         raise UsageError(
-            "Other computers reach the app over TLS only; give --certificate and --key.",
-            settings=("certificate",),
+            "Other computers reach the app over TLS only; give --certificate and --key."
         )
     if not names:
         raise UsageError(

@@ -25,12 +25,14 @@ from grebe.simulation.autopilot import AutopilotSettings
     "--current",
     type=options.NORTH_EAST,
     default="0,0",
+    show_default=True,
     help="True current, towards north and east [m/s].",
 )
 @click.option(
     "--wind",
     type=options.NORTH_EAST,
     default="0,0",
+    show_default=True,
     help="True wind force, towards north and east [N].",
 )
 @click.option(

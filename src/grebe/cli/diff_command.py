@@ -48,10 +48,7 @@ def command(
         and out.is_dir()
         and (any(out.glob("*_difference.tif")) or any(out.glob("*_trend.tif")))
     ):
-        raise InputError(
-            f"{out} contains changes already; give another folder, or --force.",
-            settings=("force",),
-        )
+        raise InputError(f"{out} contains changes already; give another folder, or --force.")
     if len(surveys) == 2:
         if seasonal:
             raise UsageError(

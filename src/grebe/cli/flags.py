@@ -29,7 +29,6 @@ FLAGS = {
     "certificate": "--certificate",
     "password_file": "--password-file",
     "name": "--name",
-    "many": "--many",
     "max_minutes": "--max-minutes",
     "minutes": "--minutes",
     "moment": "--moment",

@@ -48,6 +48,7 @@ from grebe.workflow.maps import (
     "--draws",
     type=click.IntRange(0, 1000),
     default=0,
+    show_default=True,
     help="Number of conditional simulations to add.",
 )
 @click.option(
@@ -99,8 +100,7 @@ def command(
         return
     if len(files) != 1:
         raise UsageError(
-            f"{len(files)} surveys were given; only one can be mapped at a time without --many.",
-            settings=("many",),
+            f"{len(files)} surveys were given; only one can be mapped at a time without --many."
         )
     if (out / NETCDF_NAME).exists() and not force:
         raise InputError(f"{out} contains maps already; give another folder, or --force.")

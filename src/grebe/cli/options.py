@@ -72,6 +72,10 @@ class Moment(click.ParamType):
 
     name = "TIME|middle"
 
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Return the placeholder that the help shows, with `middle` as it has to be written."""
+        return self.name
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float | str:
@@ -81,7 +85,8 @@ class Moment(click.ParamType):
         try:
             moment = datetime.fromisoformat(str(value))
         except ValueError:
-            self.fail(f"{value!r} is neither a time such as 2026-05-01T12:00Z nor 'middle'.")
+            said = f"{value!r} is neither a time such as 2026-05-01T12:00Z nor 'middle'."
+            self.fail(said, param, ctx)
         return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 

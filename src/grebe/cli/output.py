@@ -82,7 +82,7 @@ def compile_once() -> None:
     if not is_compiled():
         from grebe.workflow.kernel_cache import compile_controller
 
-        note("compiling the controller, once: this takes about a minute")
+        note("compiling the controller, once: this takes half a minute or less")
         compile_controller()
 
 

@@ -42,7 +42,13 @@ sortie_options = options.together(
         multiple=True,
         help="Where sorties begin and end; may be repeated.  [default: the start]",
     ),
-    click.option("--boats", type=int, default=1, help="Number of boats that share the survey."),
+    click.option(
+        "--boats",
+        type=int,
+        default=1,
+        show_default=True,
+        help="Number of boats that share the survey.",
+    ),
     click.option(
         "--apart",
         "apart_m",
