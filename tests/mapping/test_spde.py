@@ -49,7 +49,7 @@ def test_a_straight_shore_reflects():
     """At a wall without flux, the covariance is that of open water plus its mirror image."""
     mesh = spde.Mesh(make_grid(SEA, 2.0), SEA)
     kappa = 4 / 40
-    wall = -1.0  # half a step beyond the first row of nodes, which are at 1 m
+    # Half a step beyond the first row of nodes.
     wall = mesh.nodes[:, 0].min() - 1.0
     place = nearest(mesh, (9, 100))
     found = prior_covariance(mesh, kappa, place)

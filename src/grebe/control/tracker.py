@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 Thrusts = tuple[float, float]
-# Simulations of the model that are run for the correction at each estimate: some 3 ms.
+# Simulations of the model that are run for the correction at each estimate: 2 ms at most.
 WORK_PER_ESTIMATE = 12
 # Share of a lag within which thrusters should respond.
 HURRY = 0.2

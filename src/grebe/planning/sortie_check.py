@@ -18,7 +18,8 @@ from grebe.planning.check import check_plan
 from grebe.planning.ways.homeward import Homeward, homeward, way_length_m
 from grebe.planning.ways.travel import WANDER, ground_speed, travel_of
 
-# The guard's own reserves for the path home.
+# The reserves that a mission's guard keeps for the path home. They are stated again and not taken
+# from the planner, so that an error there does not excuse itself.
 HOME_SHARE, HOME_SLACK_S = 0.25, 30.0
 
 

@@ -8,7 +8,6 @@ begins. The order stays unchanged; only the path to its next target is new.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -18,9 +17,6 @@ from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.survey import Survey, Target
 from grebe.planning.revisions.revise import PLACE_RADIUS_M, Halfway, OpenWater, joined, transits_of
 from grebe.planning.ways.corridors import REACH_CELLS, Stop, corridors_of, widened
-
-if TYPE_CHECKING:
-    pass
 
 # By the error of its estimate a boat may be this far outside its corridor, or beyond the shore [m].
 ASTRAY_M = 0.5

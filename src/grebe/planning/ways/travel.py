@@ -28,8 +28,8 @@ THRUST_SHARE = 0.9
 # A turn costs this share of its time on the spot at half the largest yaw rate, because a boat
 # turns while it goes on. Fitted on taut paths sailed by `lookahead` (docs/theory.md).
 TURN_SHARE = 0.5
-# A sailed path takes longer than its taut legs and turns by this factor: without it, eight surveys
-# took 0.90 to 1.24 times their predictions (docs/benchmarks.md).
+# A sailed path takes longer than its taut legs and turns by this factor. With it, flown times were
+# 0.94 to 1.13 of the prediction (docs/theory.md).
 WANDER = 1.05
 # A turn is made with one thruster ahead and one astern, at their limits, and ended the same way.
 # Its extra energy is this factor, times the excess of that power over the power of going straight,
