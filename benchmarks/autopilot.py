@@ -26,7 +26,13 @@ from grebe.mission.loop import Mission
 from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
-from grebe.simulation.autopilot import NO_FAULTS, Autopilot, AutopilotSettings, Faults, Mode
+from grebe.simulation.autopilot import (
+    NO_UPSETS,
+    Autopilot,
+    AutopilotSettings,
+    Mode,
+    Upsets,
+)
 from grebe.simulation.plant import Plant, mismatched
 
 LAKES = 100
@@ -43,7 +49,7 @@ class Case:
     """A fault, when it comes [s], and how a mission with it may end besides being complete."""
 
     air: Air = CLEAR
-    faults: Faults = NO_FAULTS
+    faults: Upsets = NO_UPSETS
     ends: str = ""
 
 
@@ -56,15 +62,15 @@ def case_of(name: str, at_s: float, seed: int) -> Case:
         "out of order, by up to 0.4 s": lambda: Case(air=Air(jitter_s=0.4, seed=seed)),
         "line silent for 5 s": lambda: Case(air=Air(silence=(at_s, at_s + 5.0))),
         "line dead": lambda: Case(air=Air(silence=(at_s, 1e9)), ends="silent for"),
-        "autopilot restarts": lambda: Case(faults=Faults(reboots_at=at_s), ends="started afresh"),
-        "no fix for 4 s": lambda: Case(faults=Faults(gps_lost=(at_s, at_s + 4.0))),
+        "autopilot restarts": lambda: Case(faults=Upsets(reboots_at=at_s), ends="started afresh"),
+        "no fix for 4 s": lambda: Case(faults=Upsets(gps_lost=(at_s, at_s + 4.0))),
         "no fix any more": lambda: Case(
-            faults=Faults(gps_lost=(at_s, 1e9)), ends="EKF failsafe|mode HOLD"
+            faults=Upsets(gps_lost=(at_s, 1e9)), ends="EKF failsafe|mode HOLD"
         ),
-        "stuck in HOLD": lambda: Case(faults=Faults(stuck_in_hold=True), ends="stays in HOLD"),
-        "pilot takes over": lambda: Case(faults=Faults(pilot_takes_at=at_s), ends="mode MANUAL"),
+        "stuck in HOLD": lambda: Case(faults=Upsets(stuck_in_hold=True), ends="stays in HOLD"),
+        "pilot takes over": lambda: Case(faults=Upsets(pilot_takes_at=at_s), ends="mode MANUAL"),
         "battery empty": lambda: Case(
-            faults=Faults(battery_empty_at=at_s), ends="Battery failsafe|mode HOLD"
+            faults=Upsets(battery_empty_at=at_s), ends="Battery failsafe|mode HOLD"
         ),
     }[name]()
 

@@ -15,7 +15,7 @@ from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
 from grebe.mission.loop import Mission
 from grebe.mission.telling.recorders import MemoryRecorder
-from grebe.simulation.autopilot import NO_FAULTS, Autopilot, AutopilotSettings, Mode
+from grebe.simulation.autopilot import NO_UPSETS, Autopilot, AutopilotSettings, Mode
 from grebe.simulation.plant import Plant
 
 SURVEY = square_survey(side_m=30.0)
@@ -24,7 +24,7 @@ EXACT = {"position_error_m": 0.0, "heading_error_rad": 0.0, "velocity_error_mps"
 SWITCHED_ON = (-30.0, 5.0)
 
 
-def standin(survey=SURVEY, weather=CALM, faults=NO_FAULTS, parameters=None, **settings):
+def standin(survey=SURVEY, weather=CALM, faults=NO_UPSETS, parameters=None, **settings):
     """A stand-in at the survey's start."""
     plant = Plant(survey.vessel, survey.start.at_rest(), weather)
     lon, lat = survey.frame.to_wgs84(SWITCHED_ON).tolist()

@@ -19,7 +19,7 @@ from grebe.links.mavlink.link import open_link
 from grebe.links.mavlink.preflight import preflight
 from grebe.links.mavlink.rehearsal import Air
 from grebe.links.mavlink.settings import MavlinkSettings
-from grebe.simulation.autopilot import Faults, Mode
+from grebe.simulation.autopilot import Mode, Upsets
 
 AHEAD = Order(thrusts=(5.0, 5.0), surge_mps=1.0, yaw_rate_radps=0.1)
 
@@ -104,10 +104,13 @@ def test_without_a_word_from_us_the_boat_stops_by_itself(drive):
 
 
 FAULTS = {
-    "pilot": (Faults(pilot_takes_at=50.0), "the pilot or a fail-safe took over: mode MANUAL"),
-    "gps": (Faults(gps_lost=(50.0, math.inf)), "mode HOLD .*EKF failsafe"),
-    "battery": (Faults(battery_empty_at=50.0), "mode HOLD .*Battery failsafe"),
-    "reboot": (Faults(reboots_at=50.0), "started afresh"),
+    "pilot": (
+        Upsets(pilot_takes_at=50.0),
+        "the pilot or a fail-safe took over: mode MANUAL",
+    ),
+    "gps": (Upsets(gps_lost=(50.0, math.inf)), "mode HOLD .*EKF failsafe"),
+    "battery": (Upsets(battery_empty_at=50.0), "mode HOLD .*Battery failsafe"),
+    "reboot": (Upsets(reboots_at=50.0), "started afresh"),
 }
 
 
@@ -129,7 +132,7 @@ def test_a_breach_of_the_autopilot_s_own_fence_is_told():
 
 
 def test_a_short_loss_of_the_fix_does_not_end_the_survey():
-    report, _ = sail(linked(standin(faults=Faults(gps_lost=(50.0, 53.0)))))
+    report, _ = sail(linked(standin(faults=Upsets(gps_lost=(50.0, 53.0)))))
     assert report.complete
 
 
@@ -178,7 +181,7 @@ def test_nobody_s_yes_arms_nothing():
 
 def test_an_autopilot_that_stays_in_hold_is_told_so():
     with pytest.raises(LinkError, match="stays in HOLD and will not enter GUIDED"):
-        linked(standin(faults=Faults(stuck_in_hold=True)))
+        linked(standin(faults=Upsets(stuck_in_hold=True)))
 
 
 def test_an_autopilot_without_a_position_is_not_waited_for_for_ever():

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from grebe.core.dynamics import Weather
+from grebe.core.events import Thrusts
 from grebe.core.inner_loop import yaw_rate_max_radps
 from grebe.core.vessel import Vessel, steady_rate
 
-Thrusts = tuple[float, float]
 # Wanted speed for each metre off the place [1/s], and its maximum [m/s].
 APPROACH_PER_S, APPROACH_MPS = 0.25, 0.6
 # Share of full thrust counted for speed; the rest is left to steer with.

@@ -24,7 +24,7 @@ from grebe.control.rollout import SUBSTEPS_PER_S
 from grebe.control.slow_thrusters import SlowThrusters
 from grebe.control.state_filter import StateFilter
 from grebe.core.dynamics import Weather
-from grebe.core.events import State
+from grebe.core.events import State, Thrusts
 from grebe.core.motion import advance, parameter_vector
 from grebe.core.vessel import Vessel
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-Thrusts = tuple[float, float]
 # Simulations of the model that are run for the correction at each estimate: 2 ms at most.
 WORK_PER_ESTIMATE = 12
 # Share of a lag within which thrusters should respond.

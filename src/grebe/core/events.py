@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 State = tuple[float, float, float, float, float, float]
+Thrusts = tuple[float, float]
 EventLevel = Literal["info", "warning", "error"]
 
 

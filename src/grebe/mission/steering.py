@@ -14,7 +14,7 @@ from grebe.control.apart import Announced
 from grebe.control.controller import Command
 from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
-from grebe.core.events import Prediction, Step
+from grebe.core.events import Prediction, Step, Thrusts
 from grebe.core.inner_loop import held_motion
 from grebe.core.survey import Target
 from grebe.links.base import Observation, Order
@@ -32,8 +32,6 @@ from grebe.mission.safety.guard import Guard
 from grebe.mission.safety.lookout import Lookout
 from grebe.mission.safety.states import Place, SafetyState
 from grebe.mission.telling.announcer import Announcer
-
-Thrusts = tuple[float, float]
 
 
 class Steering:

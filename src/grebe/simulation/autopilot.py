@@ -39,8 +39,8 @@ class Mode(enum.IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Faults:
-    """Faults of the autopilot and their times, in seconds since the start; infinity is never.
+class Upsets:
+    """What befalls the autopilot, and when, in seconds since the start; infinity is never.
 
     `gps_lost`: begin and end of a time without a fix. `stuck_in_hold`: every other mode is refused.
     `pilot_takes_at`: the pilot switches to MANUAL. `reboots_at`: the autopilot restarts.
@@ -54,7 +54,7 @@ class Faults:
     battery_empty_at: float = math.inf
 
 
-NO_FAULTS = Faults()
+NO_UPSETS = Upsets()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +103,7 @@ class Autopilot:
 
     plant: Plant
     settings: AutopilotSettings = field(default_factory=AutopilotSettings)
-    faults: Faults = NO_FAULTS
+    faults: Upsets = NO_UPSETS
     mode: Mode = Mode.HOLD
     armed: bool = False
     time_s: float = 0.0

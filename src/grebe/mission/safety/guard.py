@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from grebe.core.dynamics import Weather, drive_power_w
-from grebe.core.events import EndReason, State
+from grebe.core.events import EndReason, State, Thrusts
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
@@ -39,7 +39,7 @@ from grebe.mission.safety.machine import (
 from grebe.mission.safety.memory import WAITS, Asked, Memory, Request
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
-from grebe.mission.safety.stopping import Stopping, Thrusts
+from grebe.mission.safety.stopping import Stopping
 from grebe.mission.safety.way_home import Pilot, UnderWay, WayHome, default_pilot
 
 # A blind boat is braked until dead reckoning gives a surge below this [m/s].

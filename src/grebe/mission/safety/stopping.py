@@ -6,6 +6,7 @@ import math
 
 from grebe.control.station import StationKeeper
 from grebe.core.dynamics import Weather
+from grebe.core.events import Thrusts
 from grebe.core.vessel import Vessel
 from grebe.links.base import Observation
 from grebe.mission.safety.fence import (
@@ -21,7 +22,6 @@ from grebe.mission.safety.lookout import Lookout
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Place
 
-Thrusts = tuple[float, float]
 # A way to stop that was found longer ago than this is for another place [s].
 PROVED_S = 1.0
 

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.core.errors import PlanError, UsageError
+from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings, check_speed
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
-from grebe.planning.fleets.stretches import shared_evenly
+from grebe.planning.fleets.stretches import check_cells, shared_evenly
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner, planner_of
 from grebe.planning.put_together import checked, put_together
@@ -68,12 +68,7 @@ def shared_out(
     """
     settings, fleet = planner.settings, planner.settings.fleet
     assert fleet is not None
-    if len(draft.route.order) < fleet.boats:
-        raise PlanError(
-            f"The water has {len(draft.route.order)} cells, too few for {fleet.boats} boats to "
-            "share; give smaller cells or fewer boats.",
-            settings=("cell_m", "boats"),
-        )
+    check_cells(len(draft.route.order), fleet.boats)
     for one in fleet.vessels:
         check_speed(settings, one)
     vessels = [fleet.vessel(i + 1) or planner.vessel for i in range(fleet.boats)]

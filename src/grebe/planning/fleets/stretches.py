@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from grebe.core.errors import PlanError
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -18,6 +20,16 @@ P = TypeVar("P")
 # Most rounds in which the ends of the stretches are moved, and the ratio of the longest time to the
 # mean at which the search ends.
 ROUNDS, ALIKE = 8, 1.005
+
+
+def check_cells(cells: int, boats: int) -> None:
+    """Raise `PlanError` if there are fewer cells than boats that are to share them."""
+    if cells < boats:
+        raise PlanError(
+            f"The water has {cells} cells, too few for {boats} boats to share; give smaller cells "
+            "or fewer boats.",
+            settings=("cell_m", "boats"),
+        )
 
 
 def shared_evenly(

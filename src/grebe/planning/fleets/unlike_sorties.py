@@ -19,7 +19,7 @@ from grebe.core.errors import PlanError
 from grebe.core.plan_settings import FleetSettings, check_speed
 from grebe.core.survey import Survey
 from grebe.core.taut import taut_way
-from grebe.planning.fleets.stretches import shared_evenly
+from grebe.planning.fleets.stretches import check_cells, shared_evenly
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner
 from grebe.planning.put_together import checked, put_together
@@ -60,12 +60,7 @@ def share_sorties(
     """
     fleet = planner.settings.fleet
     assert fleet is not None
-    if len(draft.route.order) < fleet.boats:
-        raise PlanError(
-            f"The water has {len(draft.route.order)} cells, too few for {fleet.boats} boats to "
-            "share; give smaller cells or fewer boats.",
-            settings=("cell_m", "boats"),
-        )
+    check_cells(len(draft.route.order), fleet.boats)
     bound_m = planner.bound_m(draft)
     shares = _evened(_boats_of(planner, draft, places, fleet, rounds), draft, bound_m, on_done)
     parts = [part for one in shares for part in one.parts]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from grebe.planning.ways.bends import bends_of
 from grebe.planning.ways.graph import Links, distances, links_of
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def ways_around(
         none = np.zeros(0, dtype=np.int64)
         return links_of(none, none, np.zeros(0), n)
     room = _room(water, COARSENESS * cell_m)
-    nodes = np.vstack([centres, _corners(room)])
+    nodes = np.vstack([centres, bends_of(room)])
     begin = np.flatnonzero(near_shore)
     sight = _sight(nodes, room, REACH_CELLS * cell_m)
     lengths = distances(sight, begin, FARTHEST_CELLS * cell_m)[:, :n]
@@ -65,18 +66,6 @@ def _room(water: shapely.Polygon, coarse_m: float) -> BaseGeometry:
     half = 0.5 * PASSAGE_M
     passable = water.buffer(-half, join_style="mitre").buffer(half + coarse_m, join_style="mitre")
     return passable.simplify(0.9 * coarse_m)
-
-
-def _corners(room: BaseGeometry) -> Places:
-    """The corners of the shore that a shortest path can bend around: the water's reflex corners."""
-    rings = shapely.get_rings(shapely.orient_polygons(room))
-    corners = [_reflex(shapely.get_coordinates(ring)[:-1]) for ring in rings]
-    return np.vstack(corners)
-
-
-def _reflex(ring: Places) -> Places:
-    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
-    return ring[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0]
 
 
 def _sight(nodes: Places, room: BaseGeometry, reach_m: float) -> Links:

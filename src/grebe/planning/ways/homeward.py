@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import dijkstra
 from grebe.core.errors import PlanError
 from grebe.core.sets import TargetSet, hull_of, ring_vertices
 from grebe.core.survey import Pose, Survey, Target
+from grebe.planning.ways.bends import bends_of
 from grebe.planning.ways.corridors import corridors_between
 
 if TYPE_CHECKING:
@@ -85,9 +86,7 @@ class Homeward:
     @cached_property
     def _nodes(self) -> Places:
         """The harbour, then the corners of the shore that a shortest path can bend around."""
-        rings = shapely.get_rings(shapely.orient_polygons(self.room))
-        corners = [_reflex(shapely.get_coordinates(ring)[:-1]) for ring in rings]
-        return np.vstack([[self._harbour], *corners])
+        return np.vstack([[self._harbour], bends_of(self.room)])
 
     @cached_property
     def _allowed(self) -> shapely.Polygon:
@@ -177,12 +176,6 @@ def _into(room: shapely.Polygon, place: tuple[float, float]) -> tuple[float, flo
     ends = shapely.get_coordinates(shapely.shortest_line(point, room))
     north, east = ends[1].tolist()
     return north, east
-
-
-def _reflex(ring: Places) -> Places:
-    """The reflex corners of the water along an oriented ring."""
-    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
-    return ring[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0]
 
 
 def transit_survey(
