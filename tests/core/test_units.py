@@ -1,35 +1,10 @@
-"""Units in the column names that loggers write, and their conversion."""
+"""Units as instruments spell them, and their conversion."""
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from grebe.core.units import SPELLINGS, conversion, split_unit, unit_of
-
-
-@pytest.mark.parametrize(
-    ("name", "stem", "unit"),
-    [
-        ("DO (%)", "DO", "%"),
-        ("ODO % sat", "ODO", "%"),
-        ("ODO mg/L", "ODO", "mg/L"),
-        ("SpCond mS/cm", "SpCond", "mS/cm"),
-        ("Cond µS/cm", "Cond", "µS/cm"),
-        ("Specific Conductivity uS/cm @25", "Specific Conductivity", "µS/cm"),
-        ("Temperature (F)", "Temperature", "°F"),
-        ("Temp °C", "Temp", "°C"),
-        ("water_temp_deg_c", "water temp", "°C"),
-        ("Temp, °C (LGR S/N: 1, SEN S/N: 2)", "Temp", "°C"),
-        ("Turb. [FNU]", "Turb.", "FNU"),
-        ("BGA-PC µg/L", "BGA-PC", "µg/L"),
-        ("pH", "pH", None),
-        ("heading", "heading", None),
-        ("YYMMDD", "YYMMDD", None),
-    ],
-)
-def test_a_column_s_unit_is_read_from_its_name(name, stem, unit):
-    assert split_unit(name) == (stem, unit)
+from grebe.core.header_units import parse_unit
+from grebe.core.units import CONVERSIONS, SPELLINGS, conversion, unit_of
 
 
 @pytest.mark.parametrize(
@@ -55,9 +30,27 @@ def test_what_is_another_kind_of_thing_is_not_converted():
     assert conversion("µmol/L", "mg/L", "nitrate_mgl") is None
 
 
-@given(st.sampled_from(sorted(SPELLINGS)), st.sampled_from([" ", "_", " (", " [", ", "]))
-def test_every_spelling_is_found_behind_a_name(unit, between):
-    closing = {" (": ")", " [": "]"}.get(between, "")
+@pytest.mark.parametrize("unit", SPELLINGS)
+def test_every_spelling_is_known_in_capitals_and_with_spaces_too(unit):
     for spelling in SPELLINGS[unit]:
-        assert split_unit(f"Sensor value{between}{spelling}{closing}")[1] == unit
-        assert unit_of(spelling.upper()) == unit
+        assert unit_of(spelling) == unit_of(spelling.upper()) == unit_of(f" {spelling} ") == unit
+
+
+def test_what_headers_spell_alike_is_converted_alike():
+    """Instruments and column headers are read by different tables, which must not disagree."""
+    compared = 0
+    for given_, wanted in CONVERSIONS:
+        there = parse_unit(wanted)
+        for spelling in SPELLINGS[given_]:
+            here = parse_unit(spelling)
+            if here is None or here.kind != there.kind:
+                continue
+            factor, offset = here.to(there)
+            turns = conversion(given_, wanted)
+            if turns is not None:
+                compared += 1
+                assert (turns.factor, turns.offset) == pytest.approx((factor, offset)), spelling
+    assert compared > 30
+    for unit, spellings in SPELLINGS.items():
+        known = [found for found in map(parse_unit, (unit, *spellings)) if found is not None]
+        assert all(found == known[0] for found in known), unit

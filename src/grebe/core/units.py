@@ -1,7 +1,7 @@
-"""Units in the column names that loggers write, and conversions between them.
+"""Units as instruments and their profiles spell them, and conversions between them.
 
 The difficulty with these units is their spelling, not their arithmetic: `uS/cm`, `µS/cm@25`,
-`% sat`, `degC`, `(F)`. So the spellings are a table, and a conversion is a factor and an offset.
+`% sat`, `degC`. So the spellings are a table, and a conversion is a factor and an offset.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Conversion:
 
 
 SAME = Conversion()
-_CONVERSIONS: dict[tuple[str, str], Conversion] = {
+CONVERSIONS: dict[tuple[str, str], Conversion] = {
     ("°F", "°C"): Conversion(factor=5 / 9, offset=-160 / 9),
     ("K", "°C"): Conversion(offset=-273.15),
     # Fresh water weighs a kilogram a litre.
@@ -98,36 +98,10 @@ _CONVERSIONS: dict[tuple[str, str], Conversion] = {
 # Moles and volumes are converted to masses for oxygen only.
 _OF_OXYGEN_ALONE = ("µmol/L", "µmol/kg", "ml/L")
 
-# A unit is in brackets, or follows the first comma: `Temp, °C (LGR S/N: 1)`.
-_BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]")
-
 
 def unit_of(text: str) -> str | None:
     """The registry's name of the unit that a text spells; None if it is no unit."""
     return _NAMES.get(_plain(text))
-
-
-def split_unit(name: str) -> tuple[str, str | None]:
-    """A column's name without its unit, and the unit, None if the name has none.
-
-    The unit is in brackets, after a comma, or the last words: `DO (%)`, `Temp, °C`,
-    `SpCond mS/cm`, `ODO % sat`.
-    """
-    for found in _BRACKETS.finditer(name):
-        unit = unit_of(found.group(1))
-        if unit is not None:
-            return (name[: found.start()] + name[found.end() :]).strip(), unit
-    bare = _BRACKETS.sub(" ", name).strip()
-    stem, comma, rest = bare.partition(",")
-    if comma and unit_of(rest) is not None:
-        return stem.strip(), unit_of(rest)
-    words = re.split(r"[\s_]+", bare)
-    # Take the longest ending that is a unit: `% sat` before `sat`.
-    for first in range(1, len(words)):
-        unit = unit_of(" ".join(words[first:])) or unit_of("/".join(words[first:]))
-        if unit is not None:
-            return " ".join(words[:first]), unit
-    return bare, None
 
 
 def conversion(given: str, wanted: str, key: str = "") -> Conversion | None:
@@ -136,7 +110,7 @@ def conversion(given: str, wanted: str, key: str = "") -> Conversion | None:
         return SAME
     if given in _OF_OXYGEN_ALONE and "oxygen" not in key:
         return None
-    return _CONVERSIONS.get((given, wanted))
+    return CONVERSIONS.get((given, wanted))
 
 
 def _plain(text: str) -> str:
