@@ -143,5 +143,5 @@ def coverage(missions: int = 1000, alpha: float = 0.01) -> None:
 def _stops(share: float, truth: float, chance: np.random.Generator, alpha: float) -> int:
     test = SequentialTest(Claim(confidence=1 - alpha, share=share))
     while test.missions < 5000 and test.verdict is Verdict.OPEN:
-        test.hear(success=bool(chance.uniform() < truth))
+        test.count(success=bool(chance.uniform() < truth))
     return test.missions

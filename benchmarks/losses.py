@@ -28,7 +28,7 @@ LONGER, OFTENER = Lookahead(stages=36), Lookahead(step_s=0.25)
 Sails = Callable[[Task, Conditions], Trial]
 
 
-class Told(Controller):
+class Informed(Controller):
     """The controller with the weather known from the beginning."""
 
     def __init__(self, task: Task) -> None:
@@ -91,7 +91,7 @@ def _spared(task: Task, world: Conditions) -> Trial:
 
 
 def _told(task: Task, world: Conditions) -> Trial:
-    return task.sailed_by(Told(task), world)
+    return task.sailed_by(Informed(task), world)
 
 
 IN_STILL_WATER: dict[str, Sails] = {

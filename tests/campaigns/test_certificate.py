@@ -99,7 +99,7 @@ def test_simulated_campaigns_are_certified_falsely_as_rarely_as_is_said():
     def verdict(truth):
         test = SequentialTest(claim)
         for success in random.uniform(size=300) < truth:
-            if test.hear(success=bool(success)) is not Verdict.OPEN:
+            if test.count(success=bool(success)) is not Verdict.OPEN:
                 break
         return test.verdict
 
@@ -116,7 +116,7 @@ def test_a_certified_share_is_no_higher_than_the_limit():
     test = SequentialTest(claim)
     while test.verdict is Verdict.OPEN:
         outcomes.append(len(outcomes) % 60 != 7)
-        test.hear(success=outcomes[-1])
+        test.count(success=outcomes[-1])
     assert test.verdict is Verdict.CERTIFIED
     limits = confidence_sequence(outcomes, claim.alpha)
     assert limits[-1] >= claim.share > limits[-2]

@@ -92,9 +92,9 @@ def test_a_drive_without_sway_says_so_and_keeps_the_preset():
     )  # fmt: skip
     found = identify(log, preset)
     assert found["m11_kg"].value == pytest.approx(true.m11_kg, rel=0.05)
-    assert found["m11_kg"].is_told
-    assert not found["m33_kgm2"].is_told
-    assert not found["y_v"].is_told
+    assert found["m11_kg"].is_determined
+    assert not found["m33_kgm2"].is_determined
+    assert not found["y_v"].is_determined
     assert any("m33_kgm2" in note and "says little" in note for note in found.notes)
 
 

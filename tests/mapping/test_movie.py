@@ -13,7 +13,7 @@ from grebe.mapping.change import fit_change
 from grebe.mapping.grid import make_grid
 from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.choice import KRIGING
-from grebe.mapping.movie import is_told, moments_of, movie_of
+from grebe.mapping.movie import moments_of, movie_of, shows_change
 from grebe.mapping.scale import LOGARITHMIC
 
 GRID = make_grid(WATER, 6.0)
@@ -57,7 +57,7 @@ def test_a_movie_holds_the_water_of_all_its_moments(settings):
     for seed in (1, 2, 3):
         given = read(seed, drift=1.5)
         still = mapped(given, moment="middle", **settings)
-        assert is_told(still)
+        assert shows_change(still)
         moments = moments_of(given.times, np.ptp(given.times) / 4)
         movie = movie_of(still, moments)
         drift = 1.5 * ((moments - given.times[0]) / np.ptp(given.times) - 0.5)
@@ -75,7 +75,7 @@ def test_a_movie_of_a_logarithm_is_positive_and_multiplies():
     given = read(2, drift=1.5)
     given = replace(given, values=np.exp(0.6 * given.values))
     still = mapped(given, moment="middle", scale=LOGARITHMIC)
-    assert is_told(still)
+    assert shows_change(still)
     movie = movie_of(still, moments_of(given.times, np.ptp(given.times) / 2))
     inside = still.grid.inside
     assert movie.means[:, inside].min() > 0
@@ -94,8 +94,8 @@ def test_a_change_seen_from_another_moment_is_none_there():
 
 
 def test_water_whose_change_is_not_told_has_no_movie():
-    assert not is_told(mapped(read(1), moment="middle"))
-    assert not is_told(mapped(read(1, drift=1.5)))
+    assert not shows_change(mapped(read(1), moment="middle"))
+    assert not shows_change(mapped(read(1, drift=1.5)))
 
 
 def test_moments_are_so_far_apart_from_the_first_sample_on():

@@ -148,7 +148,7 @@ class SequentialTest:
         """The number of outcomes that count."""
         return self.successes + self.failures
 
-    def hear(self, *, success: bool) -> Verdict:
+    def count(self, *, success: bool) -> Verdict:
         """Take one outcome into account, unless the claim is decided; return the verdict."""
         share = self._claim.share
         if self.verdict is not Verdict.OPEN:

@@ -64,27 +64,27 @@ def run_campaign(
     """
     if survey.vessel is None or survey.start is None or not survey.targets:
         raise PlanError("The survey has no targets to steer to; plan a survey first.")
-    heard, test = list[Summary](), SequentialTest(campaign.claim)
+    counted, test = list[Summary](), SequentialTest(campaign.claim)
 
-    def hear() -> bool:
+    def count_next() -> bool:
         """Count the results of the next numbers; return whether no more are needed."""
-        while test.verdict is Verdict.OPEN and len(heard) < campaign.missions:
-            one = results.known.get(len(heard))
+        while test.verdict is Verdict.OPEN and len(counted) < campaign.missions:
+            one = results.known.get(len(counted))
             if one is None:
                 return False
-            heard.append(one)
-            test.hear(success=one.success)
+            counted.append(one)
+            test.count(success=one.success)
         return True
 
     missing = (i for i in range(campaign.missions) if i not in results.known)
-    if not hear():
-        _sail(Scene(campaign=campaign, survey=survey), missing, results, engine, hear, watch)
+    if not count_next():
+        _sail(Scene(campaign=campaign, survey=survey), missing, results, engine, count_next, watch)
     return Outcome(
         campaign=campaign,
         survey=survey,
-        missions=tuple(heard),
+        missions=tuple(counted),
         verdict=test.verdict,
-        limit=_limit(campaign, [one.success for one in heard]),
+        limit=_limit(campaign, [one.success for one in counted]),
     )
 
 
@@ -93,16 +93,16 @@ def _sail(
     missing: Iterator[int],
     results: Results,
     engine: Engine,
-    hear: Callable[[], bool],
+    count_next: Callable[[], bool],
     watch: Callable[[int, int], None],
 ) -> None:
-    """Sail missions until `hear` needs no more; results are stored whatever ends the loop."""
+    """Sail missions until `count_next` needs no more; results are stored whatever ends the loop."""
     try:
         with closing(engine.results(scene, missing)) as summaries:
             for _, summary in summaries:
                 results.keep(summary)
                 watch(len(results.known), scene.campaign.missions)
-                if hear():
+                if count_next():
                     break
     finally:
         results.flush()

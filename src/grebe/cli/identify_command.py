@@ -13,7 +13,7 @@ from grebe.cli import options, output
 from grebe.core.errors import IncompleteError, UsageError
 from grebe.core.vessel import PRESETS, vessel_named
 from grebe.identification.identify import IdentifySettings
-from grebe.identification.result import Identification, Told
+from grebe.identification.result import FittedValue, Identification
 from grebe.links.simulated import EstimateErrors
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.identification import (
@@ -213,17 +213,17 @@ def _numbers(found: Identification, *, as_json: bool) -> dict[str, Any]:
     return rows
 
 
-def _row(one: Told) -> dict[str, Any]:
+def _row(one: FittedValue) -> dict[str, Any]:
     return {
         "value": one.value,
         "sd": one.sd,
         "unit": one.unit,
         "before": one.before,
-        "told": one.is_told,
+        "told": one.is_determined,
     }
 
 
-def _text(one: Told) -> str:
+def _text(one: FittedValue) -> str:
     before = "" if one.before is None or one.of_the_day else f", before {one.before:.4g}"
-    doubt = "" if one.is_told or one.of_the_day else " (not determined)"
+    doubt = "" if one.is_determined or one.of_the_day else " (not determined)"
     return f"{one.text}{before}{doubt}"

@@ -233,7 +233,7 @@ class Descent:
 
     def _information(self, point: _Point) -> Array:
         """Information (6, p, p) of each channel on theta, with the starts estimated from all."""
-        apart = self._point(self._model.told_apart(point.theta), point.starts)
+        apart = self._point(self._model.with_distinct_lag(point.theta), point.starts)
         of_theta, of_starts = self._slopes(apart)
         p = len(point.theta)
         out = np.zeros((6, p, p))

@@ -15,7 +15,7 @@ from grebe.identification.drive_log import DriveLog
 from grebe.identification.estimator import Descent, Fit
 from grebe.identification.open_loop import course_of, tried
 from grebe.identification.parameters import Candidate, Model, model_of
-from grebe.identification.result import TOLD_SHARE, Identification, Told
+from grebe.identification.result import DETERMINED_SHARE, FittedValue, Identification
 from grebe.identification.segments import Segments, segments_of
 from grebe.identification.uncertainty import covariance
 
@@ -153,29 +153,29 @@ def _vessel(fit: Fit, name: str) -> Vessel:
     return replace(boat, source=f"Identified from {name}, beginning from {boat.name}.")
 
 
-def _parameters(fit: Fit, spread: Array) -> tuple[Told, ...]:
+def _parameters(fit: Fit, spread: Array) -> tuple[FittedValue, ...]:
     sd = np.sqrt(np.diag(spread))
-    out: list[Told] = []
+    out: list[FittedValue] = []
     for one, theta, error in zip(fit.model.parameters, fit.theta, sd, strict=True):
         value = one.value(float(theta))
         own = float(error) * (value if one.log else 1.0)
         # A lag of zero counts as determined just as one of a second does.
-        is_told = float(error) < TOLD_SHARE * (1.0 if one.log else one.prior_sd)
+        is_determined = float(error) < DETERMINED_SHARE * (1.0 if one.log else one.prior_sd)
         out.append(
-            Told(
+            FittedValue(
                 name=one.name,
                 unit=one.unit,
                 value=value,
                 sd=own,
                 before=fit.model.before(one.name),
-                is_told=is_told,
+                is_determined=is_determined,
                 of_the_day=one.of_the_day,
             )
         )
     return tuple(out)
 
 
-def _derived(fit: Fit, spread: Array, log: DriveLog) -> tuple[Told, ...]:
+def _derived(fit: Fit, spread: Array, log: DriveLog) -> tuple[FittedValue, ...]:
     """Drags at the velocities of the log, and the top speed, which depend on pairs of drags."""
     moving = np.abs(log.states[:, 3:])
     usual = [
@@ -202,7 +202,7 @@ def _derived(fit: Fit, spread: Array, log: DriveLog) -> tuple[Told, ...]:
 
 def _delta(
     fit: Fit, spread: Array, name: str, unit: str, number: Callable[[Vessel], float]
-) -> Told:
+) -> FittedValue:
     """A function of the boat's parameters with its standard error, by the delta method."""
 
     def of(theta: Array) -> float:
@@ -212,9 +212,9 @@ def _delta(
     probe = 1e-5 * np.eye(len(fit.theta))
     slope = np.array([(of(fit.theta + one) - value) / 1e-5 for one in probe])
     sd = float(np.sqrt(slope @ spread @ slope))
-    return Told(
+    return FittedValue(
         name=name, unit=unit, value=value, sd=sd, before=number(fit.model.base),
-        is_told=sd < TOLD_SHARE * abs(value),
+        is_determined=sd < DETERMINED_SHARE * abs(value),
     )  # fmt: skip
 
 
@@ -227,7 +227,7 @@ def _notes(fit: Fit, spread: Array, settings: IdentifySettings) -> tuple[str, ..
         f"arm, {fit.model.base.arm_m:g} m by the tape, and what the boat sways"
     ]
     told = _parameters(fit, spread)
-    vague = [one.name for one in told if not one.is_told and not one.of_the_day]
+    vague = [one.name for one in told if not one.is_determined and not one.of_the_day]
     if vague:
         notes.append(f"this drive says little of {', '.join(vague)}: the preset stands")
     trim = next(one for one in told if one.name == "trim")

@@ -34,7 +34,7 @@ PRIOR_LOG_SD = 1.0
 ARM_LOG_SD = 0.03
 # First guess of the lag if the vessel has none [s].
 FIRST_LAG_S = 0.15
-LEAST_TOLD_LAG_S = 0.05
+LEAST_DISTINCT_LAG_S = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,14 +103,14 @@ class Model:
         high = [one.high for one in self.parameters]
         return np.clip(theta, low, high)
 
-    def told_apart(self, theta: Array) -> Array:
+    def with_distinct_lag(self, theta: Array) -> Array:
         """Coordinates at which lag and latency can be distinguished.
 
         If there is no lag, a small lag has to first order the effect of an equal latency.
         """
         out = theta.copy()
         lag, latency = self.names.index("thruster_lag_s"), self.names.index("latency_s")
-        more = max(LEAST_TOLD_LAG_S - float(out[lag]), 0.0)
+        more = max(LEAST_DISTINCT_LAG_S - float(out[lag]), 0.0)
         out[lag] += more
         out[latency] -= more
         return out

@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 # A value counts as determined if its standard error is below this share of it.
-TOLD_SHARE = 0.25
+DETERMINED_SHARE = 0.25
 CHANNELS = ("surge", "sway", "yaw rate")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class FittedValue:
     """One value with its standard error `sd`, in `unit`; `before` is the preset's value.
 
-    `is_told`: whether the log determines it, rather than the preset.
+    `is_determined`: whether the log determines it, rather than the preset.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Told:
     value: float
     sd: float
     before: float | None
-    is_told: bool
+    is_determined: bool
     of_the_day: bool = False
 
     @property
@@ -89,13 +89,13 @@ class Identification:
 
     vessel: Vessel
     latency_s: float
-    parameters: tuple[Told, ...]
-    derived: tuple[Told, ...]
+    parameters: tuple[FittedValue, ...]
+    derived: tuple[FittedValue, ...]
     noise: Array
     hold_out: HoldOut
     course: Course
     notes: tuple[str, ...]
 
-    def __getitem__(self, name: str) -> Told:
+    def __getitem__(self, name: str) -> FittedValue:
         """The parameter or derived quantity with this name."""
         return next(one for one in (*self.parameters, *self.derived) if one.name == name)

@@ -58,7 +58,7 @@ def moments_of(times: Array, every_s: float) -> Array:
     return first + every_s * np.arange(count)
 
 
-def is_told(one: QuantityMap) -> bool:
+def shows_change(one: QuantityMap) -> bool:
     """Whether the samples show how a quantity changed; without that, a movie does not move."""
     return one.is_of_moment and one.change.is_heeded
 

@@ -21,7 +21,7 @@ from grebe.io.store import Progress, SurveyFile, TrackTable
 from grebe.mapping.grid import make_grid
 from grebe.mapping.lag import Lag, corrected_values
 from grebe.mapping.maps import Each, Mapper, MapSettings, in_turn, map_all
-from grebe.mapping.movie import Movie, is_told, moments_of, movie_of
+from grebe.mapping.movie import Movie, moments_of, movie_of, shows_change
 from grebe.mapping.quantity_map import QuantityMap
 
 
@@ -124,7 +124,7 @@ def gather(
     maps, left_out = map_all(mapper, corrected, survey_file.quantities, on_mapped, each)
     movies = None
     if moments is not None:
-        movies = [movie_of(one, moments) for one in maps if is_told(one)]
+        movies = [movie_of(one, moments) for one in maps if shows_change(one)]
     return ReportData(
         survey=survey,
         meta=meta,

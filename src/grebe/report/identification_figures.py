@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from grebe.identification.result import Identification, Told
+from grebe.identification.result import FittedValue, Identification
 from grebe.report.canvas import BLACK, BLUE, GREY, ORANGE, SKY, VERMILLION, styled
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def identification_figure(found: Identification) -> Figure:
     return figure
 
 
-def _boat(found: Identification) -> list[Told]:
+def _boat(found: Identification) -> list[FittedValue]:
     return [one for one in found.parameters if not one.of_the_day]
 
 
@@ -83,13 +83,13 @@ def _shade(axes: Axes, times: Array, held: NDArray[np.bool_]) -> None:
         axes.axvspan(float(times[begin]), float(times[min(end, last)]), color=SKY, alpha=0.2, lw=0)
 
 
-def _draw_numbers(axes: Axes, boat: list[Told]) -> None:
+def _draw_numbers(axes: Axes, boat: list[FittedValue]) -> None:
     """Draw each parameter relative to its previous value, or its text alone if it had none."""
     places = np.arange(len(boat))[::-1]
     axes.axvline(1.0, color=BLACK, lw=0.8, ls="--")
     for place, one in zip(places, boat, strict=True):
         comparable = bool(one.before) and one.unit != "s"
-        colour = BLUE if one.is_told else ORANGE
+        colour = BLUE if one.is_determined else ORANGE
         if comparable and one.before is not None:
             ratio, width = one.value / one.before, WIDTH * one.sd / one.before
             axes.errorbar(ratio, place, xerr=width, fmt="o", ms=4, color=colour, capsize=3)

@@ -13,7 +13,7 @@ from grebe.core.vessel import Vessel
 from grebe.identification.free_water import circle_in
 from grebe.identification.identify import DEFAULT, IdentifySettings, identify
 from grebe.identification.manoeuvre import DURATION_S, Circle, Manoeuvre, programme
-from grebe.identification.result import Identification, Told
+from grebe.identification.result import FittedValue, Identification
 from grebe.io.export.drive_csv import DriveCsv
 from grebe.io.export.vessel import write_vessel
 from grebe.io.readers.drive import read_drive
@@ -154,8 +154,8 @@ def write_identification(
     return drawn
 
 
-def _comment(one: Told) -> str:
-    if not one.is_told:
+def _comment(one: FittedValue) -> str:
+    if not one.is_determined:
         return f"+- {one.sd:.2g}: this drive says little about it"
     size = abs(one.value)
     share = f" ({100 * one.sd / size:.2g} %)" if size > one.sd else ""

@@ -120,7 +120,7 @@ class Fence:
         point = shapely.Point(place)
         return self.holds(place) and not shapely.dwithin(self._line, point, distance_m)
 
-    def less(self, taken: BaseGeometry, place: Place, reach_m: float) -> Fence:
+    def without(self, taken: BaseGeometry, place: Place, reach_m: float) -> Fence:
         """Return the fence within `reach_m` of a place, without the water `taken`; the complete
         fence if nothing would be left.
         """

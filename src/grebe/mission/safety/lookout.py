@@ -144,7 +144,7 @@ class Lookout:
         """Return the fence around a place, without the water that others claim, or that those with
         precedence wish to cross.
         """
-        return fence.less(self._blocked(), place, NEAR_M)
+        return fence.without(self._blocked(), place, NEAR_M)
 
     def claim(self, way: NDArray[np.float64]) -> bool:
         """Claim a path (n, 2) [m]; return False if another boat holds it."""
