@@ -86,8 +86,8 @@ def test_a_vessel_reads_back_as_it_was_written(tmp_path):
 
 BAD = {
     "mass = 1": "has no 'mass'",
-    "m11_kg = 'ten'": "no number",
-    "name = 3": "no text",
+    "m11_kg = 'ten'": "is not a number",
+    "name = 3": "is not a text",
     'name = "a"': "needs m11_kg",
 }
 
