@@ -76,6 +76,7 @@ class Tracker:
         self._modelled = AS_MODELLED if holds_motion else as_modelled(model)
         self.correction = self._modelled
         self._corrects = corrects
+        self._holds_motion = holds_motion
         self._observer = Observer(model, by_sway=holds_motion) if observes else None
         # The thrusts of a boat that holds a motion are not known, so it cannot be predicted.
         self._filter = StateFilter() if observes and not holds_motion else None
@@ -296,7 +297,7 @@ class Tracker:
             return False
         self.correction = found[0]
         if self._observer is not None:
-            self._observer = Observer(self.vessel, found[1])
+            self._observer = Observer(self.vessel, found[1], by_sway=self._holds_motion)
         if self._filter is not None:
             # Its state belongs to another compass error.
             self._filter.forget()
