@@ -31,7 +31,7 @@ region = grebe.clean_region(shapely.Polygon(shore, [island]), "a pond")
 settings = grebe.PlanSettings(cell_m=8.0, speed_min_mps=0.5, speed_max_mps=1.5, shore_margin_m=1.0)
 planned = grebe.plan_region(region, grebe.vessel_named("blueboat"), settings)
 print(f"{len(planned.survey.targets)} targets, {planned.outcome.time_s / 60:.1f} min predicted")
-print(f"{planned.check.outside_m2:.0f} m2 of the way lie outside the water")
+print(f"{planned.check.outside_m2:.0f} m2 of the route lie outside the water")
 
 # %%
 # Draw the plan. In local axes x is north and y is east.

@@ -77,7 +77,7 @@ def test_a_movie_is_made_of_what_changed_and_the_rest_is_named(survey, tmp_path)
     asked = ["map", survey, "--out", out, "--every", "5", "--resolution", "8", "--json"]
     found = CliRunner().invoke(grebe, list(map(str, asked)))
     assert found.exit_code == 0, found.output
-    assert "no movie of pH: the samples do not tell that the water changed" in found.stderr
+    assert "no movie of pH: the samples do not show that the water changed" in found.stderr
     written = json.loads(found.stdout)["files"]
     assert {str(out / name) for name in ("movie.nc", "temperature_degc_movie.png")} <= {*written}
     with xarray.open_dataset(out / "movie.nc") as film, xarray.open_dataset(out / "map.nc") as map_:
@@ -110,7 +110,11 @@ def test_the_report_shows_the_movie_and_says_of_what_there_is_none(
 
 
 def test_a_movie_without_time_between_its_maps_is_refused_by_its_flag(survey, tmp_path):
-    for minutes, told in (("0", "no number of minutes"), ("0.01", "a movie has 2"), ("x", "'x'")):
+    for minutes, told in (
+        ("0", "not a number of minutes"),
+        ("0.01", "a movie takes 2"),
+        ("x", "'x'"),
+    ):
         asked = ["map", str(survey), "--out", str(tmp_path / "maps"), "--every", minutes]
         found = CliRunner().invoke(grebe, asked)
         assert found.exit_code != 0

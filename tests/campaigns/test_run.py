@@ -171,7 +171,7 @@ def test_results_are_parquet_that_any_reader_reads(tmp_path):
     assert {"success", "clearance_m", "wind_n", "rule"} <= set(table[0])
     part = next((tmp_path / "missions").glob("*.parquet"))
     part.write_bytes(b"damaged")
-    with pytest.raises(InputError, match="sailed again"):
+    with pytest.raises(InputError, match="simulated again"):
         read_part(part)
 
 
@@ -264,7 +264,7 @@ def test_a_simulation_that_cannot_be_computed_is_a_failure_and_kept(monkeypatch)
     [
         ("mismatch", 1.0, "a share below 1"),
         ("lost_share", [0.0, 1.0], "a share below 1"),
-        ("late_s", 1e9, "which no boat is made for; give at most 10"),
+        ("late_s", 1e9, "which is too large; give at most 10"),
         ("position_noise_m", 1e9, "give at most 100"),
     ],
 )
@@ -296,7 +296,7 @@ def test_a_table_that_is_none_is_said(tmp_path, draw):
     write_survey(path, SURVEY)
     file = tmp_path / "c.toml"
     file.write_text(f"survey = '{path}'\n{draw}\n[success]\nwithin_minutes = 2\n")
-    with pytest.raises(InputError, match="draw is a table"):
+    with pytest.raises(InputError, match="draw must be a table"):
         read_campaign(file)
 
 

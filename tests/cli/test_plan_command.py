@@ -96,7 +96,7 @@ def test_a_cell_that_is_none(lake, tmp_path, cell):
 
 
 def test_only_one_size_may_be_given(lake, tmp_path):
-    with pytest.raises(UsageError, match="Give one of"):
+    with pytest.raises(UsageError, match="Give exactly one of"):
         planned(lake, tmp_path, "--minutes", "6", "--cell", "5")
 
 

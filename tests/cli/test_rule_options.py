@@ -61,7 +61,7 @@ def test_a_rule_of_one_s_own_is_flown_and_resumed_by_name(tmp_path: Path) -> Non
     [
         (None, "no such file"),
         ("x = 1", "no function rule"),
-        ("def rule(): return 3", "is no rule"),
+        ("def rule(): return 3", "does not return a rule"),
         ("def rule(): return 1 / 0", "rule\\(\\) fails"),
         ("import nothing_such", "cannot be run"),
         ("def rule(:", "cannot be run"),

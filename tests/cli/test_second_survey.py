@@ -96,4 +96,4 @@ def test_one_boats_survey_is_followed_by_sorties_of_two(pond, tmp_path):
         commands, ["adapt", str(path), *MORE, "--minutes", "3", *batteries]
     )
     assert isinstance(refused.exception, UsageError)
-    assert "2 boats have one battery for all or 2" in str(refused.exception)
+    assert "Give one battery for all 2 boats, or 2" in str(refused.exception)

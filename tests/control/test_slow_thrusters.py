@@ -89,7 +89,7 @@ def test_a_tracker_tells_of_slow_thrusters_alone():
     thrusters = known.thrusters(0.8)
     assert thrusters is not None
     assert thrusters.now_n == pytest.approx((10.0 * (1 - np.exp(-1.0)), 0.0))
-    assert "as its model says" in known.finding
+    assert "matches its model" in known.finding
     # An autopilot that holds a motion compensates for its thrusters itself.
     by_motion = Tracker(replace(SPYBOAT, thruster_lag_s=0.8), holds_motion=True)
     assert by_motion.thrusters(0.0) is None

@@ -94,5 +94,5 @@ def test_a_steady_boat_is_told_the_speed_that_it_has():
 
 @pytest.mark.parametrize("what", ["speed_max_mps", "surge_lag_s", "yaw_lag_s"])
 def test_limits_and_lags_are_positive(what):
-    with pytest.raises(VesselError, match="give > 0"):
+    with pytest.raises(VesselError, match="give more than 0"):
         under_speed_control(PRESETS["heron"], **{what: 0.0})

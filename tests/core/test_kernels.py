@@ -122,10 +122,10 @@ def _doubled_twice(x):
 
 def test_a_part_of_kernels_is_refused_to_python_before_and_after_it_is_compiled():
     """It has no entry point for Python: a call would crash the process."""
-    with pytest.raises(TypeError, match="_doubled is a part of other kernels"):
+    with pytest.raises(TypeError, match="_doubled can only be called from other kernels"):
         _doubled(1.0)
     assert _doubled_twice(1.0) == 4.0
-    with pytest.raises(TypeError, match="_doubled is a part of other kernels"):
+    with pytest.raises(TypeError, match="_doubled can only be called from other kernels"):
         _doubled(1.0)
 
 

@@ -89,7 +89,7 @@ def test_an_entry_that_is_known_is_changed_and_not_lost():
         (ENTRY.replace("tryptophan_rfu", "trp_qc"), "cannot be a quantity's key"),
         (ENTRY + "limits = { spike = 1 }", "holds 'spike'"),
         (ENTRY + "limits = { spike_fail = -1 }", "give 0 or more"),
-        (ENTRY + "lake = { mean = 3 }", "lake is a table of mean, range_share, sd"),
+        (ENTRY + "lake = { mean = 3 }", "lake must be a table of mean, range_share, sd"),
         (ENTRY + "lake = { mean = 3, sd = 0, range_share = 1, structured_share = 1 }", "positive"),
         (ENTRY + "air_share = 2", "a share between"),
         (ENTRY + "mapped = 1", "true or false"),
@@ -107,7 +107,7 @@ def test_a_registry_is_extended_and_cut_without_being_changed():
     assert list(more.subset(["tryptophan_rfu", "ph"])) == ["ph", "tryptophan_rfu"]
     with pytest.raises(InputError, match="no quantity 'salt'"):
         more.subset(["salt"])
-    with pytest.raises(InputError, match="there twice"):
+    with pytest.raises(InputError, match="defined twice"):
         Quantities([BUILTIN["ph"], BUILTIN["ph"]])
     with pytest.raises(TypeError):
         BUILTIN["ph"].labels["en"] = "x"

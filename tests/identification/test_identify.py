@@ -95,7 +95,7 @@ def test_a_drive_without_sway_says_so_and_keeps_the_preset():
     assert found["m11_kg"].is_determined
     assert not found["m33_kgm2"].is_determined
     assert not found["y_v"].is_determined
-    assert any("m33_kgm2" in note and "says little" in note for note in found.notes)
+    assert any("m33_kgm2" in note and "does not determine" in note for note in found.notes)
 
 
 def test_positions_and_headings_alone_will_do():
@@ -191,9 +191,9 @@ GOOD = {
     "unit": "throttle",
 }
 BAD = {
-    "no commands": {"command_times": np.empty(0), "commands": np.empty((0, 2))},
+    "no thruster commands": {"command_times": np.empty(0), "commands": np.empty((0, 2))},
     "lasts 5 s": {"times": np.arange(600) / 120},
-    "the same all the time": {"commands": np.ones((2, 2))},
+    "never change": {"commands": np.ones((2, 2))},
     "no heading": {"states": np.where(np.arange(6) == 2, np.nan, np.zeros((600, 6)))},
     "is not a number": {"commands": np.array([[0.0, np.nan], [1.0, 1.0]])},
     "not in order": {"times": np.arange(0.0, 60.0, 0.1)[::-1]},
@@ -210,7 +210,7 @@ def test_a_log_that_cannot_tell_is_refused_in_one_sentence(words):
 
 
 def test_settings_that_cannot_be_are_refused():
-    with pytest.raises(UsageError, match="between 5 and 60"):
+    with pytest.raises(UsageError, match="give 5 to 60 s"):
         IdentifySettings(piece_s=1.0)
     with pytest.raises(UsageError, match="pull"):
         IdentifySettings(bollard_n=-1.0)

@@ -38,7 +38,7 @@ def test_a_report_says_of_a_track_what_it_is_of(china: Path, tmp_path: Path) -> 
     assert "The sensor&#39;s delay of 18 s and its time constant of 0 s were made up for" in text
     assert text.count("The map is of 2020-09-15 16:36 UTC") == 8
     # No change was found in three quantities, so nothing is removed from them.
-    assert text.count("The map is of 2020-09-15 16:36 UTC: this is taken out.") == 5
+    assert text.count("The map is of 2020-09-15 16:36 UTC, corrected for this.") == 5
     assert "by quantity, " in text
     run("report", china, "-o", page, "--resolution", "8", "--language", "fr", "--force")
     text = page.read_text()
@@ -66,7 +66,7 @@ def test_one_quantity_is_told_as_one(tmp_path: Path) -> None:
 def test_no_shore_is_known_of_a_track(china: Path, tmp_path: Path) -> None:
     words = ["map", str(china), "--out", str(tmp_path / "m"), "--shore-depth-sd", "0.5"]
     done = CliRunner().invoke(grebe, words)
-    assert "drawn about its track and is no shore" in str(done.exception)
+    assert "the hull of its track and not a shore" in str(done.exception)
 
 
 def test_what_is_simulated_is_said_to_be(

@@ -169,7 +169,7 @@ def test_a_sonde_is_joined_by_the_clock_and_its_offset_is_told(tmp_path, ahead):
     done = CliRunner().invoke(grebe, args)
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["samples"] == 700
-    assert f"{ahead:+d} s ahead, told by temperature_degc" in done.stderr
+    assert f"{ahead:+d} s ahead, estimated from temperature_degc" in done.stderr
 
 
 def test_a_sonde_of_another_day_is_refused(tmp_path):

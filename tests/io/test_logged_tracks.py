@@ -152,5 +152,5 @@ def test_sentences_without_a_date_say_what_is_wanted(tmp_path):
     path = tmp_path / "t.nmea"
     sentences(path)
     path.write_text("\n".join(line for line in path.read_text().splitlines() if "RMC" not in line))
-    with pytest.raises(TrackError, match="let the receiver send RMC"):
+    with pytest.raises(TrackError, match="set the receiver to send RMC"):
         read_track(path)

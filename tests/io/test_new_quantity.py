@@ -148,7 +148,7 @@ def test_a_mission_may_declare_it_at_its_start(tmp_path, own):
 
 
 def test_what_is_not_declared_is_refused(tmp_path, own, track):
-    with pytest.raises(InputError, match="no column of a quantity that is known"):
+    with pytest.raises(InputError, match="no column of a known quantity"):
         run("import", track, "-o", tmp_path / "s.gpkg")
     assert not (tmp_path / "s.gpkg").exists()
     with pytest.raises(TrackError, match="'salt', which is neither time, date, lat, lon nor a"):

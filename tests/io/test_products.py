@@ -214,7 +214,7 @@ def test_a_difference_knows_what_is_clear(oxygen):
     assert change.mean[inside].mean() == pytest.approx(0.5, abs=0.05)
     assert change.clear[inside].mean() > 0.9
     assert difference(oxygen, made(seed=9)).clear[inside].mean() < 0.15
-    with pytest.raises(ValueError, match="one quantity"):
+    with pytest.raises(ValueError, match="same quantity"):
         difference(oxygen, Mapper(WATER, make_grid(WATER, 5.0)).map_quantity(
             OXYGEN, oxygen.positions, oxygen.values, np.full(150, 1)))  # fmt: skip
 

@@ -170,7 +170,7 @@ def test_a_file_that_was_cut_off_is_read_to_its_last_whole_scan(tmp_path: Path) 
     path.write_text(path.read_text().rstrip()[:-15])
     read = read_readings(path, placed=False)
     assert len(read.values["temperature_degc"]) == 49
-    assert "the header tells 60 rows, and 50 are there" in read.notes
+    assert "the header announces 60 rows, but there are 50" in read.notes
 
 
 def test_a_start_that_is_the_upload_s_is_told(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def test_two_units_in_one_column_are_refused(path: Path) -> None:
 def test_cells_that_are_no_numbers_are_told(path: Path) -> None:
     rows = [row(k, "19.5 C" if k % 2 else 19.5, "" if k % 3 else "NaN") for k in range(20)]
     track = read(path, HEADER, *rows)
-    assert "Temp: 10 of 20 cells are no numbers ('19.5 C'): left out" in track.notes
+    assert "Temp: 10 of 20 cells are not numbers ('19.5 C'): left out" in track.notes
     assert not any(note.startswith("pH") for note in track.notes)
 
 
@@ -79,7 +79,7 @@ def test_one_is_told_as_one(path: Path) -> None:
     assert track.notes == (
         "1 line before the header: not used",
         "1 header among the rows: not used",
-        "Temp: 1 of 20 cells is no number ('19.5 C'): left out",
+        "Temp: 1 of 20 cells is not a number ('19.5 C'): left out",
     )
 
 
@@ -135,7 +135,7 @@ def test_a_record_that_goes_over_midnight_tells_day_from_month(path: Path) -> No
         assert track.times is not None
         assert np.datetime64(int(track.times[0]), "s") == np.datetime64(begun)
         assert np.ptp(track.times) == 19 * 60
-        assert any("goes on over midnight" in note for note in track.notes)
+        assert any("continues past midnight" in note for note in track.notes)
     # These are trips on the first of each month, or on consecutive days: nobody can know.
     monthly = [f"0{k}/0{m}/20 10:00:00 AM,44.4,-69.6,20,7" for m in (3, 4, 5, 6) for k in (1,)]
     with pytest.raises(InputError, match="may be day and month"):
@@ -180,7 +180,7 @@ def test_a_device_s_letter_is_no_unit(path: Path) -> None:
 def test_one_broken_byte_makes_no_other_letters(tmp_path: Path) -> None:
     broken = tmp_path / "broken.csv"
     broken.write_bytes("Temp (°F)\n".encode() + b"caf\xe9\n")
-    with pytest.raises(InputError, match="is no UTF-8 text"):
+    with pytest.raises(InputError, match="is not UTF-8 text"):
         read_any_text(broken)
 
 
@@ -200,5 +200,5 @@ def test_a_spreadsheet_of_windows_is_read_and_a_picture_is_not(tmp_path: Path) -
     assert text == "Temp °C;SpCond µS/cm\n"
     assert "Windows-1252" in notes[0]
     for reader, path in ((read_text, sheet), (read_any_text, picture)):
-        with pytest.raises(Exception, match="is no UTF-8 text"):
+        with pytest.raises(Exception, match="is not UTF-8 text"):
             reader(path)

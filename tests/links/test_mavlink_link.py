@@ -110,7 +110,7 @@ FAULTS = {
     ),
     "gps": (Upsets(gps_lost=(50.0, math.inf)), "mode HOLD .*EKF failsafe"),
     "battery": (Upsets(battery_empty_at=50.0), "mode HOLD .*Battery failsafe"),
-    "reboot": (Upsets(reboots_at=50.0), "started afresh"),
+    "reboot": (Upsets(reboots_at=50.0), "has restarted"),
 }
 
 
@@ -180,18 +180,18 @@ def test_nobody_s_yes_arms_nothing():
 
 
 def test_an_autopilot_that_stays_in_hold_is_told_so():
-    with pytest.raises(LinkError, match="stays in HOLD and will not enter GUIDED"):
+    with pytest.raises(LinkError, match="stays in HOLD and does not enter GUIDED"):
         linked(standin(faults=Upsets(stuck_in_hold=True)))
 
 
 def test_an_autopilot_without_a_position_is_not_waited_for_for_ever():
     boat = standin(ready_s=500.0)
-    with pytest.raises(LinkError, match="does not know yet where it is"):
+    with pytest.raises(LinkError, match="does not know its position yet"):
         open_link(line_to(boat), SURVEY.frame, SURVEY.vessel, MavlinkSettings(settle_s=5.0))
 
 
 def test_an_empty_line_says_what_to_look_at():
-    with pytest.raises(LinkError, match="No autopilot is heard within 2 s; check the address"):
+    with pytest.raises(LinkError, match="No autopilot was heard within 2 s; check the address"):
         open_link(
             line_to(standin(), Air(silence=(0, math.inf))),
             SURVEY.frame,
@@ -237,7 +237,7 @@ def test_the_preflight_reads_and_never_writes():
         assert lines[good].verdict.value == "ok", lines[good]
         assert not lines[good].advice
     assert lines["parameter WP_SPEED"].verdict.value == "NOT"
-    assert lines["parameter FENCE_ENABLE"].found == "not there"
+    assert lines["parameter FENCE_ENABLE"].found == "not found"
     for doubtful in ("FRAME_CLASS", "BATT_FS_LOW_ACT", "FENCE_ENABLE"):
         assert lines[f"parameter {doubtful}"].verdict.value == "look"
         assert doubtful in lines[f"parameter {doubtful}"].advice

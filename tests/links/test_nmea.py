@@ -267,7 +267,7 @@ def test_a_line_that_falls_silent_is_lost():
 @pytest.mark.parametrize(
     ("voice", "why"),
     [
-        (Voice(silent=(0.0, 1e9)), "No sentence"),
+        (Voice(silent=(0.0, 1e9)), "No NMEA sentence"),
         (Voice(damaged_share=0.999999), "damaged"),
         (Voice(no_fix=(0.0, 1e9)), "no position"),
         (Voice(compass="HDM", no_fix=(0.0, 1e9)), "no position"),

@@ -123,7 +123,7 @@ def test_the_bed_does_not_change_but_where_a_moment_is_asked_for():
 
 
 def test_a_method_of_one_noise_says_so_and_an_impossible_sd_is_refused():
-    with pytest.raises(InputError, match="map with kriging"):
+    with pytest.raises(InputError, match="use kriging"):
         sounded(method=Spde(), shore_depth_sd_m=0.1)
     with pytest.raises(InputError, match="shore_depth_sd_m"):
         MapSettings(shore_depth_sd_m=0.0)

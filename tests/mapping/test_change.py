@@ -107,5 +107,5 @@ def test_a_moment_in_which_nobody_measured_is_refused_in_one_sentence():
         quantities=LIMNOLOGICAL,
     )
     mapper = Mapper(WATER, make_grid(WATER, 8.0), MapSettings(moment=0.0))
-    with pytest.raises(InputError, match="1970-01-01T00:00:00Z; give a moment from 2020"):
+    with pytest.raises(InputError, match="00Z is outside the survey; give a moment from 2020"):
         map_all(mapper, samples, LIMNOLOGICAL)

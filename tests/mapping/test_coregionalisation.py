@@ -99,7 +99,7 @@ def test_of_proportional_covariances_at_the_same_places_the_other_tells_nothing(
 
 
 def test_a_quantity_without_values_is_refused_and_no_covariance_either():
-    with pytest.raises(ValueError, match="no covariance"):
+    with pytest.raises(ValueError, match="not a covariance"):
         Coregionalisation(
             kind="exponential",
             sills=(np.array([[1.0, 2.0], [2.0, 1.0]]),),

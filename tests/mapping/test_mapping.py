@@ -324,7 +324,7 @@ def test_the_unit_does_not_matter(factor):
 
 
 def test_a_grid_of_one_row_is_no_map():
-    with pytest.raises(InputError, match="no map"):
+    with pytest.raises(InputError, match="finer resolution"):
         make_grid(WATER, 120.0)
 
 

@@ -102,10 +102,10 @@ def test_moments_are_so_far_apart_from_the_first_sample_on():
     times = 1e9 + np.array([600.0, 0.0, 1800.0])
     assert np.array_equal(moments_of(times, 600.0), 1e9 + 600.0 * np.arange(4))
     for every_s, message in (
-        (1900.0, "makes 1 of a survey of 30 minutes; a movie has 2 to 200"),
+        (1900.0, "makes 1 of a survey of 30 minutes; a movie takes 2 to 200"),
         (1.0, "makes 1801"),
-        (0.0, "not 0 minutes"),
-        (float("nan"), "not nan minutes"),
+        (0.0, "above 0 minutes, not 0"),
+        (float("nan"), "above 0 minutes, not nan"),
     ):
         with pytest.raises(InputError, match=message):
             moments_of(times, every_s)

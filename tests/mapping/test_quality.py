@@ -256,7 +256,7 @@ def test_two_runs_in_opposite_directions_tell_the_lag():
     assert found.advised
     assert found.after < 0.2 * found.before
     far = Pass(times=times, positions=np.full((400, 2), 1e4), values=zero)
-    with pytest.raises(ValueError, match="share 0 places"):
+    with pytest.raises(ValueError, match="share only 0 places"):
         estimate_lag(passes[0], far)
 
 

@@ -176,9 +176,9 @@ def test_land_between_is_mapped_alone():
 def test_what_was_not_measured_cannot_be_together_with_others():
     samples = samples_of(*made(0, 0.95)[:2])
     mapper = Mapper(WATER, DOMAIN.grid, MapSettings(together=(OXYGEN.key, "ph")))
-    with pytest.raises(InputError, match="ph was not measured, to be mapped together"):
+    with pytest.raises(InputError, match="ph was not measured, so it cannot be mapped together"):
         map_all(mapper, samples, LIMNOLOGICAL)
-    with pytest.raises(InputError, match="takes two, not ph alone"):
+    with pytest.raises(InputError, match="at least two, not ph alone"):
         MapSettings(together=("ph", "ph"))
 
 

@@ -86,9 +86,9 @@ def test_a_season_is_not_taken_for_a_trend_where_it_is_fitted():
     ("times", "seasonal", "says"),
     [
         ((0, 1), False, "needs surveys of 3 days"),
-        ((1, 1, 1), False, "all of one time"),
+        ((1, 1, 1), False, "all of the same time, "),
         ((0, 1, 2), True, "6 surveys over 2 years"),
-        ((0, 1, 2, 3, 4, 5), True, "same time of the year"),
+        ((0, 1, 2, 3, 4, 5), True, "same time of year"),
     ],
 )
 def test_too_little_to_tell_is_said(times, seasonal, says):

@@ -191,7 +191,7 @@ def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(t
     state = (place[0], place[1], 0.0, 0.0, 0.0, 0.0)
     assert home.cost(Observation(time_s=0.0, state=state), CALM, BOAT) == (np.inf, np.inf)
     assert home.is_closed
-    assert "across the way home" in home.no_way
+    assert "blocks the route home" in home.no_way
     assert not home.set_out(Observation(time_s=0.0, state=state), BOAT, lambda _: None)
 
 

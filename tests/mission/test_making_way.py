@@ -307,7 +307,7 @@ def test_who_is_called_home_while_it_waits_ashore_stays_there(tmp_path):
         ).run(NOON)
     ended = {boat: one for boat, _, one in report.missions}
     assert {one.ended for one in ended.values()} == {EndReason.CAME_HOME}
-    assert {one.message for one in ended.values()} > {"it was called home before it had set out"}
+    assert {one.message for one in ended.values()} > {"the boat was called home before it set out"}
     assert len(report.missions) == 2
 
 

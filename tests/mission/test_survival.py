@@ -360,7 +360,7 @@ def test_a_copy_without_its_journal_is_known_for_one(tmp_path):
     with SurveyFile.open(copy) as alone:
         (doubt,) = prepare(alone, NOON, resume=True).doubts
         assert "s.gpkg-wal" in doubt.message
-        assert "after 2026-05-01 12:00:00 UTC may be missing" in doubt.message
+        assert "after 2026-05-01 12:00:00 UTC may be lost" in doubt.message
     with SurveyFile.open(path) as closed:
         assert prepare(closed, NOON, resume=True).doubts == ()
         assert "mission_open" not in closed.meta()

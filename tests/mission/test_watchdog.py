@@ -113,7 +113,7 @@ def test_a_mission_that_is_killed_leaves_a_stopped_boat(boat, mission):
     assert log(boat) == ["stopped False"]
     until((boat / "journal").exists)
     (note,) = taken_notes(boat / "journal")
-    assert "ended without a goodbye; the boat was stopped" in note
+    assert "ended without signing off; the boat was stopped" in note
     until(lambda: not Path(f"/proc/{watcher}").exists())
     assert taken_notes(boat / "journal") == []
 

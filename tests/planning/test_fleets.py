@@ -97,9 +97,9 @@ def test_what_cannot_be_shared_is_refused():
         shared(shapely.box(0, 0, 20, 20), 6)
     with pytest.raises(UsageError, match="2 to 50"):
         FleetSettings(boats=1)
-    with pytest.raises(UsageError, match="3 boats have 3 starts"):
+    with pytest.raises(UsageError, match="3 boats need 3 starts"):
         FleetSettings(boats=3, starts=((0.0, 0.0),))
-    with pytest.raises(UsageError, match="keep 0 m apart"):
+    with pytest.raises(UsageError, match="0 m between boats"):
         FleetSettings(boats=3, apart_m=0.0)
 
 
@@ -126,7 +126,7 @@ def test_unlike_boats_share_by_what_each_can_do():
 
 def test_vessels_that_are_not_one_for_each_boat_or_too_slow_are_refused():
     boat = PRESETS["spyboat"]
-    with pytest.raises(UsageError, match="3 boats have one vessel for all or 3"):
+    with pytest.raises(UsageError, match="3 boats need one vessel for all or 3"):
         FleetSettings(boats=3, vessels=(boat, boat))
     region = Region(name="x", frame=FRAME, water=BAY)
     fleet = FleetSettings(boats=2, vessels=(boat, PRESETS["tianjin"]))

@@ -182,7 +182,7 @@ def test_plans_that_cannot_be_are_refused():
         plan_survey(region, boat, PlanSettings(cell_m=60))
     with pytest.raises(PlanError, match="more than"):
         plan_survey(region, boat, PlanSettings(cell_m=0.05))
-    with pytest.raises(PlanError, match="reach of vessel"):
+    with pytest.raises(PlanError, match="too fast for vessel"):
         plan_survey(region, boat, PlanSettings(speed_min_mps=3, speed_max_mps=4))
     with pytest.raises(InputError, match="km from the water"):
         plan_survey(region, boat, PlanSettings(), (HERON[1], HERON[0]))

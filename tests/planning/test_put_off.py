@@ -81,5 +81,5 @@ def test_what_is_put_off_is_proved_to_come_home_as_every_sortie(planned):
 
 @pytest.mark.parametrize("left_s", [1e6, 1.0])
 def test_where_all_fits_or_nothing_the_order_stays(planned, left_s):
-    with pytest.raises(PlanError, match="none is put off"):
+    with pytest.raises(PlanError, match="none is moved"):
         shortened(planned, Late(pace=1.0, flown_s=100.0, left_s=left_s))

@@ -128,9 +128,9 @@ def test_a_boat_in_the_area_that_is_closed_is_led_out_of_it(strait):
 
 
 def test_where_an_area_takes_every_cell_it_is_said(strait):
-    with pytest.raises(PlanError, match="No cell is left"):
+    with pytest.raises(PlanError, match="can reach no more cells"):
         open_water(strait, STRAIT).closing([shapely.box(2, 2, 58, 298)], (30.0, 30.0))
-    with pytest.raises(PlanError, match="Nothing of the water"):
+    with pytest.raises(PlanError, match="no water is left"):
         open_water(strait, STRAIT).closing([shapely.box(-1, -1, 61, 301)], (30.0, 30.0))
 
 

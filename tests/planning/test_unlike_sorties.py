@@ -151,11 +151,11 @@ def test_what_a_boat_cannot_do_is_told_with_the_boats_name():
 
 
 def test_batteries_that_are_not_one_for_each_boat_are_refused():
-    with pytest.raises(UsageError, match="3 boats have one battery for all or 3, and 2 are given"):
+    with pytest.raises(UsageError, match="Give one battery for all 3 boats, or 3, not 2"):
         wishes(boats=3, vessels=(), batteries_wh=(10.0, 20.0))
-    with pytest.raises(UsageError, match="One boat has one number of minutes, and 2 are given"):
+    with pytest.raises(UsageError, match="One boat takes one number of minutes, not 2"):
         PlanSettings(sorties=SortieSettings(minutes_each=(10.0, 20.0)))
     with pytest.raises(UsageError, match="for all boats and for each"):
         SortieSettings(battery_wh=10.0, batteries_wh=(10.0, 20.0))
-    with pytest.raises(UsageError, match="cannot last -1"):
+    with pytest.raises(UsageError, match="limit of -1"):
         SortieSettings(minutes_each=(10.0, -1.0))

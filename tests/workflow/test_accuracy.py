@@ -86,7 +86,7 @@ def test_what_cannot_be_is_refused(tmp_path):
         plan_for_accuracy(REGION, BOAT, wishes, prior_of_range(60.0))
     path = tmp_path / "s.gpkg"
     write_survey(path, plan(REGION, BOAT, PlanSettings(cell_m=20.0)).survey)
-    with pytest.raises(InputError, match="nothing varies"):
+    with pytest.raises(InputError, match="Nothing that"):
         prior_of_survey(path)
     with pytest.raises(InputError, match="no quantity 'gold'"):
         prior_of_survey(path, "gold")

@@ -75,7 +75,7 @@ def test_a_file_that_is_half_written_is_read_at_the_next_look(watched):
     closures(estimate(0.0))
     closures(estimate(1.0))
     assert len(said) == 1
-    assert "closed.geojson closes is not known" in said[0]
+    assert "closed.geojson cannot be read" in said[0]
     closures.path.write_text(whole)
     closures(estimate(2.0))
     assert len(mission.closed) == 1

@@ -88,6 +88,6 @@ def test_a_sortie_is_sailed_by_its_own_boat(planned, boat, vessel, monkeypatch):
 def test_a_battery_for_each_of_other_boats_is_refused(tmp_path):
     refused = invoke("plan", LAKE, "-o", tmp_path / "s.gpkg", *ASKED, *batteries(), "--battery", 9)
     assert isinstance(refused.exception, UsageError)
-    assert "2 boats have one battery for all or 2, and 3 are given" in str(refused.exception)
+    assert "Give one battery for all 2 boats, or 2, not 3" in str(refused.exception)
     alone = invoke("plan", LAKE, "-o", tmp_path / "s.gpkg", *batteries())
-    assert "One boat has one battery" in str(alone.exception)
+    assert "One boat takes one battery" in str(alone.exception)

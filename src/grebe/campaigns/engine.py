@@ -55,7 +55,7 @@ class Processes:
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 1:
-            raise UsageError(f"{self.workers} workers do no work; give at least one.")
+            raise UsageError(f"{self.workers} worker processes are impossible; give at least one.")
 
     @property
     def count(self) -> int:
@@ -78,8 +78,8 @@ class Processes:
             hopeless = [item for item in again if tried[item] >= TRIES]
             if hopeless:
                 raise LinkError(
-                    f"{TRIES} worker processes died one after the other with task {hopeless[0]} in "
-                    "hand; is there memory enough for so many workers?",
+                    f"{TRIES} worker processes died one after the other while working on task "
+                    f"{hopeless[0]}; is there enough memory for so many?",
                     settings=("workers",),
                 )
 
@@ -203,7 +203,7 @@ def _distributed() -> Any:
         import distributed
     except ImportError:
         raise UsageError(
-            "A Dask cluster needs Dask: pip install 'grebe[dask]', or let processes do it."
+            "A Dask cluster needs Dask: pip install 'grebe[dask]', or use worker processes instead."
         ) from None
     return distributed
 

@@ -77,7 +77,7 @@ def map_many(
         if folders.count(folder) > 1:
             raise UsageError(
                 f"Two of the survey files are called {file.stem}, and both would be mapped to "
-                f"{folder}; map them one by one, or give one another name."
+                f"{folder}; map them one by one, or rename one."
             )
     done = {
         file: Mapped(file=file, folder=folder, known=True)

@@ -24,14 +24,16 @@ from grebe.report import canvas
 CERTIFICATE, REPORT, PICTURE = "certificate.json", "report.html", "campaign.png"
 
 ASSUMPTIONS = (
-    "The missions are simulated. What is certified is the software in this simulated world, not a "
-    "boat on a lake; the step from one to the other is the judgement of whoever signs.",
-    "Each mission's weather and boat are drawn independently from the spreads below, and current "
-    "and wind stay the same throughout a mission. The next mission is one more draw from these "
-    "spreads, not the worst of them.",
-    "Where the boat is means its middle, looked at ten times a second; the hull reaches farther.",
-    "The missions that count, and the rule by which the campaign stopped, were fixed beforehand; "
-    "a campaign that is begun anew with other seeds until one pleases is not covered.",
+    "The missions are simulated. The certificate covers the software in this simulated world, "
+    "not a boat on a lake; whether it carries over is for whoever signs to judge.",
+    "Each mission's weather and boat are drawn independently from the spreads below, and "
+    "current and wind stay constant throughout a mission. The certificate holds for one more "
+    "draw from these spreads, not for the worst of them.",
+    "The boat's position is that of its centre, checked ten times a second; the hull extends "
+    "farther.",
+    "The missions that count, and the rule by which the campaign stopped, were fixed "
+    "beforehand. A campaign that is repeated with other seeds until the result pleases is not "
+    "covered.",
 )
 
 
@@ -55,8 +57,9 @@ def verdict_sentence(outcome: Outcome) -> str:
     share, missions = outcome.campaign.claim.share, len(outcome.missions)
     if share is None:
         return (
-            f"No share was claimed: {missions} missions were sailed. The limit is that of Clopper "
-            "and Pearson, and holds if their number was fixed before any of them was looked at."
+            f"No share was claimed: {missions} missions were simulated. The limit is that of "
+            "Clopper and Pearson, and holds if their number was fixed before any result was "
+            "seen."
         )
     claimed = f"that at least {100 * share:g} % succeed"
     said = {

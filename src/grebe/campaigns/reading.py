@@ -41,14 +41,14 @@ def read_campaign(path: Path) -> Read:
     try:
         written = tomllib.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError:
-        raise InputError(f"{path} is no text: a campaign is described in TOML.") from None
+        raise InputError(f"{path} is not a text file; describe a campaign in TOML.") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}).") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is not TOML: {error}.") from None
     _only(path, "", written, TOP)
     if "survey" not in written:
-        raise InputError(f"{path} names no survey; add survey = 'FILE.gpkg', a planned one.")
+        raise InputError(f"{path} names no survey; add survey = 'FILE.gpkg' with a planned survey.")
     where = path.parent / str(written["survey"])
     with SurveyFile.open(where) as survey_file:
         survey = _sailed(path, where, survey_file, written.get("sortie"))
@@ -65,10 +65,10 @@ def _sailed(path: Path, where: Path, file: SurveyFile, number: Any) -> Survey:
     if number is None:
         raise InputError(
             f"{path}: {where.name} is planned in {len(sorties)} sorties, and a mission sails one "
-            "of them; say which, with sortie = 1."
+            "of them; choose one, such as sortie = 1."
         )
     if type(number) is not int:
-        raise InputError(f"{path}: sortie is a whole number, not {number!r}.")
+        raise InputError(f"{path}: sortie must be a whole number, not {number!r}.")
     return survey_of(file.survey, file.revision, file.revision.sortie(number))
 
 
@@ -84,18 +84,20 @@ def _campaign(path: Path, written: Mapping[str, Any]) -> Campaign:
     success = _table(path, written, "success", {"within_minutes", "clearance_m"})
     claim = _table(path, written, "claim", {"confidence", "share"})
     if "within_minutes" not in success:
-        raise InputError(f"{path} says of no mission when it is late; add within_minutes = ...")
+        raise InputError(f"{path} does not say when a mission is late; add within_minutes = ...")
     for name, value in (*success.items(), *claim.items()):
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{path}: {name} is a number; write it without quotes.")
+            raise InputError(f"{path}: {name} must be a number; write it without quotes.")
     for name in ("missions", "seed"):
         if type(written.get(name, 1)) is not int:
-            raise InputError(f"{path}: {name} is a whole number, not {written[name]!r}.")
+            raise InputError(f"{path}: {name} must be a whole number, not {written[name]!r}.")
     drawn = _table(path, written, "draw", set(DEFAULTS))
     spreads = {name: spread_of(name, value) for name, value in drawn.items()}
     for rule in _words(spreads, "rule"):
         if rule not in RULES:
-            raise InputError(f"{path}: there is no rule {rule!r}; there are {', '.join(RULES)}.")
+            raise InputError(
+                f"{path}: there is no rule {rule!r}; choose one of {', '.join(RULES)}."
+            )
     try:
         return Campaign(
             name=str(written.get("name", path.stem)),
@@ -110,7 +112,7 @@ def _campaign(path: Path, written: Mapping[str, Any]) -> Campaign:
             boats=_boats(path, _words(spreads, "boat")),
         )
     except TypeError as error:
-        raise InputError(f"{path}: a number is not written as one ({error}).") from None
+        raise InputError(f"{path}: a number is malformed ({error}).") from None
 
 
 def _words(spreads: Mapping[str, Spread], name: str) -> list[str]:
@@ -127,7 +129,7 @@ def _boats(path: Path, names: list[str]) -> dict[str, Vessel]:
 def _table(path: Path, written: Mapping[str, Any], name: str, keys: set[str]) -> dict[str, Any]:
     table = written.get(name, {})
     if not isinstance(table, dict):
-        raise InputError(f"{path}: {name} is a table; write [{name}] above its settings.")
+        raise InputError(f"{path}: {name} must be a table; write [{name}] above its settings.")
     _only(path, f" of [{name}]", table, keys)
     return table
 
@@ -136,6 +138,6 @@ def _only(path: Path, where: str, written: Mapping[str, Any], known: set[str]) -
     strange = sorted(set(written) - known)
     if strange:
         raise InputError(
-            f"{path}: there is no setting {strange[0]!r}{where}; there are "
+            f"{path}: there is no setting {strange[0]!r}{where}; choose from "
             f"{', '.join(sorted(known))}."
         )

@@ -56,7 +56,7 @@ class Results:
             if not force:
                 raise InputError(
                     f"{self.folder} holds missions of another campaign, or of this one before it "
-                    "was changed; give another folder, or begin anew by force.",
+                    "was changed; give another folder, or start again by force.",
                     settings=("force",),
                 )
         for part in self._parts.glob("part-*.parquet"):
@@ -96,8 +96,8 @@ def read_part(path: Path) -> list[Summary]:
         return [_summary(row) for row in rows]
     except (arrow.ArrowInvalid, OSError, KeyError) as error:
         raise InputError(
-            f"{path} is not a part of a campaign's missions ({error}); remove it, and what it "
-            "held is sailed again."
+            f"{path} cannot be read as part of a campaign's results ({error}); remove it, and "
+            "its missions are simulated again."
         ) from None
 
 

@@ -63,9 +63,13 @@ class Success:
 
     def __post_init__(self) -> None:
         if not 0 < self.within_s < math.inf:
-            raise UsageError(f"A time of {self.within_s:g} s is none; give more than 0.")
+            raise UsageError(
+                f"A time limit of {self.within_s:g} s is impossible; give more than 0."
+            )
         if not 0 <= self.clearance_m < math.inf:
-            raise UsageError(f"A clearance of {self.clearance_m:g} m is none; give 0 or more.")
+            raise UsageError(
+                f"A clearance of {self.clearance_m:g} m is impossible; give 0 or more."
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,13 +92,14 @@ class Campaign:
     def __post_init__(self) -> None:
         if self.missions < 1 or self.seed < 0:
             raise UsageError(
-                f"{self.missions} missions by the seed {self.seed} are none; give a positive "
+                f"{self.missions} missions with seed {self.seed} are impossible; give a positive "
                 "number of missions, and a seed of 0 or more."
             )
         for name, spread in self.spreads.items():
             if name not in DEFAULTS:
                 raise UsageError(
-                    f"A campaign has no setting {name!r} to draw; there are {', '.join(DEFAULTS)}."
+                    f"A campaign has no setting {name!r} to draw; choose from "
+                    f"{', '.join(DEFAULTS)}."
                 )
             _check(name, spread)
 
@@ -142,6 +147,5 @@ def _check(name: str, spread: Spread) -> None:
         raise UsageError(f"{name} is a share below 1; give a spread within 0 to 1, 1 left out.")
     if name in MOST and MOST[name] < max(numbers) < math.inf:
         raise UsageError(
-            f"{name} reaches {max(numbers):g}, which no boat is made for; give at most "
-            f"{MOST[name]:g}."
+            f"{name} reaches {max(numbers):g}, which is too large; give at most {MOST[name]:g}."
         )

@@ -34,7 +34,9 @@ class OneOf:
 
     def __post_init__(self) -> None:
         if not self.values:
-            raise UsageError("A setting of a campaign has no values to choose from; give one.")
+            raise UsageError(
+                "A setting of a campaign has no values to choose from; give at least one."
+            )
 
     def draw(self, random: np.random.Generator) -> Value:
         """See `Spread`."""
@@ -55,7 +57,7 @@ class Between:
     def __post_init__(self) -> None:
         if not -math.inf < self.low <= self.high < math.inf:
             raise UsageError(
-                f"From {self.low:g} to {self.high:g} there is nothing to draw; give the lower "
+                f"There is nothing to draw from {self.low:g} to {self.high:g}; give the lower "
                 "end first."
             )
 
@@ -81,11 +83,15 @@ class Normal:
         # Within these bounds a draw succeeds at least every sixth time, so redrawing ends.
         if not (self.sd > 0 and self.low <= self.mean <= self.high):
             raise UsageError(
-                f"A normal spread about {self.mean:g} with a standard deviation of {self.sd:g} "
-                "between its bounds is none; give a positive deviation, and a mean within them."
+                f"A normal spread with mean {self.mean:g} and standard deviation {self.sd:g} "
+                "does not fit its bounds; give a positive deviation, and a mean within the "
+                "bounds."
             )
         if self.high - self.low < self.sd:
-            raise UsageError("A normal spread is cut off too close; give [low, high] instead.")
+            raise UsageError(
+                "A normal spread has bounds less than one standard deviation apart; give [low, "
+                "high] instead."
+            )
 
     def draw(self, random: np.random.Generator) -> Value:
         """See `Spread`."""
@@ -110,8 +116,8 @@ def spread_of(name: str, written: Any) -> Spread:
         raise UsageError(f"{name}: {error}") from None
     except (KeyError, TypeError, ValueError):
         raise UsageError(
-            f"{name} = {written!r} is no spread; give a value, [low, high], {{choose = [...]}} or "
-            "{mean = ..., sd = ...}."
+            f"{name} = {written!r} is not a spread; give a value, [low, high], {{choose = [...]}} "
+            "or {mean = ..., sd = ...}."
         ) from None
 
 

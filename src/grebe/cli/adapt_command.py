@@ -71,7 +71,7 @@ def command(
         place = _where_it_ended(survey_file)
         before = survey_file.survey.settings
         if before is None:
-            raise PlanError("Only a planned survey can go on; plan it first.")
+            raise PlanError("Only a planned survey can be extended; plan it first.")
         if not preview:
             survey_file.claim()
         settings = settings_as_asked(asked, before, boats)
@@ -97,8 +97,8 @@ def _where_it_ended(survey_file: SurveyFile) -> Place:
         raise PlanError(f"{file} holds no mission yet; run it first.")
     if reached < len(survey_file.survey.targets):
         raise PlanError(
-            f"{file} is not sailed to its end ({reached} of {len(survey_file.survey.targets)} "
-            f"targets); go on with: grebe run {file} --resume"
+            f"{file} is not finished ({reached} of {len(survey_file.survey.targets)} targets); "
+            f"go on with: grebe run {file} --resume"
         )
     north, east = ends[1].state[:2]
     return north, east

@@ -113,7 +113,7 @@ def command(
     reached = remote["names"][0] if remote["names"] else HOST
     at = "" if shown is None else f"#/live/{identity(shown)}"
     address = f"http{'s' if tls else ''}://{reached}:{port}/?token={keys.launch_token}{at}"
-    output.note(f"Surveys in {folder}; Ctrl-C ends the app, but no mission. Open:")
+    output.note(f"Surveys in {folder}; Ctrl-C ends the app, but not a mission. Open:")
     click.echo(address)
     if print_token:
         click.echo(keys.bearer)

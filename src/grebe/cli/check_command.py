@@ -83,7 +83,9 @@ def _lag(text: str, known: Quantities) -> tuple[str, Lag]:
     """Parse KEY=DELAY[,TAU]."""
     key, _, numbers = text.partition("=")
     if key not in known:
-        raise UsageError(f"--lag {text!r}: no quantity {key!r}; one of {known.keys_text}.")
+        raise UsageError(
+            f"--lag {text!r}: there is no quantity {key!r}; choose one of {known.keys_text}."
+        )
     try:
         delay, *tau = (float(number) for number in numbers.split(","))
         return key, Lag(delay_s=delay, tau_s=tau[0] if tau else 0.0)

@@ -195,7 +195,7 @@ def explain(report: FleetReport, file: object) -> None:
     if report.ashore:
         who = " and ".join(map(str, report.ashore))
         output.note(
-            f"at their harbours, and not setting out again by themselves: boat {who}; see to their "
+            f"at the harbour, and not setting out again by themselves: boat {who}; check their "
             "batteries, then resume"
         )
     if report.complete or report.goes_on:

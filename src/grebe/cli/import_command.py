@@ -140,8 +140,8 @@ def _time_notes(done: ImportedTrack) -> list[str]:
 def _offset_text(told: ClockOffset | None, given: float | None) -> str:
     if told is not None:
         return (
-            f"the sonde's clock is {told.seconds:+d} s ahead, told by {told.key} in both files "
-            f"(correlation {told.correlation:.2f}): corrected"
+            f"the sonde's clock is {told.seconds:+d} s ahead, estimated from {told.key} in both "
+            f"files (correlation {told.correlation:.2f}): corrected"
         )
     if given is not None:
         return f"the sonde's clock is taken as {given:+g} s ahead, as given"

@@ -63,7 +63,7 @@ class Minutes(click.ParamType):
         except ValueError:
             minutes = math.nan
         if not (math.isfinite(minutes) and minutes > 0):
-            self.fail(f"{value!r} is no number of minutes above 0.", param, ctx)
+            self.fail(f"{value!r} is not a number of minutes above 0.", param, ctx)
         return 60.0 * minutes
 
 

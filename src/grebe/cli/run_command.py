@@ -137,7 +137,7 @@ def command(
     now, goes_on = datetime.now(UTC), resume or run["returns"]
     if goes_on and force:
         raise UsageError(
-            "--resume and --return continue a mission, --force begins anew; give one of them."
+            "--resume and --return continue a mission, --force starts again; give one of them."
         )
     _judge(urls, instruments, run, now)
     if preview:

@@ -33,8 +33,8 @@ def say_spent(departure: Departure) -> None:
         whose = survey.whose(one.boat) if one is not None else ""
         output.note(
             f"{whose or 'the boat'} has spent {spent.energy_wh:.0f} Wh and "
-            f"{spent.seconds / 60:.0f} min since its harbour, which count; if the battery has been "
-            "changed, give --battery-changed"
+            f"{spent.seconds / 60:.0f} min since its harbour, which count against this battery; "
+            "if the battery has been changed, give --battery-changed"
         )
 
 

@@ -53,7 +53,7 @@ class StepStatus(enum.Enum):
     """Source of the thrusts of a step."""
 
     SOLVED = "solved"
-    RESTARTED = "solved on a second start"
+    RESTARTED = "solved from a second start"
     IMPROVED = "improved"
     LAST_PLAN = "last plan"
     STOPPING = "stopping"
@@ -234,7 +234,7 @@ class Controller:
             raise ValueError("every target set is reached: there is nothing to steer to")
         z = np.asarray(state, dtype=float)
         if z.shape != (6,) or not np.all(np.isfinite(z)):
-            raise ValueError(f"a state is six finite numbers, but this is {state}")
+            raise ValueError(f"a state must be six finite numbers, not {state}")
         wind = np.asarray(weather.as_tuple())
         elapsed = self.rule.step_s if elapsed_s is None else elapsed_s
         if not 0 <= elapsed < math.inf:

@@ -89,14 +89,13 @@ class Correction:
 
     def __str__(self) -> str:
         if self == AS_MODELLED:
-            return "the boat is as its model says after all"
+            return "the boat matches its model again"
         return (
-            "the boat is not as its model says: "
-            f"thrusters give {self.port:.2f} and {self.starboard:.2f} of their orders, drag x "
-            f"{self.drag:.2f}, sway drag x {self.sway_drag:.2f}, yaw inertia x "
-            f"{self.yaw_inertia:.2f}, yaw drag x {self.yaw_drag:.2f}, "
-            f"{self.dead_s:.1f} s late with a lag of {self.lag_s:.1f} s, compass off by "
-            f"{math.degrees(self.heading_rad):.0f} deg"
+            f"the boat differs from its model: thrusters give {self.port:.2f} and "
+            f"{self.starboard:.2f} of their orders, drag x {self.drag:.2f}, sway drag x "
+            f"{self.sway_drag:.2f}, yaw inertia x {self.yaw_inertia:.2f}, yaw drag x "
+            f"{self.yaw_drag:.2f}, thrust {self.dead_s:.1f} s late with a lag of "
+            f"{self.lag_s:.1f} s, compass off by {math.degrees(self.heading_rad):.0f} deg"
         )
 
 

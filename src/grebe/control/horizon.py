@@ -132,7 +132,7 @@ def _no_rows(nodes: int, rows: int) -> NDArray[np.float64]:
 def padded(rows: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Pad half-space rows to `count` with rows that always hold."""
     if len(rows) > count:
-        raise ValueError(f"a set has {len(rows)} half-spaces, the problem room for {count}")
+        raise ValueError(f"a set has {len(rows)} half-spaces, but the problem has room for {count}")
     filled = np.empty((count, len(NO_ROW)))
     filled[: len(rows)] = rows
     filled[len(rows) :] = NO_ROW

@@ -104,7 +104,9 @@ def under_speed_control(
     yaw_s = yaw_time_s(hull) if yaw_lag_s is None else yaw_lag_s
     for name, value in (("speed_max_mps", speed_max_mps), ("lag", surge_s), ("lag", yaw_s)):
         if not value > 0:
-            raise VesselError(f"Under speed control a {name} of {value:g} is impossible; give > 0.")
+            raise VesselError(
+                f"With speed control, a {name} of {value:g} is impossible; give more than 0."
+            )
     ahead = min(hull.speed_max_mps, speed_max_mps)
     astern = min(steady_rate(-hull.x_u, -hull.x_uu, -2 * hull.thrust_min_n), speed_max_mps)
     mass, x_u, n_r = hull.m11_kg, -hull.m11_kg / surge_s, -hull.m33_kgm2 / yaw_s

@@ -75,7 +75,7 @@ def _hidden(kernel: Any) -> Any:
         return kernel  # With NUMBA_DISABLE_JIT=1 it is the plain Python function.
 
     def refuse(*_: Any, **__: Any) -> None:
-        raise TypeError(f"{kernel.__name__} is a part of other kernels: Python cannot call it")
+        raise TypeError(f"{kernel.__name__} can only be called from other kernels, not from Python")
 
     # Numba registers entry points with the first and looks for a missing one with the second.
     kernel._insert = lambda *_: None

@@ -43,18 +43,19 @@ class SortieSettings:
         one, each = (self.battery_wh, self.minutes), (self.batteries_wh, self.minutes_each)
         if one == (None, None) and not any(each):
             raise UsageError(
-                "What bounds a sortie is not given; give the battery's watt-hours or the minutes.",
+                "A sortie needs a limit; give the battery's watt-hours or the minutes.",
                 settings=("sortie_battery_wh", "sortie_minutes"),
             )
         if any(all_ is not None and own for all_, own in zip(one, each, strict=True)):
             raise UsageError(
-                "A battery, or minutes, are given for all boats and for each; give one of these.",
+                "Limits are given both for all boats and for each boat; give only one of the two.",
                 settings=("sortie_battery_wh", "sortie_minutes"),
             )
         for given in (*one, *self.batteries_wh, *self.minutes_each):
             if given is not None and not 0 < given < math.inf:
                 raise UsageError(
-                    f"A sortie cannot last {given:g} Wh or minutes; give a positive number.",
+                    f"A sortie's limit of {given:g} Wh or minutes is impossible; give a positive "
+                    "number.",
                     settings=("sortie_battery_wh", "sortie_minutes"),
                 )
         if not 0 <= self.reserve < 1:
@@ -96,22 +97,23 @@ class FleetSettings:
     def __post_init__(self) -> None:
         if not 2 <= self.boats <= MOST_BOATS:
             raise UsageError(
-                f"A fleet has 2 to {MOST_BOATS} boats, and not {self.boats}.", settings=("boats",)
+                f"A fleet has 2 to {MOST_BOATS} boats, not {self.boats}.", settings=("boats",)
             )
         if not 0 < self.apart_m < math.inf:
             raise UsageError(
-                f"Boats cannot keep {self.apart_m:g} m apart; give a positive number of metres.",
+                f"A distance of {self.apart_m:g} m between boats is impossible; give a positive "
+                "number of metres.",
                 settings=("apart_m",),
             )
         if self.starts and len(self.starts) != self.boats:
             raise UsageError(
-                f"{self.boats} boats have {self.boats} starts, and {len(self.starts)} are given.",
+                f"{self.boats} boats need {self.boats} starts, not {len(self.starts)}.",
                 settings=("starts", "boats"),
             )
         if self.vessels and len(self.vessels) != self.boats:
             raise UsageError(
-                f"{self.boats} boats have one vessel for all or {self.boats}, and "
-                f"{len(self.vessels)} are given.",
+                f"{self.boats} boats need one vessel for all or {self.boats} vessels, not "
+                f"{len(self.vessels)}.",
                 settings=("vessel", "boats"),
             )
 
@@ -193,12 +195,12 @@ class PlanSettings:
         budgets = [b for b in (self.minutes, self.energy_wh) if b is not None]
         if len(budgets) + (self.cell_m is not None) != 1:
             raise UsageError(
-                "Give one of: the cells' size, the minutes, the watt-hours.",
+                "Give exactly one of: the cells' size, the minutes, the watt-hours.",
                 settings=("cell_m", "minutes", "energy_wh"),
             )
         if budgets and not 0 < budgets[0] < math.inf:
             raise UsageError(
-                f"A budget of {budgets[0]} is impossible; it must be positive.",
+                f"A budget of {budgets[0]} is impossible; give a positive number.",
                 settings=("minutes", "energy_wh"),
             )
         _check_one_each(self.sorties, self.fleet)
@@ -220,10 +222,9 @@ def _check_one_each(sorties: SortieSettings | None, fleet: FleetSettings | None)
         (sorties.minutes_each, "number of minutes", "sortie_minutes"),
     ):
         if several and len(several) != boats:
-            many = f"{boats} boats have one {what} for all or {boats}"
+            many = f"Give one {what} for all {boats} boats, or {boats}"
             raise UsageError(
-                f"{'One boat has one ' + what if boats == 1 else many}, and {len(several)} are "
-                "given.",
+                f"{'One boat takes one ' + what if boats == 1 else many}, not {len(several)}.",
                 settings=(setting, "boats"),
             )
 
@@ -253,8 +254,9 @@ def check_speed(settings: PlanSettings, vessel: Vessel) -> None:
     """Raise `PlanError` if the vessel cannot hold the speed window."""
     if settings.speed_min_mps > SPEED_RESERVE * vessel.speed_max_mps:
         raise PlanError(
-            f"The speed window {settings.speed_min_mps:g}:{settings.speed_max_mps:g} m/s is beyond "
-            f"the reach of vessel {vessel.name!r}, which makes {vessel.speed_max_mps:.2f} m/s at "
-            f"full thrust; its lower end must be below {SPEED_RESERVE * vessel.speed_max_mps:.2f}.",
+            f"The speed window {settings.speed_min_mps:g}:{settings.speed_max_mps:g} m/s is too "
+            f"fast for vessel {vessel.name!r}, which makes {vessel.speed_max_mps:.2f} m/s at "
+            "full thrust; its lower end must be below "
+            f"{SPEED_RESERVE * vessel.speed_max_mps:.2f}.",
             settings=("speed",),
         )

@@ -197,7 +197,7 @@ class Quantities(Mapping[str, Quantity]):
         table: dict[str, Quantity] = {}
         for one in entries:
             if one.key in table:
-                raise InputError(f"The quantity {one.key} is there twice.")
+                raise InputError(f"The quantity {one.key} is defined twice.")
             table[one.key] = one
         self._table: Mapping[str, Quantity] = MappingProxyType(table)
 
@@ -227,7 +227,7 @@ class Quantities(Mapping[str, Quantity]):
     def known(self, key: str) -> Quantity:
         """The quantity with this key; raises `InputError` if there is none."""
         if key not in self._table:
-            raise InputError(f"There is no quantity {key!r}; one of {self.keys_text}.")
+            raise InputError(f"There is no quantity {key!r}; choose one of {self.keys_text}.")
         return self._table[key]
 
     def extended(self, more: Iterable[Quantity] | Mapping[str, Quantity]) -> Quantities:

@@ -64,20 +64,20 @@ def _entry(key: str, table: Mapping[str, Any], before: Quantity | None) -> Quant
 def _read_label(name: str, value: object) -> dict[str, str]:
     texts = cast("Mapping[str, Any]", value) if isinstance(value, Mapping) else {"en": value}
     if not all(isinstance(text, str) and text for text in texts.values()):
-        raise InputError(f"{name} is a text, or a table such as {{ en = '...', fr = '...' }}.")
+        raise InputError(f"{name} must be a text, or a table such as {{ en = '...', fr = '...' }}.")
     return {language: str(text) for language, text in texts.items()}
 
 
 def _read_truth(name: str, value: object) -> bool:
     if not isinstance(value, bool):
-        raise InputError(f"{name} is true or false, not {value!r}.")
+        raise InputError(f"{name} must be true or false, not {value!r}.")
     return value
 
 
 def _read_list(read: Callable[[str, object], Any]) -> Callable[[str, object], tuple[Any, ...]]:
     def all_of(name: str, value: object) -> tuple[Any, ...]:
         if not isinstance(value, list | tuple):
-            raise InputError(f"{name} is a list, not {value!r}.")
+            raise InputError(f"{name} must be a list, not {value!r}.")
         return tuple(read(name, one) for one in cast("list[Any]", value))
 
     return all_of
@@ -86,7 +86,7 @@ def _read_list(read: Callable[[str, object], Any]) -> Callable[[str, object], tu
 def _read_lake(name: str, value: object) -> LakeStatistics:
     known = sorted(one.name for one in fields(LakeStatistics))
     if not isinstance(value, Mapping) or set(cast("Mapping[str, Any]", value)) != set(known):
-        raise InputError(f"{name} is a table of {', '.join(known)}.")
+        raise InputError(f"{name} must be a table of {', '.join(known)}.")
     given = cast("Mapping[str, Any]", value)
     return LakeStatistics(**{key: _read_number(key, one) for key, one in given.items()})
 
@@ -95,7 +95,7 @@ def read_limit_table(value: object, name: str = "limits") -> dict[str, float | S
     """The fields of `Limits` that a table gives; raises `InputError` if it is invalid."""
     known = {one.name for one in fields(Limits)}
     if not isinstance(value, Mapping):
-        raise InputError(f"{name} is a table, not {value!r}.")
+        raise InputError(f"{name} must be a table, not {value!r}.")
     table = cast("Mapping[str, Any]", value)
     unknown = sorted(set(table) - known)
     if unknown:

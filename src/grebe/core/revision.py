@@ -81,7 +81,7 @@ class PlanRevision:
 
     def __post_init__(self) -> None:
         if self.reason not in REASONS:
-            raise InputError(f"There is no reason {self.reason!r} for a revision of a plan.")
+            raise InputError(f"{self.reason!r} is not a reason for a revision of a plan.")
         if self.corridors and len(self.corridors) != len(self.targets):
             raise InputError("The revision has corridors for some of its targets, but not for all.")
         if self.highest_seq < max((target.seq for target in self.targets), default=0):
@@ -93,7 +93,7 @@ class PlanRevision:
         for one in self.sorties:
             if one.number == number:
                 return one
-        there = f"it has {len(self.sorties)}" if self.sorties else "it is one mission"
+        there = f"it has {len(self.sorties)}" if self.sorties else "it is a single mission"
         raise UsageError(f"The plan has no sortie {number}; {there}.", settings=("sortie",))
 
 
@@ -146,7 +146,10 @@ def revised(
     for target in targets:
         before = known.get(target.seq)
         if before is not None and before.set != target.set:
-            raise InputError(f"Target {target.seq} of the new order is another than of the old.")
+            raise InputError(
+                f"Target {target.seq} of the new order differs from target {target.seq} of the "
+                "old one."
+            )
     return PlanRevision(
         number=old.number + 1,
         reason=reason,
@@ -173,7 +176,7 @@ def begun_anew(revisions: Sequence[PlanRevision]) -> PlanRevision | None:
     return revised(
         last,
         reason=planned.reason,
-        note=f"begun anew with the order of revision {planned.number}",
+        note=f"started again in the order of revision {planned.number}",
         targets=planned.targets,
         corridors=planned.corridors,
         sorties=planned.sorties,

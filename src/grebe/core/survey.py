@@ -91,7 +91,7 @@ class Survey:
     def __post_init__(self) -> None:
         numbers = {target.seq for target in self.targets}
         if len(numbers) != len(self.targets) or min(numbers, default=1) < 1:
-            raise InputError("The survey's targets do not have a number from 1 on each.")
+            raise InputError("Each of the survey's targets needs a number of its own, from 1 on.")
         if self.corridors and len(self.corridors) != len(self.targets):
             raise InputError("The survey has corridors for some of its targets, but not for all.")
         if self.water.is_empty or not self.water.is_valid:

@@ -61,9 +61,11 @@ class Vessel:
         for field in fields(self):
             value = getattr(self, field.name)
             if field.type == "float" and (isinstance(value, bool) or not isinstance(value, Real)):
-                raise VesselError(f"Vessel {self.name!r}: {field.name} is {value!r}, no number.")
+                raise VesselError(f"Vessel {self.name!r}: {field.name} is {value!r}, not a number.")
             if isinstance(value, float | int) and not math.isfinite(value):
-                raise VesselError(f"Vessel {self.name!r}: {field.name} is {value}, not a number.")
+                raise VesselError(
+                    f"Vessel {self.name!r}: {field.name} is {value}; give a finite number."
+                )
         for name in (
             "m11_kg",
             "m22_kg",
@@ -87,7 +89,7 @@ class Vessel:
             raise VesselError(f"Vessel {self.name!r} has no drag in surge, sway or yaw.")
         if self.yaw_coupling not in YAW_COUPLINGS:
             raise VesselError(
-                f"Vessel {self.name!r}: yaw_coupling is {self.yaw_coupling!r}; it is one of "
+                f"Vessel {self.name!r}: yaw_coupling is {self.yaw_coupling!r}; choose one of "
                 f"{', '.join(YAW_COUPLINGS)}."
             )
         if self.thruster_lag_s < 0:
@@ -174,7 +176,7 @@ def paper_masses(
     """
     sizes = (mass_kg, length_m, width_m, depth_m, propeller_distance_m, water_kgm3)
     if not all(0 < size < math.inf for size in sizes):
-        raise VesselError("A hull's mass, its sizes and the water's density are above 0.")
+        raise VesselError("A hull's mass, its sizes and the water's density must be above 0.")
     displaced = water_kgm3 * math.pi * depth_m**2 * length_m
     inertia = mass_kg * (length_m**2 + width_m**2)
     added_inertia = 0.5 * (0.1 * mass_kg * propeller_distance_m**2 + displaced * length_m**2)

@@ -50,13 +50,14 @@ class DriveLog:
         n, m = len(self.times), len(self.command_times)
         if self.states.shape != (n, 6) or self.commands.shape != (m, 2):
             raise InputError(
-                f"{self.name}: {n} times need states ({n}, 6) and {m} command times commands "
-                f"({m}, 2), but there are {self.states.shape} and {self.commands.shape}."
+                f"{self.name}: {n} times need states of shape ({n}, 6), and {m} command times "
+                f"need commands of shape ({m}, 2); the shapes are {self.states.shape} and "
+                f"{self.commands.shape}."
             )
         if m == 0:
             raise InputError(
-                f"{self.name} holds no commands of the thrusters; without them nothing tells a "
-                "heavy boat from a weak one."
+                f"{self.name} holds no thruster commands; without them a heavy boat cannot be "
+                "told from a weak one."
             )
         for what, times in (("states", self.times), ("commands", self.command_times)):
             if not np.isfinite(times).all() or (np.diff(times) < 0).any():
@@ -70,36 +71,37 @@ class DriveLog:
             )
         if self.duration_s < SHORTEST_S:
             raise InputError(
-                f"{self.name} lasts {self.duration_s:.0f} s; to know a boat takes {SHORTEST_S:.0f} "
-                "s at least, and three minutes of steps and turns do well."
+                f"{self.name} lasts {self.duration_s:.0f} s; identifying a boat takes at least "
+                f"{SHORTEST_S:.0f} s, better three minutes of steps and turns."
             )
         if measured[:, 2].sum() < SPARSEST_HZ * self.duration_s:
             raise InputError(
-                f"{self.name} has a heading every "
-                f"{self.duration_s / max(1, int(measured[:, 2].sum())):.1f} s; a second is the "
-                "most, and 0.1 s does well."
+                f"{self.name} has a heading only every "
+                f"{self.duration_s / max(1, int(measured[:, 2].sum())):.1f} s; log one at least "
+                "every second, better every 0.1 s."
             )
         fastest = float(np.nanmax(np.abs(self.states[:, 3:5]), initial=0.0))
         if fastest > LARGEST_SPEED_MPS:
             raise InputError(
-                f"{self.name}: velocities reach {fastest:g}; they are metres a second, and no "
-                f"survey boat makes {LARGEST_SPEED_MPS:g}."
+                f"{self.name}: velocities reach {fastest:g}, but no survey boat makes "
+                f"{LARGEST_SPEED_MPS:g} m/s; give them in metres a second."
             )
 
     def _check_commands(self) -> None:
         if not np.isfinite(self.commands).all():
-            raise InputError(f"{self.name}: a command of the thrusters is not a number.")
+            raise InputError(f"{self.name}: a thruster command is not a number.")
         largest = float(np.abs(self.commands).max())
         if self.unit == "throttle" and largest > 1.0 + 1e-6:
             raise InputError(
-                f"{self.name}: throttles reach {largest:g}; they are shares of full, -1 to 1."
+                f"{self.name}: throttles reach {largest:g}; give them as shares of full "
+                "throttle, -1 to 1."
             )
         during = self.command_times <= self.times[-1]
         spread = np.ptp(self.commands[during], axis=0) if during.any() else np.zeros(2)
         if float(spread.max()) <= LEAST_SPREAD * largest or largest == 0:
             raise InputError(
-                f"{self.name}: the thrusters were told the same all the time; only a boat that "
-                "speeds up, coasts and turns shows what it is like."
+                f"{self.name}: the thruster commands never change; log a drive that speeds up, "
+                "coasts and turns."
             )
 
     @property

@@ -31,7 +31,7 @@ def circle_in(survey: Survey, place: tuple[float, float], radius_m: float | None
             return Circle(north_m=middle[0], east_m=middle[1], radius_m=radius)
     least = RADII_M[-1] if radius_m is None else radius_m
     raise PlanError(
-        f"{survey.name} has no free circle of {least:g} m that the boat reaches straight; bring "
-        "it to open water, or give a smaller radius.",
+        f"{survey.name} has no free circle of {least:g} m that the boat can reach in a straight "
+        "line; bring it to open water, or give a smaller radius.",
         settings=("radius_m",),
     )

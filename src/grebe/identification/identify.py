@@ -48,11 +48,12 @@ class IdentifySettings:
     def __post_init__(self) -> None:
         if not 5.0 <= self.piece_s <= 60.0:
             raise UsageError(
-                f"Pieces of {self.piece_s:g} s: give between 5 and 60.", settings=("piece_s",)
+                f"Pieces of {self.piece_s:g} s are impossible; give 5 to 60 s.",
+                settings=("piece_s",),
             )
         if self.bollard_n is not None and not 0 < self.bollard_n < math.inf:
             raise UsageError(
-                f"A pull of {self.bollard_n:g} N is impossible; give one thruster's at "
+                f"A pull of {self.bollard_n:g} N is impossible; give that of one thruster at "
                 "full command ahead.",
                 settings=("bollard_n",),
             )
@@ -78,7 +79,7 @@ def identify(log: DriveLog, preset: Vessel, settings: IdentifySettings = DEFAULT
     blind = _fit(log, pieces.choose(~held), model)
     fit = Descent(log, pieces, blind.model).run(blind.theta, blind)
     if not math.isfinite(fit.cost):
-        raise InputError(f"{log.name}: no boat moves as this log says; are the units as they are?")
+        raise InputError(f"{log.name}: no boat moves as this log says; check its units.")
     spread = covariance(fit, pieces)
     hold_out = tried(log, pieces, held, blind, _as_believed(base, blind))
     return Identification(
@@ -220,26 +221,30 @@ def _delta(
 
 def _notes(fit: Fit, spread: Array, settings: IdentifySettings) -> tuple[str, ...]:
     boat = fit.model.candidate(fit.theta).vessel
-    whence = "as measured" if settings.bollard_n else "as the preset has it"
+    whence = "as measured" if settings.bollard_n else "from the preset"
     notes = [
-        "motion alone tells masses, drags and thrusts up to a common factor: it is set by "
-        f"{boat.thrust_max_n:g} N of one thruster at full command ahead, {whence}; in yaw by the "
-        f"arm, {fit.model.base.arm_m:g} m by the tape, and what the boat sways"
+        "motion alone determines masses, drags and thrusts only up to a common factor: it "
+        f"is set by {boat.thrust_max_n:g} N of one thruster at full command ahead "
+        f"({whence}); in yaw by the arm of {fit.model.base.arm_m:g} m, measured by tape, and by "
+        "the boat's sway"
     ]
     told = _parameters(fit, spread)
     vague = [one.name for one in told if not one.is_determined and not one.of_the_day]
     if vague:
-        notes.append(f"this drive says little of {', '.join(vague)}: the preset stands")
+        notes.append(
+            f"this drive does not determine {', '.join(vague)}: the preset's values are kept"
+        )
     trim = next(one for one in told if one.name == "trim")
     if abs(trim.value) > max(UNEVEN, 2 * trim.sd):
         side = "port" if trim.value > 0 else "starboard"
         notes.append(
             f"the {side} thruster gives {100 * (math.exp(abs(trim.value)) - 1):.0f} % more than "
-            "the other at the same command; a vessel has one curve for both"
+            "the other at the same command; a vessel file has one curve for both"
         )
     compass = next(one for one in told if one.name == "compass_rad")
     if abs(compass.value) > max(math.radians(2), 2 * compass.sd):
         notes.append(
-            f"the compass is off by {math.degrees(compass.value):+.1f} deg against the way made"
+            f"the compass is off by {math.degrees(compass.value):+.1f} deg relative to the "
+            "course over ground"
         )
     return tuple(notes)

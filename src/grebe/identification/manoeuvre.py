@@ -43,7 +43,7 @@ class Circle:
     def __post_init__(self) -> None:
         if not self.radius_m > 0:
             raise UsageError(
-                f"A circle of {self.radius_m:g} m is impossible; give a radius.",
+                f"A circle of {self.radius_m:g} m is impossible; give a positive radius.",
                 settings=("radius_m",),
             )
 
@@ -111,7 +111,7 @@ class Manoeuvre:
     ) -> None:
         if not 0 < speed_max_mps < math.inf:
             raise UsageError(
-                f"A speed limit of {speed_max_mps:g} m/s leaves nothing to drive.",
+                f"A speed limit of {speed_max_mps:g} m/s is too low for a manoeuvre; raise it.",
                 settings=("speed_max_mps",),
             )
         need = ROOM * stopping_m(vessel, min(speed_max_mps, vessel.speed_max_mps))

@@ -97,8 +97,8 @@ def segments_of(log: DriveLog, length_s: float) -> Segments:
     used = np.flatnonzero(enough)
     if len(used) < 2:
         raise InputError(
-            f"{log.name}: {len(used)} pieces of {length_s:g} s hold {FEWEST_ROWS} rows; log the "
-            "state ten times a second."
+            f"{log.name}: only {len(used)} pieces of {length_s:g} s hold {FEWEST_ROWS} rows; log "
+            "the state ten times a second."
         )
     place = np.full(count + 1, -1)
     place[used] = np.arange(len(used))

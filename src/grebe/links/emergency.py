@@ -34,15 +34,16 @@ class EmergencyStop:
         home, colon, name = self.action.rpartition(":")
         if not (home and colon and name.isidentifier()):
             raise LinkError(
-                f"An emergency stop is MODULE:FUNCTION or FILE.py:FUNCTION, not {self.action!r}."
+                "An emergency stop must be MODULE:FUNCTION or FILE.py:FUNCTION, not "
+                f"{self.action!r}."
             )
         if not self.patience_s > 0:
-            raise LinkError(f"A watchdog cannot be patient for {self.patience_s} s; give more.")
+            raise LinkError(f"A watchdog cannot wait {self.patience_s} s; give more than 0.")
         try:
             json.dumps(dict(self.settings))
         except TypeError:
             raise LinkError(
-                "The settings of an emergency stop must be plain: texts, numbers, true and false."
+                "The settings of an emergency stop must be texts, numbers, true or false."
             ) from None
 
 

@@ -52,7 +52,7 @@ def main() -> None:
             return
 
 
-DIED = "the mission's process has ended without a goodbye"
+DIED = "the mission's process ended without signing off"
 
 
 def _watch(patience_s: float) -> str | None:

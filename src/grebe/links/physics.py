@@ -47,7 +47,7 @@ class PhysicsServer:
             self._socket.close()
             raise LinkError(
                 f"Physics cannot be served at {host}:{port} ({error.strerror or error}); another "
-                "program may have the port."
+                "program may be using the port."
             ) from error
         self._socket.settimeout(LOOK_S)
 
@@ -79,7 +79,9 @@ class PhysicsServer:
         answer = self._physics.answer(packet)
         if self._physics.starts > starts:
             rate = packet.frame_rate_hz
-            self._tell(f"the firmware at {sender[0]}:{sender[1]} begins ({rate} frames a second)")
+            self._tell(
+                f"the firmware at {sender[0]}:{sender[1]} has connected ({rate} frames a second)"
+            )
         if answer is not None:
             with suppress(OSError):
                 self._socket.sendto(answer, sender)

@@ -46,9 +46,11 @@ class Recording:
 
     def __post_init__(self) -> None:
         if len(self.seconds) == 0 or self.states.shape != (len(self.seconds), 6):
-            raise LinkError(f"{self.name} holds no track that could be replayed.")
+            raise LinkError(f"{self.name} holds no track to replay.")
         if not np.all(np.diff(self.seconds) > 0):
-            raise LinkError(f"{self.name} cannot be replayed: the times of its track do not rise.")
+            raise LinkError(
+                f"{self.name} cannot be replayed: the times of its track do not increase."
+            )
 
 
 def drawn_between(recording: Recording) -> Recording:
@@ -103,7 +105,9 @@ class ReplayLink:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         if not speed > 0:
-            raise UsageError(f"A recording cannot be replayed {speed:g} times as fast; give > 0.")
+            raise UsageError(
+                f"A recording cannot be replayed {speed:g} times as fast; give more than 0."
+            )
         self.source = f"replay of {recording.name}"
         self._recording = recording
         self._speed = speed

@@ -37,10 +37,10 @@ class EstimateErrors:
     def __post_init__(self) -> None:
         errors = (self.position_m, self.heading_rad, self.velocity_mps, self.late_s)
         if not all(0 <= one < math.inf for one in errors):
-            raise UsageError("Errors of estimates and their delay are 0 or more, and finite.")
+            raise UsageError("Errors and delays of estimates must be finite and not negative.")
         if not 0 <= self.lost_share < 1:
             raise UsageError(
-                f"The share of lost estimates must be from 0 to less than 1, not {self.lost_share}."
+                f"The share of lost estimates must be 0 to less than 1, not {self.lost_share}."
             )
 
     @property

@@ -59,8 +59,8 @@ class UdpWire:
         except OSError as error:
             self._socket.close()
             raise LinkError(
-                f"The port {host}:{port} cannot be listened on ({error.strerror}); another program "
-                "may have it."
+                f"Cannot listen on {host}:{port} ({error.strerror}); another program may be "
+                "using the port."
             ) from error
         self._socket.setblocking(False)
 

@@ -29,7 +29,7 @@ def pitch_for_accuracy(practical_range_m: float, sd_share: float) -> float:
     gone) and without noise. It is rougher than most water, so the pitch is on the safe side.
     """
     if not (0 < sd_share < 1 and practical_range_m > 0):
-        raise ValueError("the accuracy is a share between 0 and 1, the range positive")
+        raise ValueError("the accuracy must be a share between 0 and 1, and the range positive")
     model = CovarianceModel(
         kind="exponential",
         sill=1.0,

@@ -50,14 +50,16 @@ def make_grid(water: shapely.Polygon, resolution_m: float | None = None) -> Grid
     if resolution_m is None:
         resolution_m = math.sqrt(water.area / DEFAULT_NODES)
     if not (math.isfinite(resolution_m) and resolution_m > 0):
-        raise InputError(f"A map resolution of {resolution_m} m is impossible; give metres.")
+        raise InputError(
+            f"A map resolution of {resolution_m} m is impossible; give a positive number of metres."
+        )
     north0, east0, north1, east1 = water.bounds
     rows = int((north1 - north0) / resolution_m) + 1
     columns = int((east1 - east0) / resolution_m) + 1
     if min(rows, columns) < 2:
         raise InputError(
-            f"A map at {resolution_m:g} m has {rows} x {columns} nodes, which is no map; choose a "
-            "finer resolution."
+            f"A map at {resolution_m:g} m has only {rows} x {columns} nodes; choose a finer "
+            "resolution."
         )
     if rows * columns > MOST_NODES:
         raise InputError(

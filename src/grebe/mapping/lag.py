@@ -166,14 +166,14 @@ def estimate_lag(one: Pass, other: Pass) -> LagEstimate:
     near = (distance <= SAME_PLACE_M) & _within_reach(one.times) & _within_reach(other.times)[index]
     if near.sum() < FEWEST_PAIRS:
         raise ValueError(
-            f"the passes share {int(near.sum())} places within {SAME_PLACE_M:g} m, the ends of the "
-            f"records apart; a lag needs {FEWEST_PAIRS}"
+            f"the passes share only {int(near.sum())} places within {SAME_PLACE_M:g} m, not "
+            f"counting the ends of the records; a lag needs {FEWEST_PAIRS}"
         )
     share = near.sum() / min(len(one.times), len(other.times))
     if share < SMALLEST_SHARE:
         raise ValueError(
-            f"they are not two runs of one line: only {share:.0%} of the shorter lies within "
-            f"{SAME_PLACE_M:g} m of the other; give two runs of the same line"
+            f"they are not two runs of the same line: only {share:.0%} of the shorter lies "
+            f"within {SAME_PLACE_M:g} m of the other; give two runs of one line"
         )
 
     def difference(lag: Lag, sign: float = 1.0) -> float:

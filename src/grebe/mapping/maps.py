@@ -87,7 +87,7 @@ class MapSettings:
             raise InputError(f"shore_depth_sd_m must be above 0 m, not {sd}.")
         if self.together and len(set(self.together)) < 2:
             raise InputError(
-                f"To map quantities together takes two, not {self.together[0]} alone.",
+                f"Mapping quantities together needs at least two, not {self.together[0]} alone.",
                 settings=("together",),
             )
 
@@ -172,7 +172,7 @@ class Mapper:
     ) -> QuantityMap:
         moment = self.settings.moment
         if moment is not None and readings.times is None:
-            raise ValueError("a map of one moment needs the times of the samples")
+            raise ValueError("a map of one moment needs samples with times")
         is_bed = quantity.key == WATER_DEPTH
         readings, scale, change = self._prepared(quantity, readings, is_bed)
         found, reason = self._best(readings, scale, beside, is_bed=is_bed)
@@ -247,7 +247,7 @@ class Mapper:
         if asked is None:
             return scale_of(readings.positions, readings.values) if may_be_log else LINEAR
         if asked != LINEAR and float(readings.values.min()) <= 0:
-            raise ValueError("the logarithm needs readings above 0, and there are others")
+            raise ValueError("the logarithm needs readings above 0, but some are not")
         return asked
 
 
@@ -293,7 +293,7 @@ def _refuse_moment(moment: float | Literal["middle"] | None, times: Array) -> No
             for one in (moment, first, last)
         )
         raise InputError(
-            f"No sample was taken at {asked}; give a moment from {begun} to {ended}.",
+            f"{asked} is outside the survey; give a moment from {begun} to {ended}.",
             settings=("moment",),
         )
 
@@ -303,8 +303,8 @@ def _refuse_together(together: Sequence[str], samples: Samples, quantities: Quan
         if key not in quantities or not samples.measured(key):
             measured = [one for one in quantities if samples.measured(one)]
             raise InputError(
-                f"{key} was not measured, to be mapped together with others; there are "
-                f"{', '.join(measured)}.",
+                f"{key} was not measured, so it cannot be mapped together with others; choose "
+                f"from {', '.join(measured)}.",
                 settings=("together",),
             )
 
@@ -380,5 +380,5 @@ def map_all(
         if on_done is not None:
             on_done(done, len(wanted))
     if not wanted:
-        left_out = [f"{one.label}: no property of the water" for one in quantities.values()]
+        left_out = [f"{one.label}: not a property of the water" for one in quantities.values()]
     return maps, left_out

@@ -44,15 +44,16 @@ def moments_of(times: Array, every_s: float) -> Array:
     """
     if not (np.isfinite(every_s) and every_s > 0):
         raise InputError(
-            f"A movie needs some time between its maps, not {every_s / 60:g} minutes.",
+            f"The interval between a movie's maps must be above 0 minutes, not {every_s / 60:g}.",
             settings=("every_s",),
         )
     first, last = float(times.min()), float(times.max())
     count = int((last - first) / every_s + 1e-9) + 1
     if not FEWEST_MOMENTS <= count <= MOST_MOMENTS:
         raise InputError(
-            f"A map every {every_s / 60:g} minutes makes {count} of a survey of "
-            f"{(last - first) / 60:.0f} minutes; a movie has {FEWEST_MOMENTS} to {MOST_MOMENTS}.",
+            f"One map every {every_s / 60:g} minutes makes {count} of a survey of "
+            f"{(last - first) / 60:.0f} minutes; a movie takes {FEWEST_MOMENTS} to "
+            f"{MOST_MOMENTS}.",
             settings=("every_s",),
         )
     return first + every_s * np.arange(count)

@@ -31,16 +31,17 @@ class BoatClock:
         """
         now, last = observation.time_s, self._last_s
         if last is not None and now < last - ROUNDING_S:
-            raise LinkError(f"The boat's clock went back, from {last:g} s to {now:g} s.")
+            raise LinkError(f"The boat's clock went backwards, from {last:g} s to {now:g} s.")
         self._alike = self._alike + 1 if now == last else 0
         self._last_s = now
         if self._alike >= MOST_ALIKE:
             raise LinkError(
-                f"The boat's clock stands at {now:g} s, which {self._alike + 1} estimates in a row "
-                "have for their time."
+                f"The boat's clock has stopped: {self._alike + 1} estimates in a row have the "
+                f"time {now:g} s."
             )
         self._first_s = now if self._first_s is None else self._first_s
         if not seen_before and now - self._first_s > NEVER_SEEN_S:
             raise OverError(
-                EndReason.BLIND, f"no estimate of where the boat is came within {NEVER_SEEN_S:g} s"
+                EndReason.BLIND,
+                f"no estimate of the boat's position came within {NEVER_SEEN_S:g} s",
             )

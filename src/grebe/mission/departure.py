@@ -127,8 +127,8 @@ def prepare(
 
 def _holds_a_mission(survey_file: SurveyFile, reached: int, survey: Survey) -> SurveyFileError:
     return SurveyFileError(
-        f"{survey_file.path} holds a mission already ({reached} of {len(survey.targets)} "
-        "targets reached); resume it, or begin anew by force.",
+        f"{survey_file.path} already holds a mission ({reached} of {len(survey.targets)} targets "
+        "reached); resume it, or start again by force.",
         settings=("resume", "force"),
     )
 
@@ -188,13 +188,13 @@ def _refuse_to_repeat(part: Part, *, resume: bool, force: bool) -> None:
     """Refuse to sail a sortie again that has begun: it can only be resumed."""
     if force:
         raise UsageError(
-            "A sortie is not begun anew, for that would forget the others; plan the survey "
-            "anew, or go on with the sortie.",
+            "A sortie cannot be started again, because that would delete the others; resume it, "
+            "or plan the survey again.",
             settings=("force", "resume"),
         )
     if part.reached == len(part.survey.targets) and not resume:
         raise SurveyFileError(
-            f"The sortie is sailed: its {part.reached} targets are reached; go on with another.",
+            f"The sortie is complete: its {part.reached} targets are reached; choose another.",
             settings=("sortie",),
         )
 
@@ -276,9 +276,10 @@ def _doubts(
         said.append(
             Doubt(
                 code="journal_missing",
-                message=f"{survey_file.path} was not closed by the mission that wrote it, and its "
-                f"journal {survey_file.path.name}-wal is not beside it; where the file was copied, "
-                f"copy that too, or what is in it after {_said(ends[1].time)} may be missing",
+                message=f"{survey_file.path} was not closed by the mission that wrote it, and "
+                f"its journal {survey_file.path.name}-wal is missing; if the file was "
+                "copied, copy the journal too, or what was recorded after "
+                f"{_said(ends[1].time)} may be lost",
             )
         )
     return tuple(doubt for doubt in said if doubt)
@@ -290,11 +291,17 @@ def _clock_doubt(
     """Return a doubt if the clock disagrees with the times in the file."""
     clock = f"this computer's clock says {_said(now)}"
     if ends and (now < ends[0].time or ends[1].time - now > AHEAD):
-        text = f"{clock}, before the recorded mission ended ({_said(ends[1].time)}); times go on "
-        return Doubt(code="clock_doubtful", message=text + "from there; set the clock")
+        text = (
+            f"{clock}, before the recorded mission ended ({_said(ends[1].time)}); new times "
+            "continue from there; set the clock"
+        )
+        return Doubt(code="clock_doubtful", message=text)
     if ends and now - ends[1].time > DOUBTFUL:
         days = (now - ends[1].time).days
-        text = f"{clock}, {days} days after the recorded mission ended; if that is not so, set it"
+        text = (
+            f"{clock}, {days} days after the recorded mission ended; if that is wrong, set the "
+            "clock"
+        )
         return Doubt(code="clock_doubtful", message=text)
     if not ends and created and now < parse_time(created):
         text = f"{clock}, before this plan was made ({created}); set the clock"

@@ -73,9 +73,7 @@ def step_of(helm: Helm) -> float:
     """
     step_s = float(helm.step_s)
     if not 0 < step_s < math.inf:
-        raise UsageError(
-            f"A helm that is asked every {step_s:g} s steers nothing; give more than 0."
-        )
+        raise UsageError(f"A helm's step must be above 0 s, not {step_s:g} s.")
     return step_s
 
 
@@ -86,8 +84,8 @@ def possible_thrusts(vessel: Vessel, thrusts: Sequence[float]) -> tuple[float, f
     try:
         port, starboard = map(float, thrusts)
     except (TypeError, ValueError):
-        raise UsageError(f"A helm's thrusts are two numbers [N], not {thrusts!r}.") from None
+        raise UsageError(f"A helm's thrusts must be two numbers [N], not {thrusts!r}.") from None
     if not (math.isfinite(port) and math.isfinite(starboard)):
-        raise UsageError(f"A helm's thrusts are finite numbers [N], not {thrusts!r}.")
+        raise UsageError(f"A helm's thrusts must be finite numbers [N], not {thrusts!r}.")
     low, high = vessel.thrust_min_n, vessel.thrust_max_n
     return min(max(port, low), high), min(max(starboard, low), high)

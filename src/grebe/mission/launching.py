@@ -28,14 +28,16 @@ def launched(
         if request := asked_to_stop():
             raise OverError(EndReason.STOPPED, request)
         if lookout.is_called:
-            raise OverError(EndReason.CAME_HOME, "it was called home before it had set out")
+            raise OverError(EndReason.CAME_HOME, "the boat was called home before it set out")
         if lookout.is_alone:
-            text = "another boat lies before its harbour, and none is left that sails"
+            text = (
+                "another boat blocks its harbour and will not move: no other boat is still sailing"
+            )
             raise OverError(EndReason.TARGET_GIVEN_UP, text)
         if not said:
             text = (
-                "another boat is before its harbour: it stays ashore until that has gone, and then "
-                "sets out by itself"
+                "another boat is near its harbour: the boat waits ashore until that has left, "
+                "then sets out by itself"
             )
             announcer.tell(Warned, observation.time_s, code="waits_ashore", message=text)
             announcer.release()

@@ -259,7 +259,7 @@ class Mission:
             )
         if observation.time_s > self._settings.limit_s:
             limit = self._settings.limit_s
-            return EndReason.OUT_OF_TIME, f"the {limit:g} s that the mission was given are over"
+            return EndReason.OUT_OF_TIME, f"the mission's time limit of {limit:g} s has passed"
         return None
 
     def _waits_for_others(self) -> bool:
@@ -270,7 +270,7 @@ class Mission:
             return self._guard.state is SafetyState.RETURNING
         if not self._fleet.lookout.is_done:
             self._fleet.lookout.is_done = True
-            self._guard.ask(Request.HOLD, "its part is done, and it makes room for others")
+            self._guard.ask(Request.HOLD, "its part is done; it keeps clear of the others")
         return True
 
     def _extends(self, observation: Observation) -> bool:

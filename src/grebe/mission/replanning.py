@@ -161,7 +161,7 @@ class Replanner:
             return
         note = (
             f"the current is {weather.current_north_mps:+.2f} m/s north, "
-            f"{weather.current_east_mps:+.2f} m/s east, and was planned as "
+            f"{weather.current_east_mps:+.2f} m/s east; the plan assumed "
             f"{planned.current_north_mps:+.2f}, {planned.current_east_mps:+.2f}"
         )
         self._ask("weather", note, reached, place, weather)
@@ -271,11 +271,11 @@ class Replanner:
         named = isinstance(error, PlanError)
         why = str(error) if named else f"{type(error).__name__}: {error}"
         if self.asked in ("closed", "unreachable"):
-            raise PlanError(why if named else f"Planning anew failed ({why}).") from error
+            raise PlanError(why if named else f"Replanning failed ({why}).") from error
         # A sortie that fits after all, or cannot be shortened, needs no message: the guard calls
         # the boat home in time.
         if self.asked != "progress" or not named:
-            self.kept = f"the order stays as it is, for no other was found ({why})"
+            self.kept = f"the order stays as it is, because no other was found ({why})"
 
     def _ask(self, reason: Reason, note: str, reached: int, place: Place, weather: Weather) -> None:
         self.asked = reason
@@ -315,11 +315,11 @@ class Replanner:
             return None
         # A second request would fail too, and the boat would wait.
         except Exception as error:
-            self.over = f"where it goes on could not be planned ({type(error).__name__}: {error})"
+            self.over = f"the extension could not be planned ({type(error).__name__}: {error})"
             return None
         part = survey_of(self.survey, new, self._sortie_in(new))
         if _goes_through(self.plan.closed, part, reached, None):
-            self.over = "the way to where it would pay leads through a closed area"
+            self.over = "the route to the most useful places leads through a closed area"
             return None
         return self._ordered(new, halfway)
 

@@ -63,7 +63,7 @@ class Sight:
                 is_right = righted is self.raw.state
                 self.last = self.raw if is_right else replace(self.raw, state=righted)
                 return self.last
-            text = f"an estimate is not a number and is passed over: {observation.state}"
+            text = f"an estimate is not finite and is ignored: {observation.state}"
             self._announcer.tell(Warned, observation.time_s, code="estimate_invalid", message=text)
             if request := self._asked_to_stop():
                 raise OverError(EndReason.STOPPED, request)

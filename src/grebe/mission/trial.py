@@ -66,7 +66,9 @@ class Conditions:
     def __post_init__(self) -> None:
         shares = self.effectiveness
         if len(shares) != 2 or not all(0 <= share < math.inf for share in shares):
-            raise UsageError(f"Two thrusters give shares of what they are told, not {shares!r}.")
+            raise UsageError(
+                f"Give the share of its thrust that each of two thrusters gives, not {shares!r}."
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +144,7 @@ def fly(
     if not targets:
         raise UsageError("There is no target set to sail through; give one or more.")
     if len(start) != 6 or not all(map(math.isfinite, start)):
-        raise UsageError(f"A boat starts from six finite numbers, and not from {start!r}.")
+        raise UsageError(f"A boat's start must be six finite numbers, not {start!r}.")
     north, east, heading, surge, sway, yaw_rate = start
     state = (north, east, heading, surge, sway, yaw_rate)
     plant = Plant(world.boat or vessel, state, world.weather, world.effectiveness)

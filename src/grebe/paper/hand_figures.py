@@ -100,7 +100,7 @@ def fig6(out: Path, hand: HandDriven) -> Reproduction:
                 holds=planned.check.coverage > 0.97,
             ),
             Check(
-                what="length of the way over a lower bound",
+                what="length of the route over a lower bound",
                 found=f"{1 + planned.outcome.gap:.3f}",
                 holds=planned.outcome.gap < 0.1,
             ),

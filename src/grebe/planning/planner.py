@@ -168,8 +168,8 @@ class Planner:
         )
         if all(cell.is_speck for cell in cells):
             raise PlanError(
-                f"The water is too narrow for cells of {cell_m:g} m: what it has of each is too "
-                "little to be a target; choose smaller cells or a smaller shore margin.",
+                f"The water is too narrow for cells of {cell_m:g} m: no cell has enough water to "
+                "be a target; choose smaller cells or a smaller shore margin.",
                 settings=("cell_m", "shore_margin_m"),
             )
         start = self.given_start or self._nearest_centre(network, corner)

@@ -66,7 +66,7 @@ def clean_region(geometry: BaseGeometry, name: str, features: Sequence[str] = ()
     if max(north1 - north0, east1 - east0) > LARGEST_EXTENT_M:
         raise RegionError(
             f"The region {name!r} is {max(north1 - north0, east1 - east0) / 1000:.0f} km across; "
-            "check its coordinates (more than 200 km is no lake for a small boat)."
+            "check its coordinates (Grebe surveys lakes of at most 200 km)."
         )
     return Region(name=name, frame=frame, water=shapely.normalize(water))
 
@@ -91,8 +91,8 @@ def _check_degrees(coordinates: np.ndarray, name: str) -> None:
     given = f"({worst[0]:g}, {worst[1]:g})"
     if lon <= 180 and lat <= 90:
         raise RegionError(
-            f"The region {name!r} has a latitude of {lat:g}: beyond {HIGHEST_LATITUDE:g} degrees "
-            "no water is planned."
+            f"The region {name!r} has a latitude of {lat:g}; Grebe plans no water beyond "
+            f"{HIGHEST_LATITUDE:g} degrees."
         )
     if lon <= 90 and lat <= 180:
         raise RegionError(
@@ -110,8 +110,8 @@ def _check_validity(geometry: BaseGeometry, name: str) -> None:
         if not part.is_valid:
             reason = shapely.is_valid_reason(part)
             raise RegionError(
-                f"The region {name!r} is not a simple polygon ({reason}); "
-                "mend its outline, for example with QGIS's 'Fix geometries'."
+                f"The region {name!r} is not a simple polygon ({reason}); repair its outline, "
+                "for example with QGIS's 'Fix geometries'."
             )
 
 
@@ -133,8 +133,8 @@ def coarsened(region: Region, tolerance_m: float) -> tuple[Region, tuple[str, ..
     before, after = shapely.get_num_coordinates(water), shapely.get_num_coordinates(largest)
     given_up = 1 - largest.area / water.area
     note = (
-        f"the outline's {before:,} vertices are taken as {after:,}, on the water's side and within "
-        f"{tolerance_m:g} m; {given_up:.2%} of the area is given up"
+        f"the outline was simplified from {before:,} to {after:,} vertices, towards the water "
+        f"and by at most {tolerance_m:g} m; this gives up {given_up:.2%} of the area"
     )
     return replace(region, water=shapely.normalize(largest)), (note,)
 

@@ -76,7 +76,7 @@ def check_sorties(
 def _least_left_s(part: Survey, ways: Homeward) -> float:
     settings, vessel = part.settings, part.vessel
     if settings is None or settings.sorties is None or vessel is None:
-        raise PlanError("The survey does not say what its sorties may last.")
+        raise PlanError("The survey does not state the limits of its sorties.")
     weather, fastest = settings.weather, settings.speed_max_mps
     travel = travel_of(vessel, (settings.speed_min_mps, fastest), weather)
     current = math.hypot(weather.current_north_mps, weather.current_east_mps)

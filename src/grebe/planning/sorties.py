@@ -42,7 +42,10 @@ def plan_sorties(
     """
     sorties = settings.sorties
     if sorties is None:
-        raise UsageError("What bounds a sortie is not given.", settings=("sortie_minutes",))
+        raise UsageError(
+            "Sorties need a limit; give the battery's watt-hours or the minutes.",
+            settings=("sortie_minutes",),
+        )
     fleet = settings.fleet
     if fleet is not None and fleet.starts and sorties.harbours:
         raise UsageError(

@@ -109,7 +109,7 @@ def gather(
     settings = settings or MapSettings()
     if settings.shore_depth_sd_m is not None and meta.get("outline") == OF_TRACK:
         raise InputError(
-            f"The outline of {survey.name} is drawn about its track and is no shore: no depth "
+            f"The outline of {survey.name} is the hull of its track and not a shore, so no depth "
             "is known along it; leave the depth of the shore out.",
             settings=("shore_depth_sd_m",),
         )

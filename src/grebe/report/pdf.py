@@ -19,8 +19,8 @@ def print_pdf(page: Path, path: Path) -> None:
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if browser is None:
         raise InputError(
-            f"No browser to print {path} with was found (looked for {', '.join(BROWSERS)}); "
-            f"open {page} in yours and print it."
+            f"No browser was found to print {path} with (looked for {', '.join(BROWSERS)}); open "
+            f"{page} in yours and print it."
         )
     with tempfile.TemporaryDirectory() as profile:
         printed = Path(profile) / "page.pdf"

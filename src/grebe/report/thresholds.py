@@ -96,10 +96,11 @@ def _threshold(name: str, row: Any, quantities: Quantities) -> Threshold:
     given = cast("dict[str, Any]", row)
     if given["quantity"] not in quantities:
         raise InputError(
-            f"{name}: no quantity {given['quantity']!r}; one of {quantities.keys_text}."
+            f"{name}: there is no quantity {given['quantity']!r}; choose one of "
+            f"{quantities.keys_text}."
         )
     if given["sense"] not in ("above", "below"):
-        raise InputError(f"{name}: sense is 'above' or 'below', not {given['sense']!r}.")
+        raise InputError(f"{name}: sense must be 'above' or 'below', not {given['sense']!r}.")
     try:
         value = float(given["value"])
     except (TypeError, ValueError):
@@ -123,5 +124,5 @@ def _labels(name: str, given: object) -> dict[str, str]:
     table = cast("dict[str, Any]", given) if isinstance(given, dict) else {"en": given}
     labels = {language: text for language, text in table.items() if isinstance(text, str) and text}
     if not labels or len(labels) < len(table):
-        raise InputError(f"{name}: a label is a text, or a table such as {{ en = '...' }}.")
+        raise InputError(f"{name}: a label must be a text, or a table such as {{ en = '...' }}.")
     return labels

@@ -61,7 +61,7 @@ class App:
         """A tile of the user's own map."""
         place = [request.path_params[name] for name in ("zoom", "x", "y")]
         if self.background is None or not all(one.isascii() and one.isdigit() for one in place):
-            raise UnknownSurveyError("There is no background here.")
+            raise UnknownSurveyError("There is no background map.")
         zoom, x, y = (int(one[:10]) for one in place)
         data: bytes | None = None
         if zoom <= DEEPEST and max(x, y) < 2**zoom:
@@ -99,7 +99,7 @@ class App:
         watch = self.fleet.watch(survey_id)
         await watch.ready()
         if watch.under_way:
-            raise ConflictError("This survey is under way; stop it before it is deleted.")
+            raise ConflictError("This survey is under way; stop it before you delete it.")
         await run_in_threadpool(self.surveys.remove, path)
         self.fleet.forget(survey_id)
         return Response(status_code=204)
@@ -161,7 +161,7 @@ class App:
         watch = self.fleet.watch(request.path_params["id"])
         voyage = voyage_asked(given)
         if voyage.link != "sim:" and given.get("confirm") is not True:
-            raise UsageError("A real boat needs to be confirmed.", settings=("confirm",))
+            raise UsageError("Sailing a real boat needs your confirmation.", settings=("confirm",))
         tab = requests.tab_of(request)
         if self.fleet.lease.holder is None:
             self.fleet.lease.take(tab)
@@ -254,7 +254,7 @@ class App:
         path = self.surveys.path(request.path_params["id"])
         language = (await requests.body_of(request)).get("language", "en")
         if language not in ("en", "fr"):
-            raise UsageError("The report speaks en or fr.", settings=("language",))
+            raise UsageError("The report is available in en or fr.", settings=("language",))
         await self.maps.run("report", str(path), language)
         return JSONResponse({"made": datetime.now(UTC).isoformat()}, status_code=201)
 

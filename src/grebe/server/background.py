@@ -55,7 +55,9 @@ def open_background(path: Path) -> Background:
     kinds = {".pmtiles": PackedTiles, ".mbtiles": StoredTiles}
     kind = kinds.get(path.suffix.lower())
     if kind is None:
-        raise InputError(f"A background is a .pmtiles or .mbtiles file, and {path} is neither.")
+        raise InputError(
+            f"{path} is not a background map: its name must end in .pmtiles or .mbtiles."
+        )
     try:
         return kind(path)
     except OSError as error:
@@ -106,7 +108,7 @@ class StoredTiles:
             ).fetchone(),
         )
         if ends[0] is None:
-            raise InputError(f"{path} holds no tile.")
+            raise InputError(f"{path} holds no tiles.")
         corners = str(told.get("bounds", "")).split(",")
         try:
             bounds = [float(corner) for corner in corners] if len(corners) == 4 else None
@@ -136,9 +138,9 @@ def _reading(path: Path, work: Any) -> Any:
     try:
         return work()
     except (MagicNumberNotFound, SpecVersionUnsupported):
-        raise InputError(f"{path} is no PMTiles file of version 3.") from None
+        raise InputError(f"{path} is not a PMTiles file of version 3.") from None
     except (sqlite3.Error, ValueError, EOFError, KeyError, IndexError, zlib.error, struct.error):
-        raise InputError(f"{path} is damaged, or no file of tiles.") from None
+        raise InputError(f"{path} is damaged, or not a file of tiles.") from None
 
 
 def _about(
@@ -151,7 +153,7 @@ def _about(
     media_type = IMAGES.get(kind)
     if media_type is None:
         raise InputError(
-            f"{path} holds tiles of {kind}; give one of images ({', '.join(sorted(IMAGES))})."
+            f"{path} holds tiles of {kind}; give a file of images ({', '.join(sorted(IMAGES))})."
         )
     if not 0 <= zooms[0] <= zooms[1] <= DEEPEST:
         raise InputError(f"{path} is damaged: its zooms are {zooms[0]} to {zooms[1]}.")

@@ -29,7 +29,7 @@ def options(background: Background | None) -> dict[str, Any]:
         "single": both("One cell at a time", "Une cellule à la fois"),
     }
     patterns = {
-        "free": both("The shortest way", "Le plus court chemin"),
+        "free": both("Shortest route", "Trajet le plus court"),
         "rows": both("In rows", "Par lignes"),
         "columns": both("In columns", "Par colonnes"),
     }

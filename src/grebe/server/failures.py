@@ -46,5 +46,5 @@ async def failed(_: Request, error: Exception) -> Response:
 async def missing(_: Request, error: Exception) -> Response:
     """The response for an address or a method that does not exist."""
     status = getattr(error, "status_code", 404)
-    message = getattr(error, "detail", "") or "There is nothing here."
+    message = getattr(error, "detail", "") or "There is nothing at this address."
     return JSONResponse({"error": {"code": str(status), "message": message}}, status_code=status)

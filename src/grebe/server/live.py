@@ -223,7 +223,7 @@ class Watch:
         """Pass an order on to the mission; raises `LinkError` if none is under way."""
         await self.ready()
         if self._writer is None:
-            raise LinkError("This survey is not under way; there is nobody to obey.")
+            raise LinkError("This survey is not under way, so there is no boat to command.")
         self._writer.write(f"{command}\n".encode())
         await self._writer.drain()
 
@@ -247,9 +247,9 @@ class Watch:
         while not live_path(self.path).exists():
             if process.poll() is not None:
                 text = log.read_text(encoding="utf-8").strip().splitlines()
-                raise InputError(text[-1] if text else "The mission ended before it began.")
+                raise InputError(text[-1] if text else "The mission ended before it started.")
             if loop.time() > end:
-                raise LinkError("The mission did not begin within three minutes.")
+                raise LinkError("The mission did not start within three minutes.")
             await asyncio.sleep(0.05)
         # Read the file before connecting, so that no listener finds an empty state.
         await self._read()
@@ -265,7 +265,7 @@ class Watch:
             if self.state["status"]["state"] in UNDER_WAY:
                 break
             await asyncio.sleep(0.1)
-        raise InputError("This survey is under way already.")
+        raise InputError("This survey is already under way.")
 
     async def stream(self, tab: Tab, last: str = "") -> AsyncGenerator[bytes]:
         """The messages to a tab as server-sent events: a snapshot, then the changes. If `last`, the

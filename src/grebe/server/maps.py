@@ -193,7 +193,7 @@ def grid(
     elif layer == "quality":
         field, unit, span = _quality(made), "", [0.0, 1.0]
     else:
-        raise InputError(f"There is no layer {layer!r} of a map.", settings=("layer",))
+        raise InputError(f"A map has no layer {layer!r}.", settings=("layer",))
     note = "The boat is under way: this map is still forming." if forming else None
     return _grid(made, field, layer, unit, span, note)
 
@@ -264,7 +264,7 @@ def at(path: str, quantity: str, lon: float, lat: float, *, forming: bool) -> di
     made = _made(path, quantity, forming=forming)
     place = made.frame.to_local([(lon, lat)])
     if not np.isfinite(place).all() or not _inside(made, place)[0]:
-        raise NoMapError("There is no water of this survey at that place.")
+        raise NoMapError("This survey has no water at that place.")
     found = made.map.at(place)
     return {
         "mean": float(found.mean[0]),
@@ -283,7 +283,7 @@ def profile(
     corners = made.frame.to_local(line)
     length_m = float(passed_m(corners)[-1])
     if not 0 < length_m < 1e6:
-        raise InputError("The line has no length, or is longer than any lake.", settings=("line",))
+        raise InputError("The line has no length, or is too long.", settings=("line",))
     distance = np.linspace(0.0, length_m, PROFILE_POINTS)
     places = places_at(corners, distance)
     inside = _inside(made, places)

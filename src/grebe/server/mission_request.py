@@ -32,17 +32,25 @@ def voyage_asked(given: dict[str, Any]) -> Voyage:
     link = given.get("link", "simulated")
     rate = given.get("rate", 1.0)
     if not isinstance(link, str) or len(link) > 200:
-        raise UsageError("The link is no address.", settings=("link",))
+        raise UsageError(
+            "The link must be an address of at most 200 characters.", settings=("link",)
+        )
     if link.startswith(OWN):
-        raise UsageError("A boat of one's own is sailed from the command line.", settings=("link",))
+        raise UsageError(
+            "A link of your own can only be used from the command line.", settings=("link",)
+        )
     rule = str(given.get("rule", "lookahead"))
     if rule.startswith(OWN):
-        raise UsageError("A rule of one's own sails from the command line.", settings=("rule",))
+        raise UsageError(
+            "A rule of your own can only be used from the command line.", settings=("rule",)
+        )
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.1 <= rate <= 200:
-        raise UsageError("The rate is a number from 0.1 to 200.", settings=("rate",))
+        raise UsageError("The rate must be a number from 0.1 to 200.", settings=("rate",))
     given_weather = given.get("weather") or {}
     if not isinstance(given_weather, dict):
-        raise UsageError("The weather has a current and a wind.", settings=("weather",))
+        raise UsageError(
+            "The weather must be an object with a current and a wind.", settings=("weather",)
+        )
     resume = given.get("resume") is True
     return Voyage(
         link="sim:" if link == "simulated" else link,
@@ -72,7 +80,9 @@ def _vector(given: Any, what: str, size: str, direction: str) -> tuple[float, fl
     if given is None:
         return 0.0, 0.0
     if not isinstance(given, dict):
-        raise UsageError(f"The {what} has a {size} and a {direction}.", settings=(what,))
+        raise UsageError(
+            f"The {what} must be an object with {size} and {direction}.", settings=(what,)
+        )
     table = cast("dict[str, Any]", given)
     length, angle = setting_number(table, size), math.radians(setting_number(table, direction))
     return round(length * math.cos(angle), 9), round(length * math.sin(angle), 9)

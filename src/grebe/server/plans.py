@@ -84,15 +84,15 @@ def keep_demo(path: str) -> None:
 
 def _plan(request: Any, name: str) -> tuple[Region, Planned]:
     if not isinstance(request, dict):
-        raise InputError("A plan is asked for by a region and settings.")
+        raise InputError("A plan needs a region and settings.")
     given = cast("dict[str, Any]", request)
     settings = given.get("settings")
     if not isinstance(settings, dict):
-        raise InputError("A plan is asked for by a region and settings.")
+        raise InputError("A plan needs a region and settings.")
     chosen = cast("dict[str, Any]", settings)
     unknown = sorted(set(chosen) - NAMES)
     if unknown:
-        raise UsageError(f"There is no setting {unknown[0]!r} of a plan.", settings=(unknown[0],))
+        raise UsageError(f"A plan has no setting {unknown[0]!r}.", settings=(unknown[0],))
     region = clean_region(_geometry(given.get("region"), "region"), name)
     vessel = vessel_named(str(chosen.get("vessel", "spyboat")))
     plan_settings = _settings(chosen, region)
@@ -107,9 +107,9 @@ def _geometry(given: Any, what: str) -> BaseGeometry:
     try:
         geometry = shapely.from_geojson(text)
     except (shapely.errors.GEOSException, ValueError):
-        raise InputError(f"The {what} is no GeoJSON polygon.", settings=(what,)) from None
+        raise InputError(f"The {what} is not a GeoJSON polygon.", settings=(what,)) from None
     if not isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
-        raise InputError(f"The {what} is no polygon.", settings=(what,))
+        raise InputError(f"The {what} is not a polygon.", settings=(what,))
     if shapely.get_num_coordinates(geometry) > MOST_POINTS:
         raise InputError(f"The {what} has more than {MOST_POINTS:,} points.", settings=(what,))
     return geometry
@@ -128,9 +128,11 @@ def _pair(given: Any) -> tuple[float, float]:
     try:
         lon, lat = (float(value) for value in given)
     except (TypeError, ValueError, OverflowError):
-        raise InputError("The start is no [longitude, latitude].", settings=("start",)) from None
+        raise InputError(
+            "The start must be [longitude, latitude] in degrees.", settings=("start",)
+        ) from None
     if not (math.isfinite(lon) and math.isfinite(lat) and abs(lat) <= 90 and abs(lon) <= 360):
-        raise InputError("The start is no [longitude, latitude].", settings=("start",))
+        raise InputError("The start must be [longitude, latitude] in degrees.", settings=("start",))
     return lon, lat
 
 
@@ -140,8 +142,8 @@ def _settings(given: dict[str, Any], region: Region) -> PlanSettings:
     if cell_m is not None and cell_m > 0 and region.area_m2 > MOST_CELLS * cell_m**2:
         least = math.sqrt(region.area_m2 / MOST_CELLS)
         raise UsageError(
-            f"Cells of {cell_m:g} m are more than {MOST_CELLS:,} in this water; "
-            f"choose {math.ceil(least)} m or more.",
+            f"Cells of {cell_m:g} m would number more than {MOST_CELLS:,} in this water; choose "
+            f"{math.ceil(least)} m or more.",
             settings=("cell_m",),
         )
     return PlanSettings(

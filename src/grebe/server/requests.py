@@ -59,7 +59,7 @@ def line(text: str) -> list[tuple[float, float]]:
     """The corners of a line in a query, longitude and latitude [deg]."""
     points = [point.split(",") for point in text.split(";")[:100]]
     if len(points) < 2 or any(len(point) != 2 for point in points):
-        raise UsageError("line is written lon,lat;lon,lat;…", settings=("line",))
+        raise UsageError("line must be written as lon,lat;lon,lat;…", settings=("line",))
     return [(number(lon, "line"), number(lat, "line")) for lon, lat in points]
 
 
@@ -83,9 +83,9 @@ def parsed(data: bytes) -> dict[str, Any]:
         found = json.loads(data, parse_float=_float, parse_int=_int, parse_constant=_constant)
         json.dumps(found, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
-        raise InputError("The request is not JSON.") from None
+        raise InputError("The request is not valid JSON.") from None
     if not isinstance(found, dict):
-        raise InputError("The request is not a JSON object.")
+        raise InputError("The request must be a JSON object.")
     return cast("dict[str, Any]", found)
 
 
@@ -103,7 +103,7 @@ def _int(text: str) -> int:
 
 
 def _constant(text: str) -> float:
-    raise InputError(f"{text} is not a number of JSON.")
+    raise InputError(f"{text} is not a JSON number.")
 
 
 @contextlib.asynccontextmanager
@@ -113,7 +113,9 @@ async def uploaded(request: Request, folder: Path) -> AsyncGenerator[Path]:
     """
     suffix = Path(request.query_params.get("name", "")).suffix.lower()
     if suffix not in TAKEN:
-        raise InputError(f"A file {suffix or 'without an ending'} is not read; {', '.join(TAKEN)}.")
+        raise InputError(
+            f"A file {suffix or 'without an ending'} cannot be read; send {', '.join(TAKEN)}."
+        )
     with tempfile.TemporaryDirectory(prefix=".incoming-", dir=folder) as inside:
         path = Path(inside) / f"upload{suffix}"
         size = 0
@@ -121,7 +123,7 @@ async def uploaded(request: Request, folder: Path) -> AsyncGenerator[Path]:
             async for chunk in request.stream():
                 size += len(chunk)
                 if size > UPLOAD_MOST:
-                    raise TooLargeError(f"A file of more than {UPLOAD_MOST // 1_000_000} MB.")
+                    raise TooLargeError(f"The file is larger than {UPLOAD_MOST // 1_000_000} MB.")
                 file.write(chunk)
         try:
             yield path

@@ -145,12 +145,12 @@ class Gate:
 
     def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str, str] | None:
         if headers.get("host", "").lower() not in self._hosts:
-            return 403, "host", "This server answers to its own name alone."
+            return 403, "host", "This server answers only to its own name."
         origin = headers.get("origin")
         foreign = origin is not None and origin.partition("://")[2].lower() not in self._hosts
         crossed = headers.get("sec-fetch-site") == "cross-site" and scope["path"] != "/"
         if foreign or crossed:
-            return 403, "origin", "Another site's page may not ask this server."
+            return 403, "origin", "Pages of other sites may not use this server."
         if scope["path"].startswith("/api"):
             return self._api_refusal(scope, headers)
         return None
@@ -186,7 +186,7 @@ class Gate:
             return
         opens = await password.opens(await login.password_of(receive))
         if opens is None:
-            await _answer(send, 429, "busy", "Too many passwords are being tried; wait a while.")
+            await _answer(send, 429, "busy", "Too many passwords are being tried; wait a moment.")
         elif opens:
             await _redirect(send, self._keys.new_cookie())
         else:

@@ -46,7 +46,7 @@ class Worker:
             if self._pool is pool:
                 self._pool = self._new()
             raise InputError(
-                "This was too much for this computer (its process ended); ask for less."
+                "This was too much for this computer (the process died); ask for less."
             ) from None
 
     def begin(self, name: str) -> None:

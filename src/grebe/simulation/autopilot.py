@@ -81,7 +81,9 @@ class AutopilotSettings:
     def __post_init__(self) -> None:
         positive = (self.speed_max_mps, self.accel_max_mps2, self.timeout_s, self.battery_s)
         if not min(positive) > 0:
-            raise UsageError("The stand-in's speed, acceleration, time-out and battery are > 0.")
+            raise UsageError(
+                "The stand-in's speed, acceleration, time-out and battery must be above 0."
+            )
 
 
 @dataclass

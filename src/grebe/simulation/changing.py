@@ -32,7 +32,7 @@ class Tide:
 
     def __post_init__(self) -> None:
         if not self.period_s > 0:
-            raise UsageError(f"A tide turns in more than 0 s, not in {self.period_s:g}.")
+            raise UsageError(f"A tide cannot turn in {self.period_s:g} s; give more than 0.")
 
     def __call__(self, time_s: float) -> Weather:
         """The current at a time [s]; it is strongest at 0."""
@@ -58,7 +58,9 @@ class Gusts:
 
     def __post_init__(self) -> None:
         if self.sd_n < 0 or not self.memory_s > 0:
-            raise UsageError("Gusts have a deviation of 0 or more and last for more than 0 s.")
+            raise UsageError(
+                "Gusts need a standard deviation of 0 or more and a duration above 0 s."
+            )
 
     @cached_property
     def _path(self) -> NDArray[np.float64]:

@@ -49,9 +49,9 @@ class Faults:
 
     def __post_init__(self) -> None:
         if self.battery_share is not None and not 0 <= self.battery_share <= 1:
-            raise UsageError(f"A battery's share is 0 to 1, not {self.battery_share:g}.")
+            raise UsageError(f"A battery's share must be 0 to 1, not {self.battery_share:g}.")
         if not self.battery_s > 0:
-            raise UsageError(f"A battery lasts more than {self.battery_s:g} s.")
+            raise UsageError(f"A battery cannot last {self.battery_s:g} s; give more than 0.")
 
     def is_blind(self, time_s: float) -> bool:
         """Whether the boat does not know its position at a time."""

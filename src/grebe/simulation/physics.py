@@ -80,7 +80,7 @@ class PhysicsSettings:
         most = max(CHANNELS.values())
         if len(set(self.servos)) != 2 or not all(1 <= servo <= most for servo in self.servos):
             raise UsageError(
-                f"The thrusters' servos {self.servos} are not two outputs from 1 to {most}.",
+                f"The thrusters' servos {self.servos} must be two outputs from 1 to {most}.",
                 settings=("servos",),
             )
         lowest = 1 / PLANT_STEP_S

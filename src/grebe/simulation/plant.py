@@ -98,7 +98,7 @@ class Plant:
         )
         if not math.isfinite(rate) or rate * step_s > MOST_SUBSTEPS:
             raise InputError(
-                f"The motion of the simulated {boat.name!r} cannot be followed: it decays at "
+                f"The motion of the simulated {boat.name!r} cannot be computed: it decays at "
                 f"{rate:.3g} a second, at {speed:.3g} m/s through the water; give it more mass, "
                 "less drag, or less weather."
             )

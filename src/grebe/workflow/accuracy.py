@@ -114,7 +114,7 @@ def prior_of_survey(path: Path, quantity: str | None = None) -> CovarianceModel:
         if model.sill > 0:
             found.append(replace(model, sill=1.0, nugget=model.nugget / model.sill))
     if not found:
-        raise InputError(f"In what {path} measured nothing varies from place to place.")
+        raise InputError(f"Nothing that {path} measured varies from place to place.")
     return min(found, key=lambda model: model.practical_range_m)
 
 
@@ -154,7 +154,7 @@ def plan_for_accuracy(
             settings=("minutes", "energy_wh", "sd_share"),
         )
     if sd_share is not None and not 0 < sd_share < 1:
-        raise UsageError("The accuracy is a share between 0 and 1.", settings=("sd_share",))
+        raise UsageError("The accuracy must be a share between 0 and 1.", settings=("sd_share",))
 
     def planned(wishes: PlanSettings) -> Planned:
         return plan(region, vessel, wishes, start_lonlat, no_go)

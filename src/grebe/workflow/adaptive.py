@@ -94,14 +94,14 @@ def adapted(
     place, sortie = halfway.place, halfway.sortie
     settings, vessel = survey.settings, survey.vessel_of(sortie.boat if sortie else 1)
     if settings is None or vessel is None or survey.outcome is None:
-        raise PlanError("Only a planned survey can go on; plan it first.")
+        raise PlanError("Only a planned survey can be extended; plan it first.")
     if wish.quantity not in samples.values:
         raise InputError(f"The survey has no quantity {wish.quantity!r}.")
     open_ = _open_water(survey, revision.highest_seq)
     if closed:
         open_ = open_.closing(closed, place)
     if not open_.targets:
-        raise PlanError("The water is nowhere wide enough to go on.")
+        raise PlanError("The water is nowhere wide enough for more places.")
     places = np.array([target.set.centre for target in open_.targets])
     window = (settings.speed_min_mps, settings.speed_max_mps)
     travel = travel_of(vessel, window, settings.weather)
@@ -122,7 +122,7 @@ def adapted(
         vessel=vessel,
         weather=settings.weather or CALM,
         reason="adaptive",
-        note=f"{len(route)} places more for {wish.text}, in {sails_s / 60:.1f} minutes",
+        note=f"{len(route)} more places for {wish.text}, in {sails_s / 60:.1f} minutes",
     )
     return Adapted(revision=new, before_sd=before, expected_sd=after, places=len(route))
 
@@ -158,7 +158,7 @@ def _best_route(
         allowed_s *= 0.5 * (1 + FULL) * most_s / max(takes_s, 1.0)
     if not route:
         raise PlanError(
-            f"No place that is worth a reading is within {wish.minutes:g} minutes; give more.",
+            f"No place worth a reading is within {wish.minutes:g} minutes; give more.",
             settings=("minutes",),
         )
     return route, left, sails_s
@@ -251,8 +251,8 @@ def worth_of(
         away = np.abs(wish.threshold - mean) / sd
         if away.min() > NOWHERE_SD:
             raise PlanError(
-                f"{key} is between {mean.min():.4g} and {mean.max():.4g} by what was measured, and "
-                f"crosses {wish.threshold:g} nowhere; give another threshold.",
+                f"The measured {key} is between {mean.min():.4g} and {mean.max():.4g} and "
+                f"nowhere crosses {wish.threshold:g}; give another threshold.",
                 settings=("threshold",),
             )
         weights = norm.pdf(away)

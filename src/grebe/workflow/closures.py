@@ -66,7 +66,7 @@ class Closures:
         except Exception as error:
             if str(error) != self._said:
                 self._said = str(error)
-                self.say(f"what {self.path} closes is not known: {error}")
+                self.say(f"the closed areas in {self.path} cannot be read: {error}")
 
     def _mark(self) -> Mark | None:
         if not self.path.exists():

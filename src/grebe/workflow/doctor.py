@@ -48,7 +48,7 @@ def diagnose(
 def _computer(folder: Path, now: datetime) -> Iterator[Check]:
     yield check(
         "clock", f"{now:%Y-%m-%d %H:%M:%S} UTC", holds=now >= RELEASED,
-        advice="set the clock (NTP, or a receiver): every sample bears its time",
+        advice="set the clock (NTP, or a receiver): every sample carries its time",
     )  # fmt: skip
     free = shutil.disk_usage(folder).free
     yield check(
@@ -58,7 +58,7 @@ def _computer(folder: Path, now: datetime) -> Iterator[Check]:
     yield check(
         "controller", "compiled" if kernels.is_compiled() else "not compiled yet",
         holds=kernels.is_compiled(), otherwise=Verdict.DOUBTFUL,
-        advice="run grebe demo once: the first mission compiles for a minute",
+        advice="run grebe demo once, or the first mission spends a minute compiling",
     )  # fmt: skip
     for module, extra in EXTRAS.items():
         there = importlib.util.find_spec(module) is not None
@@ -75,7 +75,7 @@ def _survey(path: Path) -> Generator[Check, None, Survey]:
     yield check(
         "survey", f"{len(survey.targets)} targets, {progress.reached} reached",
         holds=len(survey.targets) > progress.reached,
-        advice="everything is done: plan another, or begin it anew by force",
+        advice="every target is reached: plan another survey, or start this one again by force",
     )  # fmt: skip
     name = "none" if survey.vessel is None else survey.vessel.name
     yield check(

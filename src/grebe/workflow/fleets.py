@@ -142,7 +142,7 @@ class FleetRun:
             file.clear_mission()
         elif file.track_ends() and not resume:
             raise UsageError(
-                f"{file.path} holds a mission already; resume it, or begin anew by force.",
+                f"{file.path} already holds a mission; resume it, or start again by force.",
                 settings=("resume", "force"),
             )
         file.begin_session(now)

@@ -116,5 +116,5 @@ class Handover:
             vessel=vessel,
             weather=weather,
             reason="boat_lost",
-            note=f"boat {sortie.boat} dropped out, and another takes over what it has left",
+            note=f"boat {sortie.boat} dropped out; another takes over its remaining targets",
         )

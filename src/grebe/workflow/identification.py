@@ -156,7 +156,7 @@ def write_identification(
 
 def _comment(one: FittedValue) -> str:
     if not one.is_determined:
-        return f"+- {one.sd:.2g}: this drive says little about it"
+        return f"+- {one.sd:.2g}: not determined by this drive"
     size = abs(one.value)
     share = f" ({100 * one.sd / size:.2g} %)" if size > one.sd else ""
     return f"+- {one.sd:.2g}{share}"

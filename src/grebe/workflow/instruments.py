@@ -77,7 +77,7 @@ def refuse_unopened(benches: Iterable[Bench]) -> None:
             time.sleep(0.02)
         if one.is_broken and not one.is_open:
             raise LinkError(
-                f"{one.name} at {one.address} is not there ({one.state}); plug it in, or sail "
+                f"{one.name} at {one.address} does not answer ({one.state}); plug it in, or sail "
                 "without it."
             )
 

@@ -46,7 +46,7 @@ def joined(
     """
     if track.times is None or sonde.times is None:
         which = "the track" if track.times is None else str(path)
-        raise TrackError(f"{which} has no times: it cannot be joined by the clock.")
+        raise TrackError(f"{which} has no times, so it cannot be joined by time.")
     if offset_s is not None and not np.isfinite(offset_s):
         raise TrackError(
             f"A clock cannot be {offset_s} s ahead; give a number.", settings=("clock_offset_s",)

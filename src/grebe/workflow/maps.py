@@ -168,7 +168,7 @@ def movie_note(data: ReportData) -> str | None:
         return None
     still = ", ".join(inline(one.label) for one in data.still)
     return (
-        f"no movie of {still}: the samples do not tell that the water changed during the survey, "
+        f"no movie of {still}: the samples do not show that the water changed during the survey, "
         "so its map would be the same at every moment"
     )
 
@@ -283,8 +283,8 @@ def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list
             for key, correlation in zip(told.names, told.correlations, strict=True)
         )
         notes.append(
-            f"{name}: mapped together with {with_}, which takes {told.spared:.0%} off the median "
-            "standard deviation"
+            f"{name}: mapped together with {with_}, which reduces the median standard deviation "
+            f"by {told.spared:.0%}"
             if told.heeded
             else f"{name}: mapped alone: {with_} adds next to nothing to its own readings"
         )

@@ -187,11 +187,11 @@ def read_zones(
         if mends:
             local = shapely.make_valid(local)
         elif not local.is_valid:
-            raise InputError(f"{path}: holds a polygon that crosses itself; mend it first.")
+            raise InputError(f"{path}: holds a polygon that crosses itself; repair it first.")
         if not shapely.intersects(local, region.water):
             away = shapely.distance(local, region.water)
             notes.append(
-                f"{path}: forbids nothing: it is {away:.0f} m from the water; are latitude and "
+                f"{path}: closes nothing: it is {away:.0f} m from the water; are latitude and "
                 "longitude swapped?"
             )
         # A collection holds one geometry per outline, and each may have several parts.

@@ -110,7 +110,10 @@ def _detour(departure: Departure) -> tuple[str, ...]:
     left = shapely.difference(survey.water, shapely.union_all(list(survey.no_go)))
     if is_led(survey, lambda: left.buffer(ASTRAY_M), departure.reached, (place[0], place[1])):
         return ()
-    return ("the way to the next target leads around land, which the time does not include",)
+    return (
+        "the route to the next target leads around land; the predicted time does not include "
+        "this detour",
+    )
 
 
 def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:

@@ -53,7 +53,7 @@ def recording_of(path: Path, survey: Survey, quantities: Quantities) -> Recordin
         track, samples, recorded = file.track(), file.samples(), file.survey
         arrivals = [moment for moment in file.progress().reached_at if moment is not None]
     if not len(track):
-        raise LinkError(f"{path} holds no track that could be replayed; run it first.")
+        raise LinkError(f"{path} holds no track to replay; run it first.")
     last_s = (max([*arrivals, track.times[-1]]) - track.times[0]).total_seconds()
     rising = _rising(track.seconds)
     seconds, states = _prolonged(track, rising, recorded.vessel, last_s)
@@ -112,5 +112,5 @@ def _parts(rest: str) -> tuple[str, float]:
     except ValueError:
         speed = math.nan
     if not (math.isfinite(speed) and speed > 0):
-        raise LinkError(f"replay: takes ?speed=N, with N > 0 or {FASTEST}, and not ?{query}.")
+        raise LinkError(f"replay: takes ?speed=N, with N > 0 or {FASTEST}, not ?{query}.")
     return name, speed

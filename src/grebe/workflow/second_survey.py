@@ -119,7 +119,7 @@ def second_survey(
     whose = f", shared out among {boats} boats" if boats > 1 else ""
     new = followed_by(
         revision, survey, planned.revision, settings=settings,
-        note=f"{len(route)} places more for {wish.text}{whose}, in {longest_s / 60:.1f} minutes",
+        note=f"{len(route)} more places for {wish.text}{whose}, in {longest_s / 60:.1f} minutes",
     )  # fmt: skip
     then = once_read(worth, water.ways, _ways_of(planned))
     before, after = (weighted_sd(np.diag(w.covariance), worth.weights) for w in (worth, then))
@@ -161,7 +161,7 @@ class _Water:
         rings = [target_footprint(ring) for ring in rings_of([one.footprint for one in cells])]
         wide = cores_of(rings, cell_m)[1] & np.array([not one.is_speck for one in cells])
         if not wide.any():
-            raise PlanError("The water is nowhere wide enough to go on.")
+            raise PlanError("The water is nowhere wide enough for more places.")
         found = cls(
             planner=planner, cells=cells, network=network,
             members=np.flatnonzero(wide), lies=lies, harbours=harbours, start=start,
@@ -189,7 +189,7 @@ class _Water:
         members = self.members[near[self.members]]
         if not len(members):
             raise PlanError(
-                "No boat comes home from any place within its battery or its minutes; give more.",
+                "No boat can reach a place and get home within its battery or minutes; give more.",
                 settings=("sortie_battery_wh", "sortie_minutes", "harbours"),
             )
         return replace(self, members=members)
@@ -274,7 +274,7 @@ def _fitted(
         allowed_s = _next_s(tried, AIM * most_s)
     if best is None:
         raise PlanError(
-            f"No place that is worth a reading is within {wish.minutes:g} minutes; give more.",
+            f"No place worth a reading is within {wish.minutes:g} minutes; give more.",
             settings=("minutes",),
         )
     return best
@@ -330,7 +330,7 @@ def _prove(planned: PlannedSorties, planner: Planner) -> None:
     failed = [str(one.number) for one in checks if not one.holds]
     if failed:
         raise PlanError(
-            f"It is not proved that boats are home in time from sortie {' and '.join(failed)}; "
+            f"It is not proved that boats get home in time from sortie {' and '.join(failed)}; "
             "allow a little more time or battery."
         )
 

@@ -49,7 +49,9 @@ class SimulatedWorld:
 
     def __post_init__(self) -> None:
         if not 0 <= self.mismatch < 1:
-            raise UsageError(f"A boat cannot differ by {self.mismatch} from its model; give 0-1.")
+            raise UsageError(
+                f"A boat cannot differ by {self.mismatch} from its model; give 0 to 1."
+            )
 
     def __call__(self, departure: Departure) -> SimulatedLink:
         """Put the boat where it sets out, and return the link to it."""

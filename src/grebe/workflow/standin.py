@@ -35,7 +35,7 @@ def serve_stand_in(
     """Run a boat in real time, speaking to HOST:PORT, until it is stopped."""
     host, _, port = address.rpartition(":")
     if not (host and port.isdigit()):
-        raise LinkError(f"{address!r} is not a HOST:PORT to speak to, such as 127.0.0.1:14550.")
+        raise LinkError(f"{address!r} is not a HOST:PORT to send to, such as 127.0.0.1:14550.")
     wire = UdpWire(host, int(port), speaks_first=True)
     try:
         serve(boat, wire, stopped, speed)

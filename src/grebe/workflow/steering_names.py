@@ -66,7 +66,7 @@ def _own_rule(path: Path) -> Rule:
     lacks = [one for one in needed if not hasattr(found, one)]
     if lacks or isinstance(found, type):
         lacking = f"; it lacks {', '.join(lacks)}" if lacks else ", but a class of them"
-        raise UsageError(f"{OWN}{path}: what rule() returns is no rule{lacking}.")
+        raise UsageError(f"{OWN}{path}: rule() does not return a rule{lacking}.")
     return cast("Rule", found)
 
 

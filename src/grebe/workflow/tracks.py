@@ -127,8 +127,8 @@ def samples_of_track(track: RawTrack, survey: Survey, quantities: Quantities = B
     """
     if not track.values:
         raise TrackError(
-            "The track has no column of a quantity that is known; name one, as KEY=NAME, "
-            f"with a key of {quantities.keys_text}; or define a new quantity.",
+            "The track has no column of a known quantity; name one, as KEY=NAME, with a key of "
+            f"{quantities.keys_text}; or define a new quantity.",
             settings=("columns", "quantities"),
         )
     if track.times is None:

@@ -42,7 +42,8 @@ class Wish:
             )
         if self.sd is not None and not 0 < self.sd < math.inf:
             raise UsageError(
-                f"A standard deviation of {self.sd:g} is impossible.", settings=("until_sd",)
+                f"A standard deviation of {self.sd:g} is impossible; give a positive number.",
+                settings=("until_sd",),
             )
 
     @property

@@ -144,12 +144,12 @@ def test_a_pretend_instrument_speaks_what_its_profile_reads(name):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("title = 'x'\nsource = 'y'", "one of them"),
-        ("title = 'x'\nsource = 'y'\n[text]", "of no value what it is"),
+        ("title = 'x'\nsource = 'y'", "give either"),
+        ("title = 'x'\nsource = 'y'\n[text]", "names a quantity"),
         ("title = 'x'\nsource = 'y'\n[text]\ncolums = []", "colums"),
         (
             "title='x'\nsource='y'\n[text]\ncolumns = [{ at = 1, quantity = 'ph', unit = 'm' }]",
-            "'m' is not",
+            "'m' cannot be converted",
         ),
         (
             "title = 'x'\nsource = 'y'\n[text]\ncolumns = [{ at = 1, quantity = 'smell' }]",

@@ -299,7 +299,7 @@ def test_a_boat_does_not_set_out_with_a_sonde_that_is_not_there():
     """It once set out, and held its position for ever."""
     with (
         instruments_at(["serial:/dev/nothing-of-that-name@ysi-exo"]) as benches,
-        pytest.raises(LinkError, match="is not there"),
+        pytest.raises(LinkError, match="does not answer"),
     ):
         refuse_unopened(benches.values())
     refuse_unopened([])

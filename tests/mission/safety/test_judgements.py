@@ -142,7 +142,7 @@ def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
 
     waiting = at(31.0, at(30.0, Memory(), mute_s=20.0), mute_s=21.0)
     assert (waiting.state, waiting.cause) == (SafetyState.HOLDING, Cause.UNMEASURED)
-    assert "the sonde has said nothing for 21 s" in waiting.message
+    assert "the sonde has sent nothing for 21 s" in waiting.message
     again = at(50.0, waiting)
     assert (again.state, again.cause) == (SafetyState.SURVEYING, Cause.MEASURES)
     told = Asked(request=Request.GO_ON, why="temperature will do")

@@ -98,8 +98,8 @@ class Lookahead:
         check_not_negative(hold=self.hold, thrift=self.thrift)
         if self.thrift > MOST_THRIFT:
             raise UsageError(
-                f"thrift is {self.thrift:g}; give 0 to {MOST_THRIFT:g}: a boat that saves more "
-                "than that no longer makes way."
+                f"thrift is {self.thrift:g}; give 0 to {MOST_THRIFT:g}: with more, a boat no "
+                "longer makes headway."
             )
 
     @property

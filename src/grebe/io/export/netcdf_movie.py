@@ -56,7 +56,7 @@ def _write_movie(dataset: netCDF4.Dataset, one: Movie) -> None:
             "variogram_text": still.model.text,
             "sample_count": still.samples,
             "changed_by": still.changed_by,
-            "movement": "what changed everywhere alike; the pattern is that of the whole survey",
+            "movement": "the change common to all the water; the pattern is the whole survey's",
         }
     )
     sd = field_variable(dataset, f"{key}_sd", one.sds, IN_TIME, "qualityInformation")

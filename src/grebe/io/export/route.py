@@ -41,7 +41,7 @@ def export_text(survey: Survey, suffix: str) -> str:
     }
     if suffix not in writers:
         raise UsageError(
-            f"Nothing is exported as {suffix!r}; give {', '.join(writers)} for the plan, or "
+            f"Cannot export as {suffix!r}; give {', '.join(writers)} for the plan, or "
             f"{', '.join(WRITERS)} for the samples."
         )
     return writers[suffix](survey)

@@ -53,7 +53,8 @@ def read_autopilot_track(path: Path) -> Table:
             before, depth, temperature = one.time, "", ""
     if not rows:
         raise TrackError(
-            f"{path}: holds no positions (GLOBAL_POSITION_INT, or POS or GPS); was there a fix?"
+            f"{path}: holds no positions (GLOBAL_POSITION_INT, or POS or GPS); did the receiver "
+            "have a fix?"
         )
     return Table(header=HEADER, rows=rows)
 

@@ -151,7 +151,7 @@ def plausible(times: Array) -> tuple[Array, list[str]]:
         possible &= ~far
     lost = int((known & ~possible).sum())
     when = datetime.fromtimestamp(middle, UTC)
-    notes = [f"{counted(lost, 'time')} a year and more from the others ({when:%Y-%m-%d}): not used"]
+    notes = [f"{counted(lost, 'time')} a year or more from the others ({when:%Y-%m-%d}): not used"]
     return np.where(possible, times, np.nan), notes if lost else []
 
 
@@ -255,14 +255,14 @@ def _written(
     going_on = _going_on(texts, [best, *rivals])
     if going_on is not None:
         return [_parsed(text, going_on) for text in texts], [
-            f"{texts[0]!r} and the like: read in the order of day and month by which the record "
-            "goes on over midnight"
+            f"{texts[0]!r} and the like: read in the order of day and month in which the record "
+            "continues past midnight"
         ]
     one = _months_first([best, *rivals]) if _is_american(zone) else None
     if one is None:
         raise InputError(
-            f"{texts[0]!r} and the like may be day and month or month and day; write the order "
-            "into the header, such as 'Date (DD/MM/YYYY)'.",
+            f"{texts[0]!r} and the like may be day and month or month and day; state the order "
+            "in the header, such as 'Date (DD/MM/YYYY)'.",
             settings=("columns",),
         )
     return [_parsed(text, one) for text in texts], [

@@ -43,7 +43,7 @@ def check_xml(path: Path) -> None:
         nonlocal depth
         depth += 1
         if depth > DEEPEST_XML:
-            raise InputError(f"{path}: nested more than {DEEPEST_XML} deep: no outline is.")
+            raise InputError(f"{path}: nested more than {DEEPEST_XML} deep, as no outline is.")
 
     def end(*_: object) -> None:
         nonlocal depth
@@ -82,7 +82,7 @@ def unpacked(path: Path) -> Generator[Path]:
 def _extracted(path: Path, archive: zipfile.ZipFile, folder: Path) -> Path:
     members = [member for member in archive.infolist() if not member.is_dir()]
     if len(members) > MOST_MEMBERS:
-        raise InputError(f"{path}: holds {len(members)} files; an outline is a few.")
+        raise InputError(f"{path}: holds {len(members)} files; an outline has only a few.")
     left = LARGEST_UNPACKED_BYTES
     for member in members:
         # Only the name, without folders: an archive must not write outside its own folder.

@@ -19,7 +19,9 @@ def read_limits(path: Path, quantities: Quantities) -> Quantities:
     limits = {}
     for key, table in read_toml(path).items():
         if key not in quantities:
-            raise InputError(f"{path}: no quantity {key!r}; one of {quantities.keys_text}.")
+            raise InputError(
+                f"{path}: there is no quantity {key!r}; choose one of {quantities.keys_text}."
+            )
         if not isinstance(table, dict):
             raise InputError(f"{path}: {key} is not a table; write [{key}] and its limits below.")
         try:

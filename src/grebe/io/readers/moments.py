@@ -85,8 +85,8 @@ def read_moments(
             if named is not None:
                 cell = cells_of(table, named)[0]
                 raise TrackError(
-                    f"column {named!r} holds {cell!r} and the like, which are no times; give unix "
-                    "seconds or ISO 8601."
+                    f"column {named!r} holds {cell!r} and the like, which are not times; give "
+                    "unix seconds or ISO 8601."
                 )
             return Moments(notes=tuple(_unread(table, found)))
         times, lost = plausible(read[0]) if placed else (read[0], [])
@@ -107,7 +107,7 @@ def _unread(table: Table, found: Mapping[str, Column]) -> list[str]:
     if _MINUTES.fullmatch(cell.strip()):
         why = "minutes and seconds alone, which is all that a spreadsheet saves of times shown so"
     elif number(cell) is not None:
-        why = "a count from an unknown beginning"
+        why = "a count from an unknown start"
     return [f"column {name!r} holds {cell!r} and the like, {why}"]
 
 

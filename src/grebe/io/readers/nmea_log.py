@@ -45,7 +45,7 @@ def read_nmea(path: Path) -> Table:
             said = dict.fromkeys(said, "")
     if not rows:
         raise TrackError(
-            f"{path}: no RMC sentence gives a position with its date; let the receiver send RMC."
+            f"{path}: no RMC sentence gives a position with its date; set the receiver to send RMC."
         )
     notes = (f"{counted(damaged, 'damaged sentence')}: left out",) if damaged else ()
     return Table(header=HEADER, rows=rows, notes=notes)

@@ -102,7 +102,7 @@ def _check_depth(path: Path, text: str) -> None:
         if character in "[{":
             depth += 1
             if depth > DEEPEST_JSON:
-                raise InputError(f"{path}: nested more than {DEEPEST_JSON} deep: no outline is.")
+                raise InputError(f"{path}: nested more than {DEEPEST_JSON} deep, as no outline is.")
         elif character in "]}":
             depth -= 1
 
@@ -152,7 +152,7 @@ def _within_others(areas: list[tuple[BaseGeometry, str]]) -> Iterator[str]:
                 outer = f"polygon {j + 1}" if name in {"", own} else name
                 yield (
                     f"{inner} lies within {outer} and is taken as water: if it is an island, cut "
-                    "it out of the outline, or give it as a no-go zone in a file of its own"
+                    "it out of the outline, or give it as a no-go zone in a separate file"
                 )
                 break
 

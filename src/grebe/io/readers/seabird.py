@@ -152,7 +152,7 @@ def _rows(
     said = [f"{counted(len(there) - len(rows), 'row')} cut short: left out"]
     told = number(header.settings.get("nvalues", ""))
     short = told is not None and len(there) < told
-    cut = [f"the header tells {told:.0f} rows, and {len(there)} are there"] if short else []
+    cut = [f"the header announces {told:.0f} rows, but there are {len(there)}"] if short else []
     bad = header.settings.get("bad_flag")
     values = [["" if cell == bad else cell for cell in row] for row in rows]
     return values, (*cut, *(said if len(rows) < len(there) else ()))

@@ -279,7 +279,7 @@ def no_numbers(name: str, cells: Sequence[str], values: NDArray[np.float64]) -> 
     if not strange:
         return []
     few = ", ".join(repr(one.strip()) for one in list(dict.fromkeys(strange))[:3])
-    are = "is no number" if len(strange) == 1 else "are no numbers"
+    are = "is not a number" if len(strange) == 1 else "are not numbers"
     return [f"{name}: {len(strange)} of {len(cells)} cells {are} ({few}): left out"]
 
 

@@ -64,8 +64,8 @@ def _decoded(data: bytes) -> str:
 
 def _undecoded(path: Path, error: UnicodeDecodeError) -> InputError:
     return InputError(
-        f"{path}: byte {error.start} is no {error.encoding.upper()} text ({error.reason}); "
-        "save the file as UTF-8."
+        f"{path}: byte {error.start} is not {error.encoding.upper()} text ({error.reason}); save "
+        "the file as UTF-8."
     )
 
 

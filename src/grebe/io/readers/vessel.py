@@ -33,7 +33,7 @@ def read_vessel(path: Path) -> Vessel:
     if missing:
         raise VesselError(f"{path}: a vessel needs {', '.join(missing)} as well.")
     if table.get("yaw_coupling", "fossen") not in ("fossen", "printed"):
-        raise VesselError(f"{path}: yaw_coupling is 'fossen' or 'printed'.")
+        raise VesselError(f"{path}: yaw_coupling must be 'fossen' or 'printed'.")
     given: dict[str, Any] = {key: _plain(value) for key, value in table.items()}
     try:
         return Vessel(**given)

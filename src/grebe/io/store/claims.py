@@ -66,7 +66,7 @@ def claimed(path: Path, why: str) -> Generator[None]:
         ) from None
     if lock is None:
         raise SurveyFileError(
-            f"{why}, but another process is writing it; open it again when that has ended."
+            f"{why}, but another process is writing it; open it again once that has ended."
         )
     try:
         yield

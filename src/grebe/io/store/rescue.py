@@ -40,7 +40,7 @@ def copy_out(path: Path, connection: sqlite3.Connection, now: datetime) -> Path:
     """
     stamp = now.astimezone(UTC).strftime("%Y%m%dT%H%M%S")
     name = f"{path.stem}.rescued-{stamp}{path.suffix}"
-    failure = SurveyFileError(f"{path} was taken away, and there is nowhere to rescue it to.")
+    failure = SurveyFileError(f"{path} was removed, and there is nowhere to save its records.")
     for folder in (path.parent, Path.cwd(), Path.home(), Path(tempfile.gettempdir())):
         try:
             with (

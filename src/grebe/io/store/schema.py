@@ -87,7 +87,7 @@ def create(
     """
     first = revision or first_revision(survey)
     if [t.seq for t in first.targets] != list(range(1, len(survey.targets) + 1)):
-        raise InputError("A plan's targets are not numbered 1 to K in their order.")
+        raise InputError("A plan's targets must be numbered 1 to K in their order.")
     geopackage.create_core(connection, VERSION)
     water = survey.frame.geometry_to_wgs84(survey.water)
     for table, (geometry, columns) in _LAYERS.items():
@@ -267,7 +267,7 @@ def unavailable(path: Path, error: sqlite3.OperationalError) -> SurveyFileError:
         return SurveyFileError(f"{path} is being written by another program; close it there first.")
     if error.sqlite_errorname.startswith(NO_ROOM):
         return SurveyFileError(
-            f"{path} cannot be opened: the disk is full or fails ({error}); make room on it first."
+            f"{path} cannot be opened: the disk is full or failing ({error}); make room on it."
         )
     if "readonly" in str(error):
         return SurveyFileError(f"{path} is read-only; make it and its folder writable.")

@@ -231,7 +231,7 @@ class SurveyFile(SurveyReader):
             before = self._quantities.get(key)
             if before is not None and before.unit != one.unit:
                 raise SurveyFileError(
-                    f"{self.path} holds {key} in {before.unit or '1'}, and it is now defined in "
+                    f"{self.path} holds {key} in {before.unit or '1'}, but it is now defined in "
                     f"{one.unit or '1'}; give the new one another key."
                 )
         try:

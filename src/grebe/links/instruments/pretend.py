@@ -209,7 +209,7 @@ class PretendUdp:
     def __init__(self, voice: Voice, address: str) -> None:
         host, _, port = address.rpartition(":")
         if not host or not port.isdigit():
-            raise LinkError(f"{address!r} is not a HOST:PORT to speak to, such as 127.0.0.1:4001.")
+            raise LinkError(f"{address!r} is not a HOST:PORT to send to, such as 127.0.0.1:4001.")
         self._voice, self._to = voice, (host, int(port))
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._stopping = threading.Event()

@@ -196,12 +196,15 @@ def is_frame(text: str) -> bool:
 def _check(profile: Profile, quantities: Quantities) -> None:
     """Raise `InputError` for a profile that could not be used."""
     if (profile.text is None) == (profile.modbus is None):
-        raise InputError("give a table [text] or a table [modbus], one of them.")
+        raise InputError("give either a table [text] or a table [modbus].")
     if not is_frame(profile.serial.frame) or profile.serial.baud <= 0:
-        raise InputError(f"a serial frame {profile.serial.frame!r} is not like 8N1.")
+        raise InputError(f"a serial frame is written like 8N1, not {profile.serial.frame!r}.")
     if not profile.measured:
-        raise InputError("it says of no value what it is.")
+        raise InputError("none of its values names a quantity.")
     for one in profile.measured:
         wanted = quantities.known(one.quantity).unit
         if one.unit and conversion(unit_of(one.unit) or one.unit, wanted, one.quantity) is None:
-            raise InputError(f"{one.quantity} is kept in {wanted}, and {one.unit!r} is not.")
+            raise InputError(
+                f"{one.quantity} is stored in {wanted or '1'}, to which {one.unit!r} cannot be "
+                "converted."
+            )

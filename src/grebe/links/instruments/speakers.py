@@ -244,7 +244,7 @@ def _modbus_client(address: str, profile: Profile) -> Any:
         from pymodbus.client import ModbusSerialClient, ModbusTcpClient
     except ImportError:
         raise InputError(
-            "A Modbus instrument takes pymodbus; install grebe with its extra 'instruments'."
+            "A Modbus instrument needs pymodbus; install grebe with its extra 'instruments'."
         ) from None
     kind, _, rest = address.partition(":")
     if kind == "serial" and rest:
@@ -264,6 +264,6 @@ def _modbus_client(address: str, profile: Profile) -> Any:
         framer = FramerType.RTU if kind == "tcp" else FramerType.SOCKET
         return ModbusTcpClient(host, port=int(port), framer=framer, timeout=0.5, retries=0)
     raise LinkError(
-        "A Modbus instrument is at serial:DEVICE[:BAUD], tcp:HOST:PORT or modbus-tcp:HOST:PORT, "
-        f"not at {address!r}."
+        "A Modbus instrument's address is serial:DEVICE[:BAUD], tcp:HOST:PORT or "
+        f"modbus-tcp:HOST:PORT, not {address!r}."
     )

@@ -72,14 +72,14 @@ ARDUROVER = Dialect(
     speed_limits=("WP_SPEED", "CRUISE_SPEED"),
     needs=(
         Need(name="FRAME_CLASS", holds=lambda v: v == 2,
-             advice="set FRAME_CLASS to 2 (boat), or the autopilot steers as a car does"),
+             advice="set FRAME_CLASS to 2 (boat), or the autopilot steers like a car"),
         Need(name="FENCE_ENABLE", holds=lambda v: v == 1,
              advice="enable the autopilot's own fence as a second guard: upload the survey's with "
              "grebe export and set FENCE_ENABLE to 1"),
         Need(name="BATT_FS_LOW_ACT", holds=lambda v: v != 0,
              advice="set BATT_FS_LOW_ACT so that a low battery brings the boat home or holds it"),
         Need(name="FS_EKF_ACTION", holds=lambda v: v != 0,
-             advice="set FS_EKF_ACTION to 1, so that a boat that has lost its place holds"),
+             advice="set FS_EKF_ACTION to 1, so that a boat that has lost its position holds"),
     ),
     sticks_needs=(
         Need(name="RC1_DZ", holds=lambda v: v == 0, must=True,
@@ -88,7 +88,7 @@ ARDUROVER = Dialect(
              advice="set RC3_DZ to 0: a dead zone of the stick swallows small thrusts"),
         *(
             Need(name=f"RC{channel}_{which}", holds=lambda v, pulse=pulse: v == pulse, must=True,
-                 advice=f"set RC{channel}_{which} to {pulse}: sticks go out as 1500 +- 400 us")
+                 advice=f"set RC{channel}_{which} to {pulse}: sticks are sent as 1500 +- 400 us")
             for channel in (1, 3)
             for which, pulse in (("MIN", 1100), ("TRIM", 1500), ("MAX", 1900))
         ),
@@ -108,7 +108,7 @@ PX4_ROVER = Dialect(
     asks_orders_first=True,
     needs=(
         Need(name="COM_OF_LOSS_T", holds=lambda v: 0.3 <= v <= 5.0,
-             advice="set COM_OF_LOSS_T to 1 s or so: after that long without orders it lets go"),
+             advice="set COM_OF_LOSS_T to about 1 s, so that it soon acts on a loss of commands"),
         Need(name="COM_LOW_BAT_ACT", holds=lambda v: v != 0,
              advice="set COM_LOW_BAT_ACT so that a low battery brings the boat home"),
         Need(name="GF_ACTION", holds=lambda v: v != 0,

@@ -69,7 +69,11 @@ class MavlinkLink:
     def source(self) -> str:
         """See `BoatLink`."""
         vehicle = self._station.vehicle
-        how = "speed and yaw rate held by it" if self.drives_motion else "thrusts by sticks"
+        how = (
+            "speed and yaw rate held by the autopilot"
+            if self.drives_motion
+            else "thrusts by stick commands"
+        )
         return f"MAVLink, {vehicle.dialect.name}, system {vehicle.system}, {how}"
 
     @property
@@ -233,7 +237,7 @@ class MavlinkLink:
     def _why_to_stop(self) -> str:
         vehicle = self._station.vehicle
         if self._station.restarted:
-            return "the autopilot has started afresh; look after it, then resume"
+            return "the autopilot has restarted; check it, then resume"
         if not self._in_command:
             last = f' ("{vehicle.texts[-1]}")' if vehicle.texts else ""
             return f"the pilot or a fail-safe took over: mode {vehicle.mode_name}{last}"
@@ -275,8 +279,8 @@ class MavlinkLink:
         )  # fmt: skip
         if found is None:
             raise LinkError(
-                "The autopilot does not know yet where it is (no origin of its position); wait for "
-                "a fix, and for its filter to settle, then try again."
+                "The autopilot does not know its position yet (no origin); wait for a fix and "
+                "for its filter to settle, then try again."
             )
 
     def _switch(self, mode: int) -> None:
@@ -285,7 +289,7 @@ class MavlinkLink:
         if refused:
             last = f' It said: "{vehicle.texts[-1]}".' if vehicle.texts else ""
             raise LinkError(
-                f"The autopilot stays in {vehicle.mode_name} and will not enter "
+                f"The autopilot stays in {vehicle.mode_name} and does not enter "
                 f"{vehicle.dialect.mode_name(mode)} ({refused}).{last}"
             )
 
@@ -306,7 +310,7 @@ class MavlinkLink:
             self._repeat()
             for _ in self._station.messages(0.1):
                 pass
-        return refusal or ("" if vehicle.mode == mode else "it said yes and did not")
+        return refusal or ("" if vehicle.mode == mode else "it accepted, but did not change")
 
     def _ask_mode(self, mode: int) -> None:
         """Request a mode without waiting, more than once because a message may be lost."""
@@ -331,7 +335,7 @@ class MavlinkLink:
                 pass
         if not vehicle.armed:
             last = f' It said: "{vehicle.texts[-1]}".' if vehicle.texts else ""
-            raise LinkError(f"The boat does not arm ({refused or 'no word of it'}).{last}")
+            raise LinkError(f"The boat does not arm ({refused or 'no reason given'}).{last}")
 
     def _repeat_idle(self, seconds: float) -> None:
         end_s = self._wire.now_s() + seconds

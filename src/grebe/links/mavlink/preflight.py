@@ -38,7 +38,7 @@ def preflight(link: MavlinkLink, survey: Survey | None) -> Iterator[Check]:
     try:
         seen = _look(link)
     except LinkError as error:
-        yield check("estimates", str(error), holds=False, advice="mend the line to the autopilot")
+        yield check("estimates", str(error), holds=False, advice="check the line to the autopilot")
         return
     yield from _stream_checks(link, seen)
     yield from _place_checks(link, seen[-1], survey)
@@ -69,7 +69,7 @@ def _stream_checks(link: MavlinkLink, seen: list[Observation]) -> Iterator[Check
     known = not math.isnan(delay_s)
     yield check(
         "clocks", f"matched, {1e3 * delay_s:.0f} ms one way" if known else "not matched",
-        holds=known, advice="the autopilot answers no TIMESYNC: its delay cannot be told",
+        holds=known, advice="the autopilot does not answer TIMESYNC, so its delay is unknown",
         otherwise=Verdict.DOUBTFUL,
     )  # fmt: skip
 
@@ -78,9 +78,9 @@ def _place_checks(link: MavlinkLink, last: Observation, survey: Survey | None) -
     vehicle = link.station.vehicle
     good = vehicle.position_good is not False and all(map(math.isfinite, last.state))
     yield check(
-        "position", vehicle.fix_name or "no word of the receiver",
+        "position", vehicle.fix_name or "no report from the receiver",
         holds=good and vehicle.satellites >= FEWEST_SATELLITES,
-        advice="wait under a free sky until the filter has settled (most of a minute after start)",
+        advice="wait under an open sky until the filter has settled (nearly a minute)",
         otherwise=Verdict.DOUBTFUL if good else Verdict.BAD,
     )  # fmt: skip
     if not good or survey is None:
@@ -88,14 +88,14 @@ def _place_checks(link: MavlinkLink, last: Observation, survey: Survey | None) -
     here = shapely.Point(last.state[0], last.state[1])
     away_m = float(survey.water.distance(here))
     yield check(
-        "place", "within the survey's water" if away_m == 0 else f"{away_m:.0f} m outside of it",
-        holds=away_m == 0, advice="bring the boat onto the water of this survey",
+        "place", "within the survey's water" if away_m == 0 else f"{away_m:.0f} m outside it",
+        holds=away_m == 0, advice="bring the boat onto this survey's water",
     )  # fmt: skip
     if survey.start is not None:
         to_start_m = here.distance(shapely.Point(survey.start.north_m, survey.start.east_m))
         yield check(
             "start", f"{to_start_m:.0f} m away", holds=to_start_m <= FAR_FROM_START_M,
-            advice="bring the boat nearer to the plan's start, or plan from where it lies",
+            advice="bring the boat nearer to the planned start, or plan from where it is",
             otherwise=Verdict.DOUBTFUL,
         )  # fmt: skip
 
@@ -103,7 +103,7 @@ def _place_checks(link: MavlinkLink, last: Observation, survey: Survey | None) -
 def _battery(link: MavlinkLink) -> Check:
     share = link.station.vehicle.battery_share
     return check(
-        "battery", "not told" if share is None else f"{share:.0%}",
+        "battery", "not reported" if share is None else f"{share:.0%}",
         holds=share is not None and share >= LOW_BATTERY,
         advice="charge the battery, or set up the autopilot's battery monitor",
         otherwise=Verdict.DOUBTFUL,
@@ -124,13 +124,13 @@ def _speed_limit(name: str, limit_mps: float, survey: Survey) -> Check:
     slowest = max(target.set.speed_min_mps for target in survey.targets)
     return check(
         f"parameter {name}", f"{limit_mps:g} m/s", holds=limit_mps > slowest,
-        advice=f"the survey's windows begin at {slowest:g} m/s: raise {name} above that",
+        advice=f"the survey's speed windows begin at {slowest:g} m/s: raise {name} above that",
     )  # fmt: skip
 
 
 def _need(need: Need, value: float | None) -> Check:
     otherwise = Verdict.BAD if need.must else Verdict.DOUBTFUL
-    found = "not there" if value is None else f"{value:g}"
+    found = "not found" if value is None else f"{value:g}"
     holds = value is not None and need.holds(value)
     return check(
         f"parameter {need.name}", found, holds=holds, advice=need.advice, otherwise=otherwise

@@ -35,7 +35,7 @@ class Air:
 
     def __post_init__(self) -> None:
         if not 0 <= self.lost_share < 1 or min(self.delay_s, self.jitter_s) < 0:
-            raise UsageError("On the air a share of 0 to 1 is lost, and delays are 0 or more.")
+            raise UsageError("The share of lost messages must be 0 to 1, and delays 0 or more.")
 
 
 CLEAR = Air()

@@ -36,4 +36,4 @@ class MavlinkSettings:
         if not min(self.silence_s, self.find_s, self.settle_s) > 0:
             raise UsageError("Time-outs of a MAVLink line must be longer than 0 s.")
         if not 0 <= self.system <= 255:
-            raise UsageError(f"A MAVLink system has a number from 1 to 255, not {self.system}.")
+            raise UsageError(f"A MAVLink system's number must be 1 to 255, not {self.system}.")

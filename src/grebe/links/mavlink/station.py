@@ -25,8 +25,8 @@ ASK_AGAIN_S = 0.7
 RESULTS = {
     mavlink.MAV_RESULT_TEMPORARILY_REJECTED: "not now",
     mavlink.MAV_RESULT_DENIED: "denied",
-    mavlink.MAV_RESULT_UNSUPPORTED: "it does not know how",
-    mavlink.MAV_RESULT_FAILED: "it failed",
+    mavlink.MAV_RESULT_UNSUPPORTED: "not supported",
+    mavlink.MAV_RESULT_FAILED: "failed",
 }
 
 
@@ -108,8 +108,8 @@ class Station:
         while not self.vehicle.system:
             if self.wire.now_s() >= end_s:
                 raise LinkError(
-                    f"No autopilot is heard within {timeout_s:g} s; check the address, that the "
-                    "autopilot (or its router) sends there, and its system number."
+                    f"No autopilot was heard within {timeout_s:g} s; check the address, the "
+                    "system number, and that the autopilot (or its router) sends there."
                 )
             for _ in self.messages(0.1):
                 pass

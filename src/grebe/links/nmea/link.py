@@ -238,13 +238,13 @@ class NmeaLink:
         """Return why there is no state, as a message that helps to find the loose plug."""
         where, waited = self._settings.source, f"within {self._settings.find_s:g} s"
         if not self.sentences:
-            damaged = f" ({self.damaged} damaged ones: is the speed right?)" if self.damaged else ""
-            return f"No sentence of NMEA came from {where} {waited}{damaged}."
+            damaged = f" ({self.damaged} damaged; check the line's speed)" if self.damaged else ""
+            return f"No NMEA sentence came from {where} {waited}{damaged}."
         if math.isnan(self._navigator.placed_s):
             return f"{where} speaks NMEA but gave no position {waited}: no GGA or RMC with a fix."
         return (
             f"{where} gave a position but no heading {waited}: no HDT, THS, HDG or HDM with a "
-            "variation; a course over ground is no heading."
+            "variation; a course over ground cannot replace it."
         )
 
 

@@ -58,9 +58,12 @@ class Voice:
             and 0 <= self.damaged_share < 1
             and self.position_error_m >= 0
         ):
-            raise UsageError("A boat speaks now and then, and of its sentences some are whole.")
+            raise UsageError(
+                "A simulated boat's periods must be above 0, its share of damaged sentences 0 "
+                "to less than 1, and its position error 0 or more."
+            )
         if self.compass not in ("HDT", "THS", "HDM"):
-            raise UsageError(f"A pretend compass says HDT, THS or HDM, not {self.compass}.")
+            raise UsageError(f"A simulated compass sends HDT, THS or HDM, not {self.compass}.")
 
 
 PLAIN = Voice()

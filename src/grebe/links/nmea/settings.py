@@ -35,15 +35,17 @@ class NmeaSettings:
 
     def __post_init__(self) -> None:
         if not 0 <= self.late_s <= 5:
-            raise UsageError(f"A receiver is late by 0 to 5 s, not by {self.late_s:g} s.")
+            raise UsageError(f"A receiver's delay must be 0 to 5 s, not {self.late_s:g} s.")
         if self.variation_deg is not None and not abs(self.variation_deg) <= 180:
-            raise UsageError(f"A compass's variation is no {self.variation_deg:g} degrees.")
+            raise UsageError(
+                f"A compass's variation must be -180 to 180 degrees, not {self.variation_deg:g}."
+            )
         if not (0 < self.find_s < math.inf and 0 < self.silence_s < math.inf):
-            raise UsageError("An NMEA line's silence and the search on it last longer than 0 s.")
+            raise UsageError("The time-outs of an NMEA line must be above 0 s.")
         if not self.out and self.source.startswith("udp:"):
             raise UsageError(
-                "Where do the thrusts go? A boat heard by udp: needs ?out=udp:HOST:PORT or "
-                "?out=serial:DEVICE@BAUD."
+                "There is no address for the thrusts: a boat received by udp: needs "
+                "?out=udp:HOST:PORT or ?out=serial:DEVICE@BAUD."
             )
         _parts(self.source)
         if self.out:
@@ -64,7 +66,7 @@ def settings_of(rest: str) -> NmeaSettings:
             numbers[NUMBERS[key]] = _number(key, value)
         else:
             known = ", ".join(["out", *NUMBERS])
-            raise LinkError(f"nmea: knows no {key!r}; it takes {known}.")
+            raise LinkError(f"nmea: there is no setting {key!r}; choose from {known}.")
     return NmeaSettings(source=source, out=out, **numbers)
 
 

@@ -44,13 +44,15 @@ class Coregionalisation:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise ValueError(f"no covariance model {self.kind!r}; one of {list(KINDS)}")
+            raise ValueError(
+                f"there is no covariance model {self.kind!r}; choose one of {list(KINDS)}"
+            )
         if len(self.sills) != len(self.ranges_m) or min(self.ranges_m) <= 0:
             raise ValueError("each structure has a matrix and a range above 0")
         for sill in self.sills:
             least = float(np.linalg.eigvalsh(sill).min())
             if least < -1e-9 * float(np.trace(sill)) or not np.allclose(sill, sill.T):
-                raise ValueError(f"a structure's matrix is no covariance: {sill.tolist()}")
+                raise ValueError(f"a structure's matrix is not a covariance: {sill.tolist()}")
 
     @property
     def whole(self) -> Array:

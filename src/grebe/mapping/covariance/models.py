@@ -70,7 +70,9 @@ class CovarianceModel:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise ValueError(f"no covariance model {self.kind!r}; one of {list(KINDS)}")
+            raise ValueError(
+                f"there is no covariance model {self.kind!r}; choose one of {list(KINDS)}"
+            )
         if not (self.sill >= 0 and self.nugget >= 0 and self.range_m > 0 and 0 < self.ratio <= 1):
             raise ValueError(f"impossible covariance: {self}")
 

@@ -314,7 +314,7 @@ def fit_variogram(
     if directed is not None:
         model, gain = directed
         errors = np.array([errors[0], errors[1], np.nan])
-        reason += f"; its direction takes away {gain:.0%} of the directional misfit"
+        reason += f"; its direction removes {gain:.0%} of the directional misfit"
     return VariogramFit(
         model=model,
         empirical=empirical,

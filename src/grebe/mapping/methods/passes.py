@@ -41,12 +41,12 @@ class Passes:
     drift: DriftFunction | None = None
 
     key = "passes"
-    label = "Kriging in place and time"
+    label = "Kriging in space and time"
 
     def fit(self, readings: Readings, domain: Domain) -> KrigingField:
         """See `Method`. Raises `ValueError` for readings without times."""
         if readings.times is None:
-            raise ValueError("what passes differ by is told by the readings' times alone")
+            raise ValueError("kriging in space and time needs readings with times")
         fit = first_fit(readings, self.estimator, self.drift)
         fleeting: Fleeting | None = None
         if fit.model.sill > 0 and np.ptp(readings.values) > 0 and np.ptp(readings.times) > 0:
@@ -83,11 +83,11 @@ def fit_passes(
         model=model,
         candidates=(model,),
         standard_errors=problem.standard_errors(model, at),
-        reason=f"{KIND} in place and a process in time, by the posterior mode under priors",
+        reason=f"{KIND} in space and a process in time, by the posterior mode under priors",
     )
     return fit, problem.fleeting(at)
 
 
 def _told(fleeting: Fleeting) -> str:
     sd, memory = np.sqrt(fleeting.variance), fleeting.memory_s
-    return f"passes that differ by {sd:.2g} and forget it in {memory:.0f} s"
+    return f"passes that differ by {sd:.2g} with a memory of {memory:.0f} s"

@@ -74,8 +74,8 @@ class SpdeField:
     def __post_init__(self) -> None:
         if self.readings.extra_sd is not None:
             raise ValueError(
-                "the field with no flux through the shore takes readings of one noise only; "
-                "map with kriging"
+                "the field with no flux through the shore needs the same noise for all "
+                "readings; use kriging"
             )
 
     def __getstate__(self) -> dict[str, Any]:

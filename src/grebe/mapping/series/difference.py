@@ -39,7 +39,7 @@ def refuse_other_unit(one: Quantity, other: Quantity) -> None:
     if one.unit != other.unit:
         raise InputError(
             f"{one.label} is in {one.unit or '1'} in one survey and in {other.unit or '1'} in "
-            "another; import them in one unit."
+            "another; import them in the same unit."
         )
 
 
@@ -47,6 +47,6 @@ def difference(earlier: QuantityMap, later: QuantityMap) -> Difference:
     """Subtract two maps of one quantity on one grid."""
     one, other = earlier.quantity, later.quantity
     if one.key != other.key or earlier.mean.shape != later.mean.shape:
-        raise ValueError("a difference needs two maps of one quantity on one grid")
+        raise ValueError("a difference needs two maps of the same quantity on the same grid")
     refuse_other_unit(one, other)
     return Difference(mean=later.mean - earlier.mean, sd=np.hypot(earlier.sd, later.sd))

@@ -156,16 +156,14 @@ def _design(times_s: Array, *, seasonal: bool) -> Array:
     count, years = len(times_s), (times_s - times_s.mean()) / YEAR_S
     span = float(np.ptp(years))
     if count < FEWEST_SURVEYS:
-        raise InputError(
-            f"A trend needs surveys of {FEWEST_SURVEYS} days; there are those of {count}."
-        )
+        raise InputError(f"A trend needs surveys of {FEWEST_SURVEYS} days, not {count}.")
     if span * YEAR_S < 1.0:
-        raise InputError("The surveys are all of one time: there is no trend to see.")
+        raise InputError("The surveys are all of the same time, so no trend can be estimated.")
     columns = [np.ones(count), years]
     if seasonal:
         if count < FEWEST_FOR_SEASON or span < LEAST_YEARS_FOR_SEASON:
             raise InputError(
-                f"To tell a season from a trend takes {FEWEST_FOR_SEASON} surveys over "
+                f"To separate a season from a trend takes {FEWEST_FOR_SEASON} surveys over "
                 f"{LEAST_YEARS_FOR_SEASON:g} years; there are {count} over {span:.1f}.",
                 settings=("seasonal",),
             )
@@ -176,7 +174,7 @@ def _design(times_s: Array, *, seasonal: bool) -> Array:
     # Days that differ only by the quarter days of leap years are the same time of the year.
     if np.linalg.cond(design / np.linalg.norm(design, axis=0)) > WORST_CONDITION:
         raise InputError(
-            "The surveys are all of the same time of the year: there is no season to tell.",
+            "The surveys are all of the same time of year, so no season can be estimated.",
             settings=("seasonal",),
         )
     return design

@@ -83,7 +83,7 @@ def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
     if memory.state is SafetyState.HOLDING:
         return _held(memory, facts)
     if memory.state is SafetyState.RETURNING and facts.at_home:
-        text = f"the boat is home; it had turned back because: {memory.homeward}"
+        text = f"the boat is home; it returned because: {memory.homeward}"
         return stopped(memory, facts, Finding(cause=Cause.HOME, message=text))
     return memory
 
@@ -96,13 +96,13 @@ def at_the_fence(memory: Memory, facts: Facts, settings: SafetySettings, refuge:
         return memory
     going, tried = going_on_with(memory), memory.fenced + 1
     if tried > settings.fence_tries:
-        text = f"braked at the fence {memory.fenced} times on the way to one place"
+        text = f"braked at the fence {memory.fenced} times on the way to the same place"
         finding = Finding(cause=Cause.FENCE, message=text)
         if going is SafetyState.RETURNING:
             return stopped(memory, facts, finding)
         memory, going = replace(memory, homeward=text), SafetyState.RETURNING
         tried = 0
-    text = "it could not stop inside the fence any more if it went on"
+    text = "the boat could no longer stop inside the fence if it went on"
     finding = Finding(cause=Cause.FENCE, message=text)
     return replace(put_on_hold(memory, facts, finding, refuge, going), fenced=tried)
 
@@ -113,7 +113,7 @@ def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
     """
     if memory.state in (SafetyState.HOLDING, SafetyState.STOPPED):
         return memory
-    text = "it would have come too near to another boat"
+    text = "the boat would come too close to another boat"
     finding = Finding(cause=Cause.TRAFFIC, message=text)
     return put_on_hold(memory, facts, finding, refuge, going_on_with(memory))
 
@@ -124,18 +124,18 @@ def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | Non
         case Stuck.WAITS:
             return None
         case Stuck.GOES_FIRST:
-            text = "boats that it would let go first wait for it: it goes before its turn"
+            text = "the boats that it would let go first are waiting for it: it goes first"
             return gone_on(memory, facts, text)
         case Stuck.GOES_HOME:
-            text = "other boats stand in its way: it makes way for them, and goes home"
+            text = "other boats block its path: it gives way and goes home"
             return sent_home(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
         case Stuck.GIVES_UP:
             waited_s = facts.time_s - memory.since_s
-            text = f"other boats have stood in its way for {waited_s / 60:.0f} minutes"
+            text = f"other boats have blocked its path for {waited_s / 60:.0f} minutes"
             return stopped(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
 
 
-def gone_on(memory: Memory, facts: Facts, why: str = "the way is clear of other boats") -> Memory:
+def gone_on(memory: Memory, facts: Facts, why: str = "the path is clear of other boats") -> Memory:
     """Return the memory of a boat that waited for others, once its path is clear."""
     finding = Finding(cause=Cause.CLEAR, message=why)
     return changed(memory, facts, memory.resumes, finding)
@@ -253,7 +253,7 @@ def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memo
         text = f"the boat has been outside its fence for {seconds:.0f} s"
         return stopped(memory, facts, Finding(cause=Cause.FENCE, message=text))
     speed = math.hypot(facts.weather.current_north_mps, facts.weather.current_east_mps)
-    text = f"a current of {speed:.1f} m/s, with the wind, is more than the boat can make"
+    text = f"a current of {speed:.1f} m/s, with the wind, is stronger than the boat"
     finding = Finding(cause=Cause.CURRENT, message=text)
     carries_home = facts.home_s is not None and math.isfinite(facts.home_s)
     if memory.state is SafetyState.RETURNING and carries_home:
@@ -272,7 +272,7 @@ def _tired(memory: Memory, facts: Facts) -> Finding | None:
         return None
     if facts.time_s - memory.tired_s < TIRED_S:
         return None
-    text = "the current, with the wind, leaves the boat too little speed"
+    text = "the current and the wind leave the boat too little speed"
     return Finding(cause=Cause.CURRENT, message=text)
 
 
@@ -283,7 +283,7 @@ def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | N
     if memory.state is SafetyState.FREEING:
         if facts.time_s - memory.since_s < settings.astern_s:
             return None
-        text = f"astern for {settings.astern_s:g} s, try {memory.astern} of {settings.tries}"
+        text = f"went astern for {settings.astern_s:g} s, try {memory.astern} of {settings.tries}"
         return changed(memory, facts, memory.resumes, Finding(cause=Cause.FREE, message=text))
     held = held_fast(memory.motion, settings)
     # A boat that may have lost a thruster does not get free by going astern with the other.
@@ -326,7 +326,7 @@ def _unmeasured(memory: Memory, facts: Facts, settings: SafetySettings) -> Memor
     """
     if memory.unheeded or facts.mute_s <= settings.mute_s:
         return memory
-    text = f"{facts.mute} has said nothing for {facts.mute_s:.0f} s: the survey waits for it"
+    text = f"{facts.mute} has sent nothing for {facts.mute_s:.0f} s: the survey waits for it"
     finding = Finding(cause=Cause.UNMEASURED, message=text)
     return put_on_hold(memory, facts, finding, facts.place, SafetyState.SURVEYING)
 
@@ -337,7 +337,7 @@ def _held(memory: Memory, facts: Facts) -> Memory:
         finding = Finding(cause=Cause.MEASURES, message="every instrument sends readings again")
         return changed(memory, facts, memory.resumes, finding)
     if memory.cause is Cause.BLIND:
-        finding = Finding(cause=Cause.SEES, message="estimates come again")
+        finding = Finding(cause=Cause.SEES, message="estimates are arriving again")
         return changed(memory, facts, memory.resumes, finding)
     if memory.cause is not Cause.FENCE or facts.outside:
         return memory
@@ -346,5 +346,5 @@ def _held(memory: Memory, facts: Facts) -> Memory:
     slow = math.hypot(facts.state[3], facts.state[4]) < SLOW_MPS
     if held_s < BRAKED_S or not ((slow and away < BACK_M) or held_s > LONGEST_S):
         return memory
-    finding = Finding(cause=Cause.INSIDE_AGAIN, message="the boat has been braked inside the fence")
+    finding = Finding(cause=Cause.INSIDE_AGAIN, message="the boat is inside the fence again")
     return changed(memory, facts, memory.resumes, finding)

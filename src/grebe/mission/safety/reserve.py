@@ -65,7 +65,7 @@ def must_go_home(battery: Battery, facts: Facts, settings: SafetySettings) -> Fi
         (facts.light_s, Cause.DAYLIGHT, "the daylight"),
     ):
         if math.isfinite(left) and longest >= left:
-            return Finding(cause=cause, message=f"{what} lasts {max(left, 0):.0f} s more and {way}")
+            return Finding(cause=cause, message=f"{what} ends in {max(left, 0):.0f} s and {way}")
     return _battery_finding(battery, facts, settings, longest, way)
 
 
@@ -80,7 +80,7 @@ def _battery_finding(
         if battery.now - needed > reserve:
             return None
         left = f"{battery.now:.0%} of the battery is left"
-        return Finding(cause=Cause.BATTERY, message=f"{left}, {reserve:.0%} must stay, and {way}")
+        return Finding(cause=Cause.BATTERY, message=f"{left}, {reserve:.0%} must remain, and {way}")
     if settings.battery_wh is None:
         return None
     left_wh = settings.battery_wh - facts.used_wh
@@ -90,8 +90,8 @@ def _battery_finding(
         return None
     return Finding(
         cause=Cause.BATTERY,
-        message=f"{max(left_wh, 0):.0f} Wh of the battery are left, {reserve:.0%} must stay, and "
-        f"{way}",
+        message=f"{max(left_wh, 0):.0f} Wh of the battery are left, {reserve:.0%} must remain, "
+        f"and {way}",
     )
 
 

@@ -63,7 +63,7 @@ class SafetySettings:
                 settings=("battery_reserve",),
             )
         if self.used_wh is not None and not 0 <= self.used_wh < math.inf:
-            raise UsageError(f"A battery cannot have given {self.used_wh:g} Wh; give 0 or more.")
+            raise UsageError(f"A battery cannot have supplied {self.used_wh:g} Wh; give 0 or more.")
         if self.battery_wh is not None and not 0 < self.battery_wh < math.inf:
             raise UsageError(
                 f"A battery of {self.battery_wh:g} Wh is impossible; give more than 0.",
@@ -76,10 +76,12 @@ class SafetySettings:
             )
         if self.until is not None and self.until.tzinfo is None:
             raise UsageError(
-                f"{self.until} names no time zone; give an instant in UTC.", settings=("until",)
+                f"{self.until} has no time zone; give a time in UTC.", settings=("until",)
             )
         if not 0 < self.weaker_share <= 1:
-            raise UsageError(f"A thruster gives 0 to 1 of its thrust, not {self.weaker_share:g}.")
+            raise UsageError(
+                f"A thruster's share of its thrust must be 0 to 1, not {self.weaker_share:g}."
+            )
         lengths = (self.reaction_s, self.home_share, self.home_slack_s, self.least_depth_m)
         if not min(lengths) >= 0:
             raise UsageError("Reaction, reserves and the least depth must not be negative.")

@@ -81,7 +81,7 @@ def held_fast(motion: Motion, settings: SafetySettings) -> Finding | None:
     if motion.shallow >= SHALLOW_READINGS:
         return Finding(
             cause=Cause.SHALLOW,
-            message=f"{depth:.2f} m of water is less than {settings.least_depth_m:g} m",
+            message=f"the water is {depth:.2f} m deep, less than {settings.least_depth_m:g} m",
         )
     if motion.since_s is None:
         return None

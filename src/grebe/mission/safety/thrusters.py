@@ -120,7 +120,7 @@ def dead_thruster(turning: Turning) -> Finding | None:
     name = SIDES[turning.side]
     return Finding(
         cause=Cause.THRUSTER,
-        message=f"the boat turns as if its {name} thruster gave nothing",
+        message=f"the boat turns as if its {name} thruster gave no thrust",
     )
 
 

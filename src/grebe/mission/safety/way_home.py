@@ -76,7 +76,7 @@ def check_home(survey: Survey, settings: SafetySettings) -> None:
     except PlanError as error:
         lon, lat = settings.home
         raise PlanError(
-            f"The boat could not come home to {lon:g},{lat:g}: {error}", settings=("home",)
+            f"The boat could not get home to {lon:g},{lat:g}: {error}", settings=("home",)
         ) from None
 
 
@@ -193,7 +193,7 @@ class WayHome:
         ]
         self.is_closed = bool(across)
         if across:
-            raise PlanError("a closed area lies across the way home")
+            raise PlanError("a closed area blocks the route home")
         return way
 
     def _found(self) -> Homeward | None:

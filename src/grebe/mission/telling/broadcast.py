@@ -54,7 +54,9 @@ class Broadcast:
                 listener(event)
             except Exception as error:
                 self._listeners.remove(listener)
-                text = f"a listener failed and is told no more ({type(error).__name__}: {error})"
+                text = (
+                    f"a listener failed and gets no more events ({type(error).__name__}: {error})"
+                )
                 self.hold(
                     Warned(
                         time=event.time,

@@ -128,7 +128,7 @@ class Statistics:
         if self._end is not None:
             return self._end.message
         idle = self._reached == self._targets and not self._step_ms
-        return "nothing was left to do: every target was reached before" if idle else ""
+        return "nothing was left to do: every target had already been reached" if idle else ""
 
 
 @dataclass(frozen=True, kw_only=True)

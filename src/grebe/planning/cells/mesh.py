@@ -91,7 +91,10 @@ def mesh_water(
 
 def _check_size(water: shapely.Polygon, cell_m: float, angle_deg: float) -> None:
     if not (math.isfinite(cell_m) and cell_m > 0 and math.isfinite(angle_deg)):
-        raise PlanError(f"A cell of {cell_m} m at {angle_deg} degrees is impossible; give metres.")
+        raise PlanError(
+            f"A cell of {cell_m} m at {angle_deg} degrees is impossible; give a positive size "
+            "and a finite angle."
+        )
     if water.area < cell_m**2:
         raise PlanError(
             f"The region has {water.area:.1f} m2, less than one cell of {cell_m:g} m x "
@@ -99,7 +102,7 @@ def _check_size(water: shapely.Polygon, cell_m: float, angle_deg: float) -> None
         )
     if water.area / cell_m**2 > MAX_CELLS:
         raise PlanError(
-            f"Cells of {cell_m:g} m would be {water.area / cell_m**2:,.0f}, more than "
+            f"Cells of {cell_m:g} m would number {water.area / cell_m**2:,.0f}, more than "
             f"{MAX_CELLS:,}; choose larger cells."
         )
 
@@ -108,8 +111,8 @@ def _check_grid(upright: shapely.Polygon, cell_m: float) -> None:
     x0, y0, x1, y1 = upright.bounds
     if (x1 - x0) * (y1 - y0) / cell_m**2 > MAX_GRID:
         raise PlanError(
-            f"The region's bounds hold {(x1 - x0) * (y1 - y0) / cell_m**2:,.0f} cells of "
-            f"{cell_m:g} m, more than {MAX_GRID:,}; choose larger cells or another angle."
+            f"The region's bounding box holds {(x1 - x0) * (y1 - y0) / cell_m**2:,.0f} cells "
+            f"of {cell_m:g} m, more than {MAX_GRID:,}; choose larger cells or another angle."
         )
 
 

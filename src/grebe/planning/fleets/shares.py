@@ -48,7 +48,9 @@ def plan_fleet(
     """
     fleet = settings.fleet
     if fleet is None:
-        raise UsageError("How many boats share the survey is not given.", settings=("boats",))
+        raise UsageError(
+            "The number of boats that share the survey is not given.", settings=("boats",)
+        )
     first = fleet.starts[0] if fleet.starts else None
     planner, notes = planner_of(region, vessel, settings, first, no_go)
     places = [region.frame.place_near(region.water, one, "start") for one in fleet.starts]

@@ -64,7 +64,8 @@ def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway
         [*part.targets[: halfway.reached], *transits, goal, *rest],
         [*part.corridors[: halfway.reached], *corridors, *part.corridors[kept:]],
         reason="resumed",
-        note=f"the boat goes on to target {goal.seq} from elsewhere, {len(transits)} bends away",
+        note=f"the boat continues to target {goal.seq} from another place; transit targets on "
+        f"the way: {len(transits)}",
     )
 
 

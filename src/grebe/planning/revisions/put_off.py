@@ -57,18 +57,18 @@ def put_off(
     Raises `PlanError` when all cells fit after all, when none does, and for a plan without sorties.
     """
     if halfway.sortie is None:
-        raise PlanError("The plan is one mission; there is no later sortie to put cells off to.")
+        raise PlanError("The plan is a single mission: there is no later sortie to move cells to.")
     part = survey_of(survey, old, halfway.sortie)
     ahead = [t for t in part.targets[halfway.reached :] if t.seq in open_.place_of]
     fits = _that_fit(survey, part.targets[-1], ahead, halfway, late, vessel, weather)
     if not 0 < fits < len(ahead):
-        raise PlanError(f"{fits} of {len(ahead)} targets fit; none is put off.")
+        raise PlanError(f"{fits} of {len(ahead)} targets fit, so none is moved.")
     now, later = ([open_.place_of[t.seq] for t in some] for some in (ahead[:fits], ahead[fits:]))
     number = max(one.number for one in old.sorties) + 1
     shorter = put_in_order(
         old, survey, open_, halfway, now, vessel=vessel, weather=weather, reason="progress",
-        note=f"it takes {late.pace:.2f} times as long as predicted: "
-        f"{counted(len(later), 'target is', 'targets are')} put off to sortie {number}",
+        note=f"the sortie takes {late.pace:.2f} times as long as predicted: "
+            f"{counted(len(later), 'target is', 'targets are')} moved to sortie {number}",
     )  # fmt: skip
     own = shorter.sortie(halfway.sortie.number)
     targets, corridors = _later(shorter, survey, open_, own, later, vessel, weather)

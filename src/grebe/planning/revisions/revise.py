@@ -111,7 +111,7 @@ class OpenWater:
         left = shapely.difference(self.water, shapely.union_all(list(zones)))
         parts = [p for p in shapely.get_parts(left) if isinstance(p, shapely.Polygon) and p.area]
         if not parts:
-            raise PlanError("Nothing of the water is left when the area is closed.")
+            raise PlanError("With the area closed, no water is left.")
         here = shapely.Point(place)
         water = min(parts, key=lambda part: part.distance(here))
         shapes = footprints_of([target.set for target in self.targets])
@@ -120,7 +120,7 @@ class OpenWater:
         stays = shapely.covers(allowed, shapes)
         kept = tuple(itertools.compress(self.targets, stays.tolist()))
         if not kept:
-            raise PlanError("No cell is left that the boat can come to when the area is closed.")
+            raise PlanError("With the area closed, the boat can reach no more cells.")
         return replace(self, water=water, targets=kept)
 
 
@@ -169,7 +169,7 @@ def replanned(
     ]
     rest = [cell for cell in rest if within_reach[cell]]
     if not rest:
-        raise PlanError("No cell of the order is left to go to.")
+        raise PlanError("No cell is left to visit.")
     return put_in_order(
         old, survey, open_, halfway, rest, vessel=vessel, weather=weather, reason=reason, note=note
     )
@@ -264,7 +264,7 @@ def _stops(
     if ends_at is not None:
         berth = ends_at.set.polygon
         if not shapely.dwithin(open_.water, berth, open_.cell_m):
-            raise PlanError("The harbour lies beyond an area that is closed.")
+            raise PlanError("A closed area cuts off the harbour.")
         home = open_.nearest(berth.centroid)
         last = int(order[-1])
         way = ways.around(last, home) if last != home else []

@@ -60,8 +60,8 @@ def endurance_of(vessel: Vessel, settings: PlanSettings, power_w: float) -> Endu
     worst = ground_speed(vessel, settings.speed_max_mps, against, 0.0)
     if worst < LEAST_MPS:
         raise PlanError(
-            f"Against a current of {current:g} m/s and a wind of {wind:g} N vessel "
-            f"{vessel.name!r} does not come home; wait for better weather."
+            f"Vessel {vessel.name!r} cannot get home against a current of {current:g} m/s and a "
+            f"wind of {wind:g} N; wait for better weather."
         )
     through = min(settings.speed_max_mps + current, vessel.speed_max_mps)
     each = 0.5 * vessel.surge_drag_n(through)

@@ -94,8 +94,8 @@ def trips_within(
         factor *= 1.005 * longest
     if best is None:
         raise PlanError(
-            "No sorties were found whose predicted times keep the limit, although each cell can be "
-            "come to within it; allow a little more time or battery, or choose other cells.",
+            "No sorties were found whose predicted times keep the limit, although each cell "
+            "alone is within reach; allow a little more time or battery, or choose other cells.",
             settings=("sortie_battery_wh", "sortie_minutes", "cell_m"),
         )
     return best
@@ -162,8 +162,8 @@ def _refuse_unreachable(lake: Lake, ports: Ports) -> None:
     if best.max() > ports.limit_s:
         away = np.min([home.ways_m for home in lake.homes], axis=0)[lake.wanted].max()
         raise PlanError(
-            f"The cell farthest from a harbour is {away:.0f} m away along the water, and no sortie "
-            "comes home from there within its battery or its minutes; give about "
+            f"The cell farthest from a harbour is {away:.0f} m away along the water, and no "
+            "sortie gets there and back within its battery or minutes; give about "
             f"{math.ceil(10.5 * best.max() / ports.limit_s) / 10:.1f} times as much, or another "
             "harbour nearby.",
             settings=("sortie_battery_wh", "sortie_minutes", "harbours"),

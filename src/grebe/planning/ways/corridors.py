@@ -93,7 +93,7 @@ class Waterways:
         while path[-1] != a:
             step = int(before[path[-1]])
             if step < 0:
-                raise PlanError(f"Cells {a} and {b} are not joined by water: a fault of the plan.")
+                raise PlanError(f"Cells {a} and {b} are not joined by water; the plan is invalid.")
             path.append(step)
         path.reverse()
         chain = [self._cells[a].footprint]
@@ -158,8 +158,8 @@ class Waterways:
             if shapely.covers(room, rectangle):
                 return rectangle
         raise PlanError(
-            f"Near {middle[0]:.1f} m north, {middle[1]:.1f} m east a cell is too flat for a boat; "
-            "choose smaller cells or a larger shore margin."
+            f"Near {middle[0]:.1f} m north, {middle[1]:.1f} m east a cell is too narrow for a "
+            "boat; choose smaller cells or a larger shore margin."
         )
 
     def corridors(self, footprints: list[shapely.Polygon]) -> list[shapely.Polygon]:

@@ -138,7 +138,7 @@ def homeward(water: shapely.Polygon, home: tuple[float, float]) -> Homeward:
             room = _drawn_coarser(water, clearance)
             if room is not None:
                 return Homeward(water=water, home=home, room=room, clearance_m=clearance)
-    raise PlanError("The survey's water is too narrow for a way home.")
+    raise PlanError("The survey's water is too narrow for a route home.")
 
 
 def _drawn_coarser(water: shapely.Polygon, clearance_m: float) -> shapely.Polygon | None:
