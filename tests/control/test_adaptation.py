@@ -168,8 +168,8 @@ def test_a_state_without_a_delay_is_left_as_it_is():
     tracker.sent(0.0, (3.0, 4.0))
     state = (1.0, 2.0, 0.3, 0.5, 0.0, 0.1)
     assert tracker.ahead(0.0, 0.0, state) is state
-    assert tracker.righted(state) is state
-    assert tracker.told(0.0, (3.0, 4.0)) == (3.0, 4.0)
+    assert tracker.with_compass_corrected(state) is state
+    assert tracker.orders_for(0.0, (3.0, 4.0)) == (3.0, 4.0)
     assert tracker.vessel is SPYBOAT
 
 
@@ -191,11 +191,11 @@ def test_thrusters_with_a_lag_are_hurried_within_their_limits():
     tracker = Tracker(SPYBOAT)
     tracker.correction = Correction(lag_s=1.0, port=0.8)
     tracker.sent(0.0, (0.0, 0.0))
-    port, starboard = tracker.told(5.0, (4.0, 4.0))
+    port, starboard = tracker.orders_for(5.0, (4.0, 4.0))
     assert SPYBOAT.thrust_max_n >= port > 4.0 / 0.8
     assert SPYBOAT.thrust_max_n >= starboard > 4.0
     tracker.sent(5.0, (5.0, 4.0))
-    assert tracker.told(60.0, (4.0, 4.0)) == pytest.approx((5.0, 4.0), abs=1e-6)
+    assert tracker.orders_for(60.0, (4.0, 4.0)) == pytest.approx((5.0, 4.0), abs=1e-6)
 
 
 def sail(conditions):

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 # Simulations of the model that are run for the correction at each estimate: 2 ms at most.
 WORK_PER_ESTIMATE = 12
-# Share of a lag within which thrusters should respond.
-HURRY = 0.2
+# Thrusters should respond within this many lags.
+RESPONSE_LAGS = 0.2
 # Orders older than this many lags are ignored; thrust is constant in pieces of this length [s].
 FORGOTTEN_LAGS, LAG_PIECE_S = 6.0, 0.05
 # Ages below this are treated as zero, because a link's clock is no better [s].
@@ -105,39 +105,38 @@ class Tracker:
         return Weather() if self._observer is None else self._observer.weather
 
     @property
-    def hurries(self) -> bool:
+    def compensates_lag(self) -> bool:
         """Whether a lag is compensated, so that orders change while the wanted thrusts do not."""
         return self.correction.lag_s > LEAST_LAG_S
 
-    def told(self, time_s: float, thrusts: Thrusts) -> Thrusts:
+    def orders_for(self, time_s: float, thrusts: Thrusts) -> Thrusts:
         """Return the thrusts [N] to order now so that the thrusters soon give `thrusts` [N].
 
         Thrusters with a lag are ordered to give more than the wanted thrust until they give it (the
-        lag's inverse over a time of `HURRY` lags). Their present thrust is computed from past
-        orders.
+        lag's inverse over `RESPONSE_LAGS` lags). Their present thrust is computed from past orders.
         """
         correction = self.correction
         wanted = thrusts[0] / correction.port, thrusts[1] / correction.starboard
-        if not self.hurries:
+        if not self.compensates_lag:
             return wanted
-        gives = self._gives(time_s)
+        gives = self._delivered(time_s)
         return self._more(wanted[0], gives[0]), self._more(wanted[1], gives[1])
 
     def _more(self, wanted_n: float, gives_n: float) -> float:
-        told = gives_n + (wanted_n - gives_n) / (1.0 - math.exp(-HURRY))
-        return min(max(told, self.model.thrust_min_n), self.model.thrust_max_n)
+        ordered = gives_n + (wanted_n - gives_n) / (1.0 - math.exp(-RESPONSE_LAGS))
+        return min(max(ordered, self.model.thrust_min_n), self.model.thrust_max_n)
 
-    def given(self, time_s: float, told: Thrusts) -> Thrusts:
-        """Estimated thrusts at a time, if the last order was `told`."""
-        return self._gives(time_s) if self.hurries else told
+    def delivered(self, time_s: float, ordered: Thrusts) -> Thrusts:
+        """Estimated thrusts at a time, if the last order was `ordered`."""
+        return self._delivered(time_s) if self.compensates_lag else ordered
 
     def thrusters(self, time_s: float) -> SlowThrusters | None:
         """State of the thrusters when an order of that time acts; None without a lag."""
-        if not self.hurries:
+        if not self.compensates_lag:
             return None
         correction, boat = self.correction, self.vessel
         shares = correction.port, correction.starboard
-        now = self._gives(time_s + correction.dead_s)
+        now = self._delivered(time_s + correction.dead_s)
         return SlowThrusters(
             now_n=(shares[0] * now[0], shares[1] * now[1]),
             least_n=boat.thrust_min_n,
@@ -145,21 +144,21 @@ class Tracker:
             lag_s=correction.lag_s,
         )
 
-    def _gives(self, time_s: float) -> Thrusts:
+    def _delivered(self, time_s: float) -> Thrusts:
         """Thrusts of thrusters with a lag at a time, computed from past orders."""
         lag_s, dead_s = self.correction.lag_s, self.correction.dead_s
         port, starboard, since_s = 0.0, 0.0, -math.inf
-        told: Thrusts = (0.0, 0.0)
+        ordered: Thrusts = (0.0, 0.0)
         for order in self._orders_since(time_s - dead_s - FORGOTTEN_LAGS * lag_s):
             at_s = min(order.time_s + dead_s, time_s)
             share = 1.0 - math.exp(-(at_s - since_s) / lag_s)
-            port += share * (told[0] - port)
-            starboard += share * (told[1] - starboard)
-            told, since_s = order.thrusts, at_s
+            port += share * (ordered[0] - port)
+            starboard += share * (ordered[1] - starboard)
+            ordered, since_s = order.thrusts, at_s
             if at_s >= time_s:
                 return port, starboard
         share = 1.0 - math.exp(-(time_s - since_s) / lag_s)
-        return port + share * (told[0] - port), starboard + share * (told[1] - starboard)
+        return port + share * (ordered[0] - port), starboard + share * (ordered[1] - starboard)
 
     def sent(self, time_s: float, thrusts: Thrusts) -> None:
         """Record the thrusts [N] that were ordered at a time [s]."""
@@ -175,7 +174,7 @@ class Tracker:
         while self._orders[0].time_s < time_s - MEMORY_S:
             self._orders.popleft()
 
-    def righted(self, state: State) -> State:
+    def with_compass_corrected(self, state: State) -> State:
         """Return an estimate with the compass's error removed."""
         if self.correction.heading_rad == 0.0:
             return state
@@ -196,7 +195,7 @@ class Tracker:
     def ahead(self, time_s: float, now_s: float, state: State) -> State:
         """Return the predicted state at which an order sent at `now_s` will act.
 
-        `state` is the last estimate seen, at `time_s`, after `righted`.
+        `state` is the last estimate seen, at `time_s`, after `with_compass_corrected`.
         """
         until_s = now_s + self.correction.dead_s
         if self._filter is not None:
@@ -213,7 +212,7 @@ class Tracker:
 
     def _acting(self, from_s: float, until_s: float) -> list[tuple[float, float, Thrusts]]:
         """The thrusts that act in a time span, piece by piece, after dead time and lag."""
-        if self.hurries:
+        if self.compensates_lag:
             return self._acting_late(from_s, until_s)
         dead_s, share = self.correction.dead_s, (self.correction.port, self.correction.starboard)
         since = self._orders_since(from_s - dead_s)
@@ -231,7 +230,7 @@ class Tracker:
         edges = np.linspace(from_s, until_s, count + 1).tolist()
         pieces: list[tuple[float, float, Thrusts]] = []
         for left, right in pairwise(edges):
-            port, starboard = self._gives((left + right) / 2)
+            port, starboard = self._delivered((left + right) / 2)
             mine = (port * self.correction.port, starboard * self.correction.starboard)
             pieces.append((left, right, mine))
         return pieces
@@ -256,7 +255,12 @@ class Tracker:
             port = sum((b - a) * f[0] for a, b, f in pieces) / seconds
             starboard = sum((b - a) * f[1] for a, b, f in pieces) / seconds
             thrusts = (port, starboard)
-        pair = self.righted(start), thrusts, self.righted(end), seconds
+        pair = (
+            self.with_compass_corrected(start),
+            thrusts,
+            self.with_compass_corrected(end),
+            seconds,
+        )
         self._observer.update(*pair)
         if self._filter is not None:
             # Predict again, in the weather that has just been estimated and in finer steps.

@@ -234,7 +234,7 @@ class Mission:
         """Let the guard judge the estimate; after a change of its state, begin with a new step."""
         before = self._guard.state
         status, ahead = self._link.status(), self._steering.ahead(observation)
-        given = self._tracker.given(observation.time_s, self._steering.told)
+        given = self._tracker.delivered(observation.time_s, self._steering.ordered)
         self._guard.look(observation, self._weather, given, self._reached, status, ahead)
         if self._guard.state is not before:
             self._looks_on = True

@@ -59,9 +59,9 @@ class Sight:
             self._check_clock(observation)
             if all(map(math.isfinite, observation.state)):
                 self.raw = unwrapped(observation, self.raw)
-                righted = self._tracker.righted(self.raw.state)
-                is_right = righted is self.raw.state
-                self.last = self.raw if is_right else replace(self.raw, state=righted)
+                corrected = self._tracker.with_compass_corrected(self.raw.state)
+                is_right = corrected is self.raw.state
+                self.last = self.raw if is_right else replace(self.raw, state=corrected)
                 return self.last
             text = f"an estimate is not finite and is ignored: {observation.state}"
             self._announcer.tell(Warned, observation.time_s, code="estimate_invalid", message=text)

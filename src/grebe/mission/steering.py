@@ -38,8 +38,8 @@ class Steering:
     """Steers one boat with `controller` through `targets`; `stopwatch` times the steps [s];
     `lookout` is needed in a fleet only.
 
-    `thrusts` are the thrusts last intended for the boat, and `told` are those commanded to obtain
-    them [N]. They differ if the thrusters are weak or lag.
+    `thrusts` are the thrusts last intended for the boat, and `ordered` are those commanded to
+    obtain them [N]. They differ if the thrusters are weak or lag.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Steering:
         self._next_step_s = 0.0
         self._command: tuple[float, Command] | None = None
         self.thrusts: Thrusts = (0.0, 0.0)
-        self.told: Thrusts = (0.0, 0.0)
+        self.ordered: Thrusts = (0.0, 0.0)
 
     def take_order(self, controller: Helm, targets: Sequence[Target], time_s: float) -> None:
         """Steer through other targets from now on, with the boat's estimated parameters."""
@@ -124,10 +124,10 @@ class Steering:
         """Command thrusts, and the motion to which they lead for a boat driven by its motion."""
         vessel = self.controller.vessel
         surge, yaw_rate = held_motion(vessel, observation.state, thrusts, self._weather)
-        told = self._tracker.told(observation.time_s, thrusts)
-        self._gate.command(Order(thrusts=told, surge_mps=surge, yaw_rate_radps=yaw_rate))
-        self._tracker.sent(observation.time_s, told)
-        self.thrusts, self.told = thrusts, told
+        ordered = self._tracker.orders_for(observation.time_s, thrusts)
+        self._gate.command(Order(thrusts=ordered, surge_mps=surge, yaw_rate_radps=yaw_rate))
+        self._tracker.sent(observation.time_s, ordered)
+        self.thrusts, self.ordered = thrusts, ordered
 
     @property
     def _helm(self) -> Helm:
@@ -169,7 +169,7 @@ class Steering:
             return
         since, command = self._command
         thrusts = self._possible(command.thrusts_at(observation.time_s - since))
-        if thrusts != self.thrusts or self._tracker.hurries:
+        if thrusts != self.thrusts or self._tracker.compensates_lag:
             self._apply(observation, reached, thrusts, None)
 
     def _possible(self, thrusts: Sequence[float]) -> Thrusts:
