@@ -38,6 +38,7 @@ BENCHMARKS = {
     "sorties": "sorties",
     "mapping": "mapping",
     "skewed": "skewed",
+    "changing": "changing",
     "holdout": "holdout",
     "identification": "identification",
     "mismatch": "mismatch",
