@@ -99,11 +99,11 @@ class StateFilter:
         `parameters` (15,) are those of the boat and the estimated weather. The filter starts from
         what `observer` knows of the weather.
         """
-        told = np.array(thrusts), np.array(after), seconds, substeps
+        pair = np.array(thrusts), np.array(after), seconds, substeps
         share = max(1.0 - math.exp(-seconds / MEMORY_S), seconds / (self._seconds + seconds))
         self._seconds += seconds
         known = self._seconds >= LEAST_S
-        noisy = _learn(parameters, np.array(before), *told, share, known, self._surprises)
+        noisy = _learn(parameters, np.array(before), *pair, share, known, self._surprises)
         if not (known and noisy):
             self.variances[:], self._follows = 0.0, False
             return
@@ -111,7 +111,7 @@ class StateFilter:
             self._start(before, observer)
         walk = observer.walk
         self._follows = _weigh(
-            parameters, self._belief, self._covariance, *told, self._surprises, self.variances,
+            parameters, self._belief, self._covariance, *pair, self._surprises, self.variances,
             walk.drift, walk.probe, walk.limit,
         )  # fmt: skip
 
@@ -161,7 +161,8 @@ def _weigh(
     parameters, belief, covariance, thrusts, after, seconds, substeps, surprises, variances,
     drift, probe, limit,
 ):  # fmt: skip
-    """One step of the filter; returns False, without a correction, for an outlier.
+    """One step of the filter; returns False, and corrects nothing, if it has to start again: after
+    an outlier, or if rounding has spoiled its covariance.
 
     Updates `belief` (10,), `covariance` (10, 10) and the noise's `variances` (6,) in place. The
     weather's random walk has the variances `drift` (4,) in a second; `limit` (4,) bounds it.
@@ -185,6 +186,9 @@ def _weigh(
         if not (after[i] - predicted[i]) ** 2 <= WILD**2 * (passed[i, i] + variances[i]):
             return False
     _correct(predicted, passed, after, variances)
+    for i in range(BELIEF):
+        if not passed[i, i] > 0.0:
+            return False
     for i in range(STATE, BELIEF):
         most = limit[i - STATE]
         predicted[i] = min(max(predicted[i], -most), most)
@@ -201,10 +205,13 @@ def _carried(slopes, covariance):
         for j in range(BELIEF):
             for k in range(BELIEF):
                 half[i, j] += slopes[i, k] * covariance[k, j]
+    # One half is a copy of the other. Otherwise their difference, of rounding alone, grows with a hull
+    # that is unstable in yaw until variances are negative.
     for i in range(BELIEF):
-        for j in range(BELIEF):
+        for j in range(i + 1):
             for k in range(BELIEF):
                 out[i, j] += half[i, k] * slopes[j, k]
+            out[j, i] = out[i, j]
     return out
 
 
