@@ -205,8 +205,8 @@ def _carried(slopes, covariance):
         for j in range(BELIEF):
             for k in range(BELIEF):
                 half[i, j] += slopes[i, k] * covariance[k, j]
-    # One half is a copy of the other. Otherwise their difference, of rounding alone, grows with a hull
-    # that is unstable in yaw until variances are negative.
+    # One half is a copy of the other. Otherwise their difference, of rounding alone, grows with a
+    # hull that is unstable in yaw until variances are negative.
     for i in range(BELIEF):
         for j in range(i + 1):
             for k in range(BELIEF):
