@@ -100,10 +100,17 @@ def result(values: Mapping[str, Any], *, as_json: bool, next_command: str) -> No
     for key, value in values.items():
         if value in ([], None):
             continue
-        text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else value
-        click.echo(f"  {key.replace('_', ' '):<{width}}  {text}")
+        click.echo(f"  {key.replace('_', ' '):<{width}}  {_as_text(value)}")
     if next_command:
         click.echo(f"{TIP}{next_command}")
+
+
+def _as_text(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value))
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {one}" for key, one in value.items())
+    return str(value)
 
 
 class Pace:

@@ -138,9 +138,14 @@ def covariance_text(model: Model, t: Texts, unit: str) -> str:
         text += t(
             "covariance_passing",
             sd=sd + after_number(unit),
-            minutes=f"{model.passing.memory_s / 60:.0f}",
+            minutes=t.number(_minutes(model.passing.memory_s / 60)),
         )
     return text
+
+
+def _minutes(minutes: float) -> str:
+    """Whole minutes, or tenths of the first one."""
+    return f"{minutes:.0f}" if minutes >= 1 else f"{minutes:.1f}"
 
 
 def _squared(variance: float, one: QuantityMap, t: Texts) -> str:

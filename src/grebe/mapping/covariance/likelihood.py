@@ -58,7 +58,7 @@ def fit_reml(positions: Array, values: Array, estimator: Estimator = "matheron")
         gained, turned, its = _Restricted(directed.isotropic(at), data).best(directed)
         if gained > likelihood + CLEAR_GAIN:
             model, errors = replace(turned, **shape), its
-            reason += f"; its direction adds {gained - likelihood:.1f}"
+            reason += f"; its direction adds {gained - likelihood:.1f} to the log likelihood"
     return VariogramFit(
         model=model,
         empirical=start.empirical,

@@ -71,7 +71,7 @@ def fit_posterior(
         directed = replace(start.model, kind=kind, **shape)
         turned = Posterior.of(directed.isotropic(at), data, kind, noise).best(directed)
         if turned[0] > gained + CLEAR_GAIN:
-            reason += f"; its direction adds {turned[0] - gained:.1f}"
+            reason += f"; its direction adds {turned[0] - gained:.1f} to the log posterior"
             model, errors = replace(turned[1], **shape), turned[2]
     return VariogramFit(
         model=model,
