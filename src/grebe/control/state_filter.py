@@ -70,11 +70,12 @@ class StateFilter:
     """Filters the state of one boat, together with the weather.
 
     `variances` (6,): the present estimate of the noise's variances; zero if estimates are used
-    unfiltered.
+    unfiltered. `weather`: the estimated weather; None if nothing is filtered.
     """
 
     def __init__(self) -> None:
         self.variances = np.zeros(6)
+        self.weather: Weather | None = None
         self._surprises = np.zeros((3, 6))
         self._belief, self._covariance = np.zeros(BELIEF), np.zeros((BELIEF, BELIEF))
         self._seconds = 0.0
@@ -82,7 +83,7 @@ class StateFilter:
 
     def forget(self) -> None:
         """Start again from the next estimate, after a gap; the learned noise is kept."""
-        self._follows = False
+        self._follows, self.weather = False, None
 
     def see(
         self,
@@ -105,7 +106,8 @@ class StateFilter:
         known = self._seconds >= LEAST_S
         noisy = _learn(parameters, np.array(before), *pair, share, known, self._surprises)
         if not (known and noisy):
-            self.variances[:], self._follows = 0.0, False
+            self.variances[:] = 0.0
+            self.forget()
             return
         if not self._follows:
             self._start(before, observer)
@@ -114,17 +116,13 @@ class StateFilter:
             parameters, self._belief, self._covariance, *pair, self._surprises, self.variances,
             walk.drift, walk.probe, walk.limit,
         )  # fmt: skip
+        self.weather = weather_of(self._belief[STATE:]) if self._follows else None
 
     def _start(self, estimate: State, observer: Observer) -> None:
         self._belief[:STATE], self._belief[STATE:] = estimate, observer.weather.as_tuple()
         self._covariance[:] = 0.0
         self._covariance[:STATE, :STATE] = np.diag(np.maximum(-self._surprises[PRODUCT], LEAST**2))
         self._covariance[STATE:, STATE:] = observer.covariance
-
-    @property
-    def weather(self) -> Weather | None:
-        """The estimated weather, or None if nothing is filtered."""
-        return weather_of(self._belief[STATE:]) if self._follows else None
 
     def filtered(self, state: State) -> State:
         """Return the filtered state at the last estimate, or `state` if nothing is filtered."""
