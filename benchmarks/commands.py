@@ -24,8 +24,9 @@ import grebe
 from benchmarks.common import BOAT, START, print_head, print_row
 from benchmarks.planning import FRAME, archipelago, lake
 from benchmarks.rebuilt import RebuiltPilot
-from grebe.control.controller import Controller, model_substeps
+from grebe.control.controller import Controller
 from grebe.control.rules.dual import Dual
+from grebe.control.turn_and_go import model_substeps
 from grebe.core.dynamics import Weather
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.trial import Conditions, fly, meander

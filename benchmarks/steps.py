@@ -18,10 +18,10 @@ from benchmarks.common import (
 )
 from benchmarks.dompc import DoMpcPilot
 from benchmarks.rebuilt import RebuiltPilot
-from grebe.control.controller import model_substeps
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.lookahead import Lookahead
 from grebe.control.solvers.builders import Fatrop
+from grebe.control.turn_and_go import model_substeps
 from grebe.mission.helm import Helm
 from grebe.mission.trial import Trial, fly
 

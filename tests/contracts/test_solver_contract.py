@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from grebe.control.controller import Controller, model_substeps
+from grebe.control.controller import Controller
 from grebe.control.horizon import HorizonShape
 from grebe.control.rules.base import Situation
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.single import Single
 from grebe.control.solvers.base import Built, Solver
 from grebe.control.solvers.builders import Fast, Fatrop, Ipopt
+from grebe.control.turn_and_go import model_substeps
 from grebe.core.sets import rectangle
 from grebe.core.vessel import vessel_named
 

@@ -116,7 +116,7 @@ def test_top_speed_is_where_drag_takes_all_thrust(boat):
 
 @given(boats, thrust_pairs)
 def test_rk4_at_the_chosen_substeps_is_close_to_the_limit(boat, thrusts):
-    from grebe.control.controller import model_substeps
+    from grebe.control.turn_and_go import model_substeps
 
     low, high = boat.thrust_min_n, boat.thrust_max_n
     inputs = [min(max(f, low), high) for f in thrusts]

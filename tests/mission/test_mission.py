@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from conftest import NOON, simulate, square_survey
 
-from grebe.control.controller import Controller, model_substeps
+from grebe.control.controller import Controller
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.lookahead import Lookahead
+from grebe.control.turn_and_go import model_substeps
 from grebe.core.dynamics import Weather, rates, rk4
 from grebe.core.errors import InputError, LinkError, PlanError, SurveyFileError
 from grebe.core.events import EndReason

@@ -30,7 +30,8 @@ from grebe.control.rules.lookahead import Lookahead
 from grebe.control.slow_thrusters import SlowThrusters
 from grebe.control.solvers.base import Solution, Solver, SolverBuilder, Status
 from grebe.control.solvers.builders import Fast, Ipopt
-from grebe.core.dynamics import CALM, Weather, rates, rk4
+from grebe.control.turn_and_go import model_substeps, turn_and_go
+from grebe.core.dynamics import CALM, Weather
 from grebe.core.sets import TargetSet, inner_rows
 from grebe.core.vessel import Vessel
 
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
 # Steps for which an old plan is followed before the boat is brought to rest.
 PATIENCE_STEPS = 5
 LOOK_AHEAD_SETS = 16
-# Largest product of a Runge-Kutta step and the boat's fastest rate; RK4 is unstable at 2.8.
-SUBSTEP_STIFFNESS = 1.2
 # Metres or metres per second by which a plan may miss a set and still count as entering it; the
 # controller aims inside by a larger margin.
 LARGEST_MISS = 0.03
@@ -101,6 +100,21 @@ class Command:
         if self.status is StepStatus.STOPPING or self.plan is None:
             return self.thrusts
         return self.plan.thrusts_at(elapsed_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Attempt:
+    """The situation and the solver of an attempt, and the status of its solution.
+
+    `driven_in` is the weather of the turn-and-go that it starts from, None for the rule's start.
+    A last resort is not tried if there is any plan to follow.
+    """
+
+    situation: Situation
+    solver: Callable[[], Solver]
+    status: StepStatus
+    driven_in: Weather | None = None
+    is_last_resort: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,51 +255,55 @@ class Controller:
             raise ValueError(f"the time since the last step is {elapsed} s; give 0 or more")
         situation = self._situation(z, elapsed)
         best: _Answer | None = None
-        for attempt, solver, status in self._attempts(situation):
-            if best is not None and solver == self._second_solver:
+        for attempt in self._attempts(situation, weather):
+            if best is not None and attempt.is_last_resort:
                 break
-            proposal = self.rule.propose(attempt, self.shape)
+            proposal = self.rule.propose(attempt.situation, self.shape)
             start = self.roll_out(z, weather) if proposal.start is None else proposal.start
+            if attempt.driven_in is not None:
+                target = self.targets[self.reached]
+                start = turn_and_go(self.vessel, target, z, start.durations, attempt.driven_in)
             if self._thrusters is not None:
                 proposal.horizon.thrust_bounds = self._thrusters.reach(start.durations)
             if self._others[0]:
                 keep_apart(proposal.horizon, start, *self._others)
-            solution = solver().solve(z, proposal.horizon, wind, start)
+            solution = attempt.solver().solve(z, proposal.horizon, wind, start)
             self._decision = proposal.decision
             if solution.status is not Status.NOT_CONVERGED:
-                own = status if solution.solved else StepStatus.IMPROVED
+                own = attempt.status if solution.solved else StepStatus.IMPROVED
                 answer = _Answer(solution=solution, proposal=proposal, status=own)
                 best = answer if best is None else best.or_cheaper(answer)
                 if not best.misses:
                     break
         return self._fall_back(z, elapsed) if best is None else self._accept(best)
 
-    def _attempts(
-        self, situation: Situation
-    ) -> Iterator[tuple[Situation, Callable[[], Solver], StepStatus]]:
-        """The attempts of a step: from the last plan, afresh, and with the second solver.
+    def _attempts(self, situation: Situation, weather: Weather) -> Iterator[_Attempt]:
+        """The attempts of a step, until one succeeds.
 
-        The second solver is slow, and a failed step can follow the last plan. So it is called only
-        if there is no plan, or in the second of several failed steps.
+        The first starts from the last plan, the second afresh. Where the weather is strong for the
+        boat, the straight lines of a fresh start can be far from any motion that it is capable of;
+        a motion of the boat is then a better start, if it does not run away in that weather. The
+        second solver is slow. A failed step can follow the last plan, so the last resorts wait
+        until a second step fails, and the second solver is called in that alone.
         """
-        afresh = replace(situation, plan=None)
-        yield situation, lambda: self._solver, StepStatus.SOLVED
-        yield afresh, lambda: self._solver, StepStatus.RESTARTED
+        afresh = _Attempt(
+            situation=replace(situation, plan=None),
+            solver=lambda: self._solver,
+            status=StepStatus.RESTARTED,
+        )
+        yield replace(afresh, situation=situation, status=StepStatus.SOLVED)
+        yield afresh
+        if self._plan is None or self._unsolved_in_a_row:
+            for water in (weather, CALM):
+                yield replace(afresh, driven_in=water, is_last_resort=True)
         if self._plan is None or self._unsolved_in_a_row == 1:
-            yield afresh, self._second_solver, StepStatus.RESTARTED
+            yield replace(afresh, solver=self._second_solver, is_last_resort=True)
 
     def roll_out(self, state: NDArray[np.float64], weather: Weather = CALM) -> Plan:
-        """Return a turn-and-go trajectory: turn towards Omega_x, then drive at it.
-
-        It is a dynamically consistent start for the solver that never backs up.
-        """
-        n, step = self.rule.stages, self.rule.step_s
-        states, thrusts = [state], []
-        for _ in range(n):
-            inputs = self._turn_and_go(states[-1])
-            thrusts.append(inputs)
-            states.append(self._predict(states[-1], inputs, step, weather))
-        return Plan(states=np.array(states), thrusts=np.array(thrusts), durations=np.full(n, step))
+        """Return a trajectory that turns towards Omega_x and drives at it, in the rule's steps."""
+        target = self.targets[self.reached]
+        steps = np.full(self.rule.stages, self.rule.step_s)
+        return turn_and_go(self.vessel, target, state, steps, weather)
 
     def _situation(self, state: NDArray[np.float64], elapsed_s: float) -> Situation:
         ahead = slice(self.reached, self.reached + self._seen_ahead())
@@ -348,40 +366,3 @@ class Controller:
         wanted = -0.5 * self.vessel.m11_kg * state[3] / max(self.rule.step_s, 0.5)
         thrust = float(np.clip(wanted, self.vessel.thrust_min_n, self.vessel.thrust_max_n))
         return thrust, thrust
-
-    def _turn_and_go(self, state: NDArray[np.float64]) -> tuple[float, float]:
-        north, east = self.targets[self.reached].centre
-        bearing = math.atan2(east - state[1], north - state[0])
-        off = math.remainder(bearing - state[2], 2 * math.pi)
-        speed = self._pace() * max(0.0, math.cos(off))
-        common = 0.5 * self.vessel.surge_drag_n(speed)
-        half_span = 0.5 * (self.vessel.thrust_max_n - self.vessel.thrust_min_n)
-        # Time constants of yaw differ tenfold between boats, so the damping depends on the boat.
-        yaw = math.tanh(2.0 * (0.5 * off - 0.5 * state[5])) * half_span
-        low, high = self.vessel.thrust_min_n, self.vessel.thrust_max_n
-        return (
-            float(np.clip(common + yaw, low, high)),
-            float(np.clip(common - yaw, low, high)),
-        )
-
-    def _predict(
-        self,
-        state: NDArray[np.float64],
-        thrusts: tuple[float, float],
-        step_s: float,
-        weather: Weather,
-    ) -> NDArray[np.float64]:
-        wind = weather.as_tuple()
-        return np.array(
-            rk4(
-                lambda z: rates(self.vessel, z, thrusts, wind),
-                state.tolist(),
-                step_s,
-                model_substeps(self.vessel, step_s),
-            )
-        )
-
-
-def model_substeps(vessel: Vessel, duration_s: float) -> int:
-    """Return the number of Runge-Kutta steps that the controller's model needs in a stage."""
-    return max(2, math.ceil(duration_s * vessel.fastest_rate_hz / SUBSTEP_STIFFNESS))
