@@ -59,7 +59,8 @@ def test_every_reason_that_the_library_gives_has_a_french_one():
     said = list(said_by_the_library())
     assert len(set(said)) > 8
     for text in said:
-        assert reason_in(text, ENGLISH) == text
+        # In English only the names of covariances differ.
+        assert re.sub(r"Matérn (\d)/2", r"matern\g<1>2", reason_in(text, ENGLISH)) == text
         assert all(reason_in(part, FRENCH) for part in text.split("; ")), text
         told = reason_in(text, FRENCH)
         assert not re.search(r"\d\.\d|\b(the|of|by|exponential|spherical)\b", told), told

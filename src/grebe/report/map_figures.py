@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from grebe.report.texts import Texts
     from grebe.report.thresholds import Threshold
 
+# Probability of crossing a threshold below which it is not drawn.
+LEAST_PROBABILITY = 0.01
+
 
 @styled
 def map_figure(survey: Survey, one: QuantityMap, samples: Samples) -> Figure:
@@ -77,8 +80,8 @@ def _draw_samples(axes: Axes, key: str, samples: Samples) -> None:
 def quantity_figure(
     survey: Survey, one: QuantityMap, thresholds: Sequence[Threshold], texts: Texts
 ) -> Figure:
-    """All pictures of a quantity: mean and standard deviation, and below them the histogram, the
-    probability of concern, and the variogram.
+    """All pictures of a quantity: mean and standard deviation, and below them the histogram and the
+    variogram, with the probability of concern between them if there is any.
     """
     figure = Figure(figsize=(10.9, 4.4 * aspect(survey) + 4.3))
     grid = figure.add_gridspec(2, 6, height_ratios=(1.35 * aspect(survey) + 0.3, 1))
@@ -94,13 +97,12 @@ def quantity_figure(
         draw_shore(axes, survey)
         finish_map(axes, survey, texts["east"], texts["north"])
     right.set_ylabel("")
-    _draw_histogram(figure.add_subplot(grid[1, :2]), one, thresholds, texts)
-    middle = figure.add_subplot(grid[1, 2:4])
-    if thresholds:
-        _draw_concern(figure, middle, survey, one, thresholds, texts)
-    else:
-        middle.set_axis_off()
-    _draw_variogram(figure.add_subplot(grid[1, 4:]), one, texts)
+    worst = _worst(one, thresholds)
+    width = 3 if worst is None else 2
+    _draw_histogram(figure.add_subplot(grid[1, :width]), one, thresholds, texts)
+    if worst is not None:
+        _draw_concern(figure, figure.add_subplot(grid[1, 2:4]), survey, one, worst, texts)
+    _draw_variogram(figure.add_subplot(grid[1, -width:]), one, texts)
     return figure
 
 
@@ -152,9 +154,17 @@ def _draw_histogram(
         if low <= threshold.value <= high:
             axes.axvline(threshold.value, color=VERMILLION, lw=1.4, ls="--")
     axes.set_xlim(low, high)
-    axes.locator_params(axis="x", nbins=5)
+    axes.locator_params(axis="x", nbins=4)
     axes.set_title(f"{texts['histogram_title']} [%]")
     axes.set_xlabel(one.quantity.unit or one.quantity.label_in(texts.language))
+
+
+def _worst(one: QuantityMap, thresholds: Sequence[Threshold]) -> Threshold | None:
+    """The threshold that is most likely to be crossed; None if none is, anywhere."""
+    worst = max(thresholds, key=lambda each: np.nanmean(each.probability(one)), default=None)
+    if worst is None or np.nanmax(worst.probability(one)) < LEAST_PROBABILITY:
+        return None
+    return worst
 
 
 def _draw_concern(
@@ -162,11 +172,10 @@ def _draw_concern(
     axes: Axes,
     survey: Survey,
     one: QuantityMap,
-    thresholds: Sequence[Threshold],
+    worst: Threshold,
     texts: Texts,
 ) -> None:
-    """Draw the probability for the threshold that is most likely to be crossed."""
-    worst = max(thresholds, key=lambda each: float(np.nanmean(each.probability(one))))
+    """Draw the probability that a threshold is crossed."""
     mesh = axes.pcolormesh(
         one.grid.east, one.grid.north, worst.probability(one), cmap="magma_r", vmin=0, vmax=1,
         shading="nearest", rasterized=True,
@@ -193,7 +202,7 @@ def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
     h = np.linspace(empirical.distance_m[0] / 50, empirical.distance_m[-1], 200)
     if model.semivariance is not None:
         for factor, style in ((1.0, "-"), (model.ratio, ":")) if model.ratio < 1 else ((1.0, "-"),):
-            label = texts["model_label"] if factor == 1 else None
+            label = texts["model_label" if factor == 1 else "across_label"]
             axes.plot(
                 h, model.semivariance(h / factor), style, color=VERMILLION, lw=1.4, label=label
             )

@@ -23,7 +23,7 @@ def method_text(data: ReportData, one: QuantityMap, t: Texts) -> str:
         t(
             words if words in t.table else "method_other",
             label=one.method.label,
-            samples=one.samples,
+            samples=t.number(f"{one.samples:,}"),
             reason=_because(one.reason, t),
         ),
         t(

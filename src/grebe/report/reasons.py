@@ -20,7 +20,7 @@ _BRACES = re.compile(r"\{(\w+)\}")
 def reason_in(text: str, t: Texts) -> str:
     """Translate a reason, part by part between semicolons; empty if no part has a template."""
     if not t["reasons"]:
-        return text
+        return _with_names(text, t)
     found = _whole(text, t)
     if found is not None:
         return found
@@ -56,10 +56,13 @@ def _whole(text: str, t: Texts) -> str | None:
 
 def _told(value: str, t: Texts) -> str:
     """Translate a carried-over value: names of covariances, and numbers."""
-    kinds: Mapping[str, str] = t["kinds"]
-    words: list[str] = []
-    for word in value.split(" "):
-        name = word.rstrip(",")
-        words.append(kinds.get(name, name) + "," * word.endswith(","))
-    numbers = t.number(" ".join(words)).replace("%", "\N{NO-BREAK SPACE}%")
+    numbers = t.number(_with_names(value, t)).replace("%", "\N{NO-BREAK SPACE}%")
     return re.sub(r",(?= )", "\N{NO-BREAK SPACE};", numbers)
+
+
+def _with_names(text: str, t: Texts) -> str:
+    """Call the covariances in a text by their names in the language."""
+    kinds: Mapping[str, str] = t["kinds"]
+    longest_first = sorted(kinds, key=len, reverse=True)
+    names = re.compile(rf"\b({'|'.join(map(re.escape, longest_first))})\b")
+    return names.sub(lambda found: kinds[found[0]], text)

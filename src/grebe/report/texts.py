@@ -36,8 +36,7 @@ class Texts:
 
     def share(self, share: float, decimals: int = 0) -> str:
         """A share in per cent."""
-        space = "\N{NO-BREAK SPACE}" if self.language == "fr" else ""
-        return self.number(f"{100 * share:.{decimals}f}{space}%")
+        return self.number(f"{100 * share:.{decimals}f}\N{NO-BREAK SPACE}%")
 
 
 def texts_of(language: str) -> Texts:
