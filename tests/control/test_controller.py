@@ -15,10 +15,10 @@ from grebe.control.solvers.base import Built, Solution, Status
 from grebe.control.solvers.builders import Fatrop, Ipopt
 from grebe.core.dynamics import CALM, Weather, rates, rk4
 from grebe.core.sets import footprints_of, rectangle
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.core.vessel import PRESETS
 from grebe.mission.trial import Conditions, fly, meander
-from grebe.planning.ways.travel import travel_of
+from grebe.planning.paths.travel import travel_of
 
 BOAT = PRESETS["benchmark"]
 DUAL = Dual()
@@ -382,7 +382,7 @@ def test_large_sets_are_entered_where_the_way_goes_on():
     trial = fly(boat, cells, Controller(boat, cells), start, Conditions(limit_s=600.0))
     assert trial.complete
     travel = travel_of(boat, speed, CALM)
-    taut = travel.path_s(taut_way(start[:2], footprints_of(cells)))
+    taut = travel.path_s(taut_path(start[:2], footprints_of(cells)))
     assert trial.duration_s < 1.1 * taut
     assert (trial.track[:, 4] > 2.02).mean() < 0.05
 
@@ -399,6 +399,6 @@ def test_a_boat_that_lies_in_a_large_set_takes_up_speed_and_goes_on():
     trial = fly(boat, cells, Controller(boat, cells), (12.5, 12.5, 0.0, 0.0, 0.0, 0.0))
     assert trial.complete
     travel = travel_of(boat, speed, CALM)
-    taut = travel.path_s(taut_way((12.5, 12.5), footprints_of(cells)))
+    taut = travel.path_s(taut_path((12.5, 12.5), footprints_of(cells)))
     assert trial.duration_s < 1.2 * taut
     assert (trial.track[:, 4] < -0.1).mean() < 0.1

@@ -20,8 +20,8 @@ from grebe.links.base import Observation
 from grebe.mission.replanning import KeptPlan, Replanner
 from grebe.mission.safety.enclosure import Enclosure
 from grebe.mission.safety.guard import Guard
+from grebe.mission.safety.route_home import RouteHome
 from grebe.mission.safety.settings import SafetySettings
-from grebe.mission.safety.way_home import WayHome
 from grebe.mission.settings import MissionSettings
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, water_of
@@ -187,11 +187,11 @@ def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(t
         if axis == 0
         else shapely.box(-1, middle - 2, 61, middle + 2)
     )
-    home = WayHome(replace(survey, no_go=(bar,)), SafetySettings())
+    home = RouteHome(replace(survey, no_go=(bar,)), SafetySettings())
     state = (place[0], place[1], 0.0, 0.0, 0.0, 0.0)
     assert home.cost(Observation(time_s=0.0, state=state), CALM, BOAT) == (np.inf, np.inf)
     assert home.is_closed
-    assert "blocks the route home" in home.no_way
+    assert "blocks the route home" in home.no_route
     assert not home.set_out(Observation(time_s=0.0, state=state), BOAT, lambda _: None)
 
 
@@ -228,14 +228,14 @@ def test_an_order_for_another_weather_that_cannot_be_made_leaves_the_old_one(sur
 def test_ways_home_around_a_closed_area_are_worked_out_beside_a_real_boat(survey, monkeypatch):
     """On a large lake that takes seconds, in which the boat must still be steered."""
     measured, go = [], threading.Event()
-    whole = WayHome.measure
+    whole = RouteHome.measure
 
     def slowly(self):
         go.wait(10)
         whole(self)
         measured.append(self)
 
-    monkeypatch.setattr(WayHome, "measure", slowly)
+    monkeypatch.setattr(RouteHome, "measure", slowly)
     told = lambda *_, **__: None  # noqa: E731
     guard = Guard(survey, BOAT, SafetySettings(), told, NOW, waits=False)
     observation = Observation(time_s=0.0, state=(30.0, 30.0, 0.0, 0.0, 0.0, 0.0))

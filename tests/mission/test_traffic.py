@@ -44,9 +44,9 @@ ways = st.lists(st.tuples(st.floats(0, 60), st.floats(0, 60)), min_size=1, max_s
 def test_whatever_is_claimed_no_two_claims_come_nearer_than_stated(claims):
     traffic = Traffic(apart_m=8.0)
     held = {}
-    for boat, way in claims:
-        if traffic.claim(boat, way):
-            held[boat] = shapely.LineString(way) if len(way) > 1 else shapely.Point(way[0])
+    for boat, path in claims:
+        if traffic.claim(boat, path):
+            held[boat] = shapely.LineString(path) if len(path) > 1 else shapely.Point(path[0])
         for a, one in held.items():
             for b, other in held.items():
                 # Paths are rounded by centimetres, for which the distance has enough room.
@@ -54,19 +54,19 @@ def test_whatever_is_claimed_no_two_claims_come_nearer_than_stated(claims):
 
 
 def test_of_boats_that_wait_the_first_has_the_right_of_way():
-    traffic, way = Traffic(apart_m=5.0), np.array([(0, 0), (10, 0)])
-    traffic.wish(1, way)
+    traffic, path = Traffic(apart_m=5.0), np.array([(0, 0), (10, 0)])
+    traffic.wish(1, path)
     # Others plan with a boat under way, which needs no more room than its plan.
     assert traffic.wished(2).is_empty
     assert not traffic.wished(2, by_all=True).is_empty
     traffic.waits(1, Waiting(claimed_by=frozenset({2})))
     assert not traffic.wished(2).is_empty
-    assert traffic.in_the_way(2, way).wished_by == {1}
+    assert traffic.in_the_way(2, path).wished_by == {1}
     assert traffic.wished(1).is_empty
-    traffic.wish(2, way)
+    traffic.wish(2, path)
     traffic.waits(2, Waiting(claimed_by=frozenset({1})))
     assert traffic.wished(1).is_empty
-    assert traffic.in_the_way(1, way).wished_by == frozenset()
+    assert traffic.in_the_way(1, path).wished_by == frozenset()
     traffic.leave(1)
     assert traffic.wished(2).is_empty
 

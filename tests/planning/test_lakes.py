@@ -20,13 +20,13 @@ from grebe.mission.trial import Conditions, fly
 from grebe.planning.cells.convex import convex_pieces, is_convex
 from grebe.planning.cells.mesh import mesh_water
 from grebe.planning.check import check_plan
+from grebe.planning.paths.network import connect
+from grebe.planning.paths.travel import travel_of
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region, navigable_water
 from grebe.planning.route.bounds import lower_bound_m
 from grebe.planning.route.costs import costs_of, order_cost
 from grebe.planning.route.polish import polished
-from grebe.planning.ways.network import connect
-from grebe.planning.ways.travel import travel_of
 
 BOAT = PRESETS["spyboat"]
 BAY = (-1050.0, -1130.0)  # of Allequash, its western end

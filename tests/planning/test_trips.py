@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
+from grebe.planning.paths.harbour_distances import around_the_harbour
 from grebe.planning.planner import planner_of
 from grebe.planning.region import Region
 from grebe.planning.route.costs import window_cost
@@ -21,7 +22,6 @@ from grebe.planning.trips.repaired_trips import predicted_trip_s, repaired
 from grebe.planning.trips.trip_times import shortest_stretch, trip_s
 from grebe.planning.trips.trips import HOT, improved_trips
 from grebe.planning.trips.wedges import wedges
-from grebe.planning.ways.ways_home import around_the_harbour
 
 FRAME = LocalFrame(origin_lon_deg=3.17, origin_lat_deg=50.63)
 WATER = shapely.box(0, 0, 800, 400) - shapely.box(350, 150, 450, 400)
@@ -63,8 +63,8 @@ def test_cells_in_sight_of_the_harbour_are_met_by_their_bearing(lake):
     home, network = lake.lake.homes[0], lake.lake.draft.network
     walk = around_the_harbour(network, home, lake.lake.wanted)
     seen = walk[home.bends[walk] < 0]
-    way = network.centres[seen] - np.array(home.place)
-    turned = np.unwrap(np.arctan2(way[:, 1], way[:, 0]))
+    path = network.centres[seen] - np.array(home.place)
+    turned = np.unwrap(np.arctan2(path[:, 1], path[:, 0]))
     assert np.all(np.diff(turned) >= -1e-9)
 
 

@@ -53,8 +53,8 @@ def sail(
         faults,
     )
 
-    def helm(way: Survey) -> Controller:
-        return Controller(vessel, way.sets, rule_named(words["rule"]), corridors=way.corridors)
+    def helm(route: Survey) -> Controller:
+        return Controller(vessel, route.sets, rule_named(words["rule"]), corridors=route.corridors)
 
     report = Mission(
         own,

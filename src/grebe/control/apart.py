@@ -68,10 +68,10 @@ def keep_apart(horizon: Horizon, start: Plan, others: Sequence[Announced], apart
     Only the nearest others count, as many as the horizon has rows for.
     """
     moments = np.concatenate([[0.0], np.cumsum(start.durations)])
-    ways = [start.states[:, :2] - other.at(moments) for other in others]
-    ways.sort(key=lambda away: float(np.hypot(*away.T).min()))
+    offsets = [start.states[:, :2] - other.at(moments) for other in others]
+    offsets.sort(key=lambda away: float(np.hypot(*away.T).min()))
     horizon.apart[:] = NO_ROW
-    for row, away in enumerate(ways[: horizon.shape.apart_rows]):
+    for row, away in enumerate(offsets[: horizon.shape.apart_rows]):
         normals = _normals(away, apart_m)
         # n (p - q) >= D about q, the other's position; p - q is known for the start's p.
         beyond = apart_m + np.sum(normals * (start.states[:, :2] - away), axis=1)

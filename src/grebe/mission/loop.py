@@ -50,8 +50,8 @@ from grebe.mission.replanning import Replanner
 from grebe.mission.safety.guard import Guard
 from grebe.mission.safety.lookout import InFleet
 from grebe.mission.safety.memory import Request
+from grebe.mission.safety.route_home import Pilot
 from grebe.mission.safety.states import SafetyState
-from grebe.mission.safety.way_home import Pilot
 from grebe.mission.settings import MissionSettings
 from grebe.mission.sight import Sight
 from grebe.mission.spent import AT_HOME
@@ -214,7 +214,7 @@ class Mission:
             end = self._end_reached(observation)
             if end is not None:
                 return end
-            waits_at = self._waits_at if self._waits_for_way else None
+            waits_at = self._waits_at if self._waits_for_others_to_pass else None
             self._steering.act(observation, self._reached, idle=self._done, waits_at=waits_at)
             self._announcer.release()
             observation = self._sight.next()
@@ -344,7 +344,7 @@ class Mission:
         return self._gate.why or self._link.status().stop_request
 
     @property
-    def _waits_for_way(self) -> bool:
+    def _waits_for_others_to_pass(self) -> bool:
         """Whether the boat waits for a route to its next target."""
         return self._replanner is not None and self._replanner.leads
 

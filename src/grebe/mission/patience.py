@@ -15,6 +15,6 @@ SLOWEST_MPS = 0.2
 
 def patience_s(target: TargetSet, state: Sequence[float]) -> float:
     """Return the time [s] within which a target must be reached from a state."""
-    way = target.footprint_distance(state[0], state[1])
+    distance_m = target.footprint_distance(state[0], state[1])
     slowest = max(target.speed_min_mps, SLOWEST_MPS)
-    return max(SHORTEST_PATIENCE_S, PATIENCE_FACTOR * way / slowest)
+    return max(SHORTEST_PATIENCE_S, PATIENCE_FACTOR * distance_m / slowest)

@@ -385,6 +385,6 @@ def _goes_through(
         return False
     closed = shapely.union_all(list(zones))
     shapely.prepare(closed)
-    ways = [*(one.set.polygon for one in part.targets[reached:]), *part.corridors[reached:]]
+    shapes = [*(one.set.polygon for one in part.targets[reached:]), *part.corridors[reached:]]
     here = [] if place is None else [shapely.Point(place)]
-    return bool(shapely.intersects(np.array([*ways, *here], dtype=object), closed).any())
+    return bool(shapely.intersects(np.array([*shapes, *here], dtype=object), closed).any())

@@ -166,14 +166,14 @@ def planned(survey: Survey) -> Figure:
 @styled
 def claim(scores: Sequence[Score]) -> Figure:
     """RMSE of each map over that of the hand-driven one, a box for each quantity and plan."""
-    ways = list(dict.fromkeys(score.way for score in scores))
+    methods = list(dict.fromkeys(score.method for score in scores))
     keys = list(dict.fromkeys(score.quantity for score in scores))
     figure = Figure(figsize=(8.0, 4.6))
     axes = figure.subplots()
-    base = {(s.quantity, s.seed): s.rmse for s in scores if s.way == ways[0]}
-    for j, (way, colour) in enumerate(zip(ways[1:], (BLUE, VERMILLION), strict=False)):
+    base = {(s.quantity, s.seed): s.rmse for s in scores if s.method == methods[0]}
+    for j, (method, colour) in enumerate(zip(methods[1:], (BLUE, VERMILLION), strict=False)):
         ratios = [
-            [s.rmse / base[key, s.seed] for s in scores if s.way == way and s.quantity == key]
+            [s.rmse / base[key, s.seed] for s in scores if s.method == method and s.quantity == key]
             for key in keys
         ]
         boxes = axes.boxplot(
@@ -183,8 +183,8 @@ def claim(scores: Sequence[Score]) -> Figure:
         for box in boxes["boxes"]:
             box.set_facecolor(colour)
             box.set_alpha(0.6)
-        axes.plot([], [], color=colour, lw=6, alpha=0.6, label=way)
-    axes.axhline(1.0, color=BLACK, lw=0.9, ls="--", label=ways[0])
+        axes.plot([], [], color=colour, lw=6, alpha=0.6, label=method)
+    axes.axhline(1.0, color=BLACK, lw=0.9, ls="--", label=methods[0])
     labels = {key: one.label for key, one in BUILTIN.items()}
     axes.set_xticks(range(len(keys)), [labels[key] for key in keys])
     axes.set_ylabel("RMSE over that of the track by hand")

@@ -23,8 +23,8 @@ from grebe.core.sets import TargetSet, rectangle, ring_vertices
 from grebe.core.vessel import Vessel, vessel_named
 from grebe.mission.trial import Conditions, Trial, fly
 from grebe.planning.cells.mesh import mesh_water, target_footprint
+from grebe.planning.paths.network import connect
 from grebe.planning.route.orders import sweeps
-from grebe.planning.ways.network import connect
 
 State = tuple[float, float, float, float, float, float]
 
@@ -106,9 +106,9 @@ def exploration(window: tuple[float, float] = WINDOW_1_2, boat: Vessel = BOAT) -
     the region is not the paper's.
     """
     start = (20.0, 105.0, -math.pi / 2, 0.0, 0.0, 0.0)
-    meshed = mesh_water(region(), CELL_M)
-    order, _ = sweeps(meshed, connect(meshed, region(), CELL_M), start[:2])
-    cells = [meshed[i] for i in order]
+    connected_mesh = mesh_water(region(), CELL_M)
+    order, _ = sweeps(connected_mesh, connect(connected_mesh, region(), CELL_M), start[:2])
+    cells = [connected_mesh[i] for i in order]
     targets = tuple(
         TargetSet(
             vertices=target_footprint(ring_vertices(cell.footprint)),

@@ -47,12 +47,12 @@ class Onward:
         minutes = self._next_minutes(time_s)
         with SurveyFile.open(self.path) as file:
             survey, quantities, samples = file.survey, file.quantities, file.samples()
-            ways = announced(file, revision, halfway.sortie, sailing)
+            paths = announced(file, revision, halfway.sortie, sailing)
             closed = [] if self.sailing is None else lying(file, sailing)
         samples = replace(samples, flags=judged(samples, survey.water, quantities).flags)
         shorter = replace(wish, minutes=minutes)
         found = adapted(
-            survey, revision, samples, quantities, halfway, shorter, announced=ways, closed=closed
+            survey, revision, samples, quantities, halfway, shorter, announced=paths, closed=closed
         )
         if wish.sd is not None and found.before_sd <= wish.sd:
             raise PlanError(f"{wish.quantity} is known to {found.before_sd:.3g} everywhere")

@@ -25,7 +25,7 @@ def is_afloat(departure: Departure) -> bool:
     return harbour is None or math.dist(harbour, departure.state[:2]) >= AT_HARBOUR_M
 
 
-def by_way(departures: Mapping[int, Departure]) -> tuple[int, ...]:
+def farthest_first(departures: Mapping[int, Departure]) -> tuple[int, ...]:
     """Return the boats in the order in which they set out.
 
     The boat that goes farthest from its harbour is first, because boats cannot pass each other in

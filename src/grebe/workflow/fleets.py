@@ -21,15 +21,15 @@ from grebe.mission.loop import Mission
 from grebe.mission.replanning import Extension, Replanner
 from grebe.mission.rota import InTurn
 from grebe.mission.safety.lookout import InFleet, Lookout
+from grebe.mission.safety.route_home import check_home
 from grebe.mission.safety.states import Cause
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.watchdog import guarded, journal_beside
-from grebe.mission.safety.way_home import check_home
 from grebe.mission.settings import MissionSettings
 from grebe.mission.spent import AT_HOME
 from grebe.mission.telling.recorders import Listener, SharedRecorder, SurveyRecorder
 from grebe.mission.telling.statistics import MissionReport
-from grebe.workflow.berths import by_way, harbour_of, is_afloat, lying
+from grebe.workflow.berths import farthest_first, harbour_of, is_afloat, lying
 from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.handover import Handover
 from grebe.workflow.run import (
@@ -214,7 +214,7 @@ class FleetRun:
         }
         for departure in departures.values():
             check_home(departure.survey, self.settings.safety)
-        traffic = Traffic(apart_m=fleet.apart_m, order=by_way(departures))
+        traffic = Traffic(apart_m=fleet.apart_m, order=farthest_first(departures))
         together = Together(traffic, self.survey_file)
         # The places of the boats are known before the first of them moves. Those ashore are in
         # nobody's way.

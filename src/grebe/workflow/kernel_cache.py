@@ -89,7 +89,7 @@ def sail_a_little(*, steered: bool = True) -> None:
     """
     from grebe.control.controller import Controller
     from grebe.core.sets import footprints_of
-    from grebe.core.taut import taut_way
+    from grebe.core.taut import taut_path
     from grebe.core.vessel import PRESETS
     from grebe.links.simulated import EstimateErrors
     from grebe.mission.trial import Conditions, fly, meander
@@ -104,7 +104,7 @@ def sail_a_little(*, steered: bool = True) -> None:
     helm = Controller(model, sets) if steered else _Weaving(model)
     fly(model, sets, helm, (-5.0, 2.0, 0, 0, 0, 0), late)
     # Only large cells need this kernel.
-    taut_way((-5.0, 2.0), footprints_of(sets))
+    taut_path((-5.0, 2.0), footprints_of(sets))
 
 
 class _Weaving:

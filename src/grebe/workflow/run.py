@@ -18,8 +18,8 @@ from grebe.mission.departure import Departure, prepare
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
 from grebe.mission.replanning import Extension, KeptPlan, Replanner
+from grebe.mission.safety.route_home import Pilot, check_home
 from grebe.mission.safety.watchdog import guarded, journal_beside, taken_notes
-from grebe.mission.safety.way_home import Pilot, check_home
 from grebe.mission.settings import MissionSettings
 from grebe.mission.spent import Spent
 from grebe.mission.telling.broadcast import Broadcast
@@ -135,8 +135,8 @@ def as_known_to(link: BoatLink, departure: Departure) -> Departure:
 def pilot_of(departure: Departure, helm_of: HelmOf) -> Pilot:
     """Return a factory of helms for other routes: the way home, or a new order."""
 
-    def pilot(way: Survey) -> Helm:
-        return helm_of(replace(departure, survey=way, reached=0))
+    def pilot(route: Survey) -> Helm:
+        return helm_of(replace(departure, survey=route, reached=0))
 
     return pilot
 

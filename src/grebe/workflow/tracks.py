@@ -156,5 +156,5 @@ def _speeds(positions: NDArray[np.float64], times: NDArray[np.float64]) -> NDArr
     before = np.maximum(np.arange(len(times)) - 1, 0)
     after = np.minimum(np.arange(len(times)) + 1, len(times) - 1)
     seconds = times[after] - times[before]
-    way = np.hypot(*(positions[after] - positions[before]).T)
-    return np.where(seconds > 0, way / np.where(seconds > 0, seconds, 1.0), np.nan)
+    distance_m = np.hypot(*(positions[after] - positions[before]).T)
+    return np.where(seconds > 0, distance_m / np.where(seconds > 0, seconds, 1.0), np.nan)

@@ -98,8 +98,10 @@ def test_whoever_steers_at_full_speed_at_the_shore_is_kept_in(boat, weather):
 
 
 def may(boat, state, thrusts, weather):
-    way_out = escape(POND, keeper(boat), state, lambda _: thrusts, weather, reaction_s=REACTION_S)
-    return way_out is not None
+    escape_plan = escape(
+        POND, keeper(boat), state, lambda _: thrusts, weather, reaction_s=REACTION_S
+    )
+    return escape_plan is not None
 
 
 def keeper(boat):
@@ -118,10 +120,10 @@ def test_where_nothing_is_foreseen_because_the_fence_is_far_nothing_had_to_be(
     boat = vessel_named("benchmark")
     state = (north, east, heading, surge, 0.0, 0.0)
     full = (boat.thrust_max_n, boat.thrust_max_n)
-    way_out = escape(POND, keeper(boat), state, lambda _: full, CALM, reaction_s=REACTION_S)
-    if way_out is not None and way_out.refuge is None:
-        way = foreseen(POND, keeper(boat), state, [full] * 3, CALM, POND.refuge(state[:2]))
-        assert POND.holds_way(way[:, :2])
+    escape_plan = escape(POND, keeper(boat), state, lambda _: full, CALM, reaction_s=REACTION_S)
+    if escape_plan is not None and escape_plan.refuge is None:
+        path = foreseen(POND, keeper(boat), state, [full] * 3, CALM, POND.refuge(state[:2]))
+        assert POND.contains_path(path[:, :2])
 
 
 def test_no_go_zones_are_outside():
@@ -135,7 +137,7 @@ def test_a_refuge_lies_inside_and_in_sight():
     bay = Fence(water=shapely.Polygon([(0, 0), (30, 0), (30, 30), (1, 30), (1, 1), (0, 1)]))
     for place in ((0.5, 0.5), (29.5, 29.5), (1.2, 20.0)):
         refuge = bay.refuge(place)
-        assert bay.holds_way(np.array([place, refuge]))
+        assert bay.contains_path(np.array([place, refuge]))
 
 
 def test_dead_reckoning_is_the_model():
@@ -172,7 +174,7 @@ def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_dou
     each = 0.5 * model.surge_drag_n(speed_mps)
     goes_on = [(each, each)] * round(10 * (REACTION_S + FOLLOWED_S))
     refuge = (here[0] - 2.0, here[1])
-    way = foreseen(lake, keeper, here, goes_on, CALM, refuge)[:, 0] - here[0]
+    path = foreseen(lake, keeper, here, goes_on, CALM, refuge)[:, 0] - here[0]
     farthest = 0.0
     for k in range(200):
         state = pilot.estimate()
@@ -180,7 +182,7 @@ def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_dou
         pilot.follow(*held_motion(model, state, given, CALM))
         pilot.advance(0.1)
         farthest = max(farthest, plant.state[0] - here[0])
-    assert farthest < way.max() + min(FOLLOWED_DOUBT * way.max(), MOST_DOUBT_M)
+    assert farthest < path.max() + min(FOLLOWED_DOUBT * path.max(), MOST_DOUBT_M)
     assert plant.state[0] < here[0]
 
 
@@ -194,14 +196,16 @@ def test_in_a_channel_hardly_wider_than_the_boat_a_way_to_stop_stays_inside_to_i
     proved = 0
     for east, heading in itertools.product((-0.48, -0.24, 0.0, 0.24, 0.48), np.arange(-6, 6)):
         state = (0.0, east, heading * math.pi / 6, 0.3, 0.0, 0.0)
-        way_out = escape(channel, keeper(boat), state, lambda _: (0.0, 0.0), across, reaction_s=0.3)
-        if way_out is None:
+        escape_plan = escape(
+            channel, keeper(boat), state, lambda _: (0.0, 0.0), across, reaction_s=0.3
+        )
+        if escape_plan is None:
             continue
         proved += 1
         plant = Plant(boat, state, across)
         for k in range(200):
-            later = keeper(boat).keep(tuple(plant.state), across, way_out.refuge)
-            plant.command(way_out.thrusts[k] if k < len(way_out.thrusts) else later)
+            later = keeper(boat).keep(tuple(plant.state), across, escape_plan.refuge)
+            plant.command(escape_plan.thrusts[k] if k < len(escape_plan.thrusts) else later)
             plant.advance(0.1)
             assert channel.holds(tuple(plant.state[:2])), (east, heading, k)
     assert proved > 20

@@ -10,9 +10,9 @@ import pytest
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
 from grebe.core.vessel import PRESETS, vessel_named
-from grebe.mission.safety.machine import advised, at_the_fence, blinded, without_way_home
+from grebe.mission.safety.machine import advised, at_the_fence, blinded, without_route_home
 from grebe.mission.safety.memory import Asked, Memory, Request
-from grebe.mission.safety.reserve import Battery, must_go_home, watched_battery, way_home_s
+from grebe.mission.safety.reserve import Battery, must_go_home, route_home_s, watched_battery
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, SafetyState
 from grebe.mission.safety.stuck import Motion
@@ -94,10 +94,10 @@ def test_a_battery_in_watt_hours_keeps_its_reserve():
 
 
 def test_a_way_against_the_current_takes_longer_and_one_that_is_impossible_for_ever():
-    way = np.array([[0.0, 0.0], [100.0, 0.0]])
-    calm, _ = way_home_s(BOAT, way, CALM, 2.0)
-    against, _ = way_home_s(BOAT, way, Weather(current_north_mps=-1.0), 2.0)
-    never, _ = way_home_s(BOAT, way, Weather(current_north_mps=-3.0), 2.0)
+    path = np.array([[0.0, 0.0], [100.0, 0.0]])
+    calm, _ = route_home_s(BOAT, path, CALM, 2.0)
+    against, _ = route_home_s(BOAT, path, Weather(current_north_mps=-1.0), 2.0)
+    never, _ = route_home_s(BOAT, path, Weather(current_north_mps=-3.0), 2.0)
     assert 50.0 < calm < 60.0
     assert calm < against < math.inf == never
 
@@ -206,7 +206,7 @@ def test_a_boat_that_is_braked_at_the_fence_too_often_goes_home_and_then_ends():
 def test_a_boat_that_no_way_leads_home_ends_where_it_is():
     asked = Asked(request=Request.HOME, why="rain")
     memory = advised(Memory(), facts(), SafetySettings(), BOAT, (asked,))
-    memory = without_way_home(memory, 1.0, "home is on land")
+    memory = without_route_home(memory, 1.0, "home is on land")
     assert memory.end.value == "home_not_reached"
     assert memory.message == "rain, but: home is on land"
 

@@ -28,7 +28,7 @@ from grebe.control.rules.base import (
 )
 from grebe.core.errors import UsageError
 from grebe.core.sets import TargetSet, footprints_of
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -184,12 +184,12 @@ def _entries(situation: Situation, legs: int, spans_m: float) -> tuple[list[Arra
     side_m = math.sqrt(shapes[0].area)
     if side_m < LARGE_SHARE * spans_m:
         return as_they_are
-    way, room_m = taut_way((north, east), shapes), ENTRY_ROOM * side_m
+    path, room_m = taut_path((north, east), shapes), ENTRY_ROOM * side_m
     rows = aims[0].halfspaces.copy()
     normal = np.hypot(rows[:, 0], rows[:, 1])
-    about = rows[:, :2] @ way[1] + room_m * normal
+    about = rows[:, :2] @ path[1] + room_m * normal
     rows[:, 3] = np.where(normal > 0, np.minimum(rows[:, 3], about), rows[:, 3])
-    place_m = math.hypot(way[1, 0] - north, way[1, 1] - east) - room_m
+    place_m = math.hypot(path[1, 0] - north, path[1, 1] - east) - room_m
     return [rows], TURN_ROOM * max(place_m, away_m)
 
 
@@ -297,8 +297,8 @@ def _along_centres(
     states = np.zeros((len(moments), 6))
     for axis in range(2):
         states[:, axis] = np.interp(moments, when, corners[:, axis])
-    way = np.diff(corners, axis=0)
-    bearings = np.unwrap(np.concatenate([[begin[2]], np.arctan2(way[:, 1], way[:, 0])]))[1:]
+    legs = np.diff(corners, axis=0)
+    bearings = np.unwrap(np.concatenate([[begin[2]], np.arctan2(legs[:, 1], legs[:, 0])]))[1:]
     leg = np.clip(np.searchsorted(when, moments - 1e-9) - 1, 0, len(bearings) - 1)
     states[:, 2] = bearings[leg]
     states[:, 3] = [_pace(situation.aims[max(later[i] - 1, 0)]) for i in leg]

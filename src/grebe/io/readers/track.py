@@ -155,11 +155,11 @@ def _in_order(
         return as_read, []
     order = np.argsort(times, kind="stable")
 
-    def way(rows: NDArray[np.intp]) -> float:
+    def length(rows: NDArray[np.intp]) -> float:
         steps = np.diff(lonlat[rows], axis=0)
         return float(np.nansum(np.hypot(*steps.T)))
 
-    if way(order) > NO_LONGER * way(as_read):
+    if length(order) > NO_LONGER * length(as_read):
         return as_read, []
     return order, ["rows out of order: sorted by their times"]
 

@@ -68,13 +68,13 @@ Schedule = Callable[[float], tuple[float, float]]
 @dataclass(frozen=True, kw_only=True)
 class Escape:
     """How a boat stops inside its fence: with `thrusts` [N], one pair per step of `STEP_S`, and
-    then with `StationKeeper.keep` to a `refuge`, which is None if the fence is far. `way` (n, 2) is
-    the predicted path [m].
+    then with `StationKeeper.keep` to a `refuge`, which is None if the fence is far. `path` (n, 2)
+    is the predicted path [m].
     """
 
     thrusts: tuple[tuple[float, float], ...]
     refuge: Place | None
-    way: np.ndarray
+    path: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +104,7 @@ class Fence:
         """Whether a place is inside."""
         return bool(shapely.intersects_xy(self._allowed, *place))
 
-    def holds_way(self, places: np.ndarray, strays_m: np.ndarray | None = None) -> bool:
+    def contains_path(self, places: np.ndarray, strays_m: np.ndarray | None = None) -> bool:
         """Whether a path (n, 2) stays inside, even if the boat strays from it by `strays_m` (n,) in
         any direction.
         """
@@ -143,7 +143,7 @@ class Fence:
             ends = shapely.get_coordinates(shapely.shortest_line(point, inner))
             north, east = ends[1].tolist()
             nearest = (north, east)
-            if nearest == place or self.holds_way(ends):
+            if nearest == place or self.contains_path(ends):
                 return nearest
         return nearest
 
@@ -178,27 +178,27 @@ def escape(
     reaction = math.ceil((reaction_s + keeper.vessel.thruster_lag_s) / STEP_S - 1e-9)
     enough_m = _surely_enough_m(keeper, state, weather, reaction * STEP_S)
     if not foresees and fence.is_far(place, enough_m):
-        return Escape(thrusts=(), refuge=None, way=np.array([place]))
+        return Escape(thrusts=(), refuge=None, path=np.array([place]))
     refuge = fence.refuge(place)
     for steps in (reaction, *(reaction + round(s / STEP_S) for s in PLANS_S)):
         thrusts = tuple(ahead(STEP_S * min(k, steps)) for k in range(steps))
-        way = foreseen(fence, keeper, state, thrusts, weather, refuge)
-        if _ends_under_way(way, len(thrusts), keeper, weather, refuge):
+        path = foreseen(fence, keeper, state, thrusts, weather, refuge)
+        if _ends_moving(path, len(thrusts), keeper, weather, refuge):
             continue
-        if fence.holds_way(way[:, :2], _strays(way, keeper.vessel, weather, doubt)):
-            return Escape(thrusts=thrusts, refuge=refuge, way=way[:, :2])
+        if fence.contains_path(path[:, :2], _strays(path, keeper.vessel, weather, doubt)):
+            return Escape(thrusts=thrusts, refuge=refuge, path=path[:, :2])
     return None
 
 
-def _strays(way: np.ndarray, vessel: Vessel, weather: Weather, doubt: float) -> np.ndarray:
+def _strays(path: np.ndarray, vessel: Vessel, weather: Weather, doubt: float) -> np.ndarray:
     """Return how far (n,) a boat may stray [m] from its predicted path: by a share `doubt` of the
     distance covered, and in a strong drift by a share of that.
     """
-    strays = np.zeros(len(way))
+    strays = np.zeros(len(path))
     if doubt > 0:
-        gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T))])
+        gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
         strays += np.minimum(doubt * gone, MOST_DOUBT_M)
-    seconds = STEP_S * np.arange(len(way))
+    seconds = STEP_S * np.arange(len(path))
     return strays + np.minimum(_unsure_mps(vessel, weather) * seconds, MOST_UNSURE_M)
 
 
@@ -254,15 +254,15 @@ def stopping_s(keeper: StationKeeper, speed: float) -> float:
     return boat.m11_kg * speed / slowing
 
 
-def _ends_under_way(
-    way: np.ndarray, given: int, keeper: StationKeeper, weather: Weather, refuge: Place
+def _ends_moving(
+    path: np.ndarray, given: int, keeper: StationKeeper, weather: Weather, refuge: Place
 ) -> bool:
     """Whether a boat that takes long to stop still moves away from its refuge at the end of the
     prediction.
     """
-    if len(way) <= given + round(LONGEST_S / STEP_S) + 1:
+    if len(path) <= given + round(LONGEST_S / STEP_S) + 1:
         return False
-    north, east, heading, surge, sway, _ = way[-1].tolist()
+    north, east, heading, surge, sway, _ = path[-1].tolist()
     if math.hypot(surge, sway) <= 2 * STOPPED_MPS + drift_mps(keeper.vessel, weather):
         return False
     over_north = surge * math.cos(heading) - sway * math.sin(heading)

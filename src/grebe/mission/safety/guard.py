@@ -34,13 +34,13 @@ from grebe.mission.safety.machine import (
     in_traffic,
     shut_in,
     stood_in_the_way,
-    without_way_home,
+    without_route_home,
 )
 from grebe.mission.safety.memory import WAITS, Asked, Memory, Request
+from grebe.mission.safety.route_home import Pilot, RouteHome, UnderWay, default_pilot
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
 from grebe.mission.safety.stopping import Stopping
-from grebe.mission.safety.way_home import Pilot, UnderWay, WayHome, default_pilot
 
 # A blind boat is braked until dead reckoning gives a surge below this [m/s].
 LEAST_WAY_MPS = 0.05
@@ -92,8 +92,8 @@ class Guard:
         if settings.comes_home:
             self.ask(Request.HOME, settings.comes_home)
         self._enclosure = Enclosure()
-        self._home = WayHome(survey, settings)
-        self._next_home: WayHome | None = None
+        self._home = RouteHome(survey, settings)
+        self._next_home: RouteHome | None = None
         self._reckoned: tuple[float, State] | None = None
         self._began_s: float | None = None
         self._before_s = 0.0
@@ -116,7 +116,7 @@ class Guard:
         self._survey = replace(self._survey, no_go=(*self._survey.no_go, *zones))
         if self._settings.fence and self._began_s is not None:
             self._enclosure.close(zones, place)
-        self._next_home = WayHome(self._survey, self._settings)
+        self._next_home = RouteHome(self._survey, self._settings)
         measuring = threading.Thread(target=self._next_home.measure, daemon=True)
         measuring.start()
         if self._waits:
@@ -171,8 +171,8 @@ class Guard:
     @property
     def helm(self) -> Helm | None:
         """The helm of the route home; None unless the boat is returning."""
-        way = self._way
-        return None if way is None else way.helm
+        route = self._route
+        return None if route is None else route.helm
 
     def look(
         self,
@@ -219,7 +219,7 @@ class Guard:
         if self._stopping.is_sure(fence, observation, ahead, weather):
             return True
         facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
-        if self._lookout and self._stopping.way_out(fence, observation, ahead, weather):
+        if self._lookout and self._stopping.escape_plan(fence, observation, ahead, weather):
             self._lookout.refused()
             waits = self._lookout.place_to_wait(fence, facts.place)
             self._become(in_traffic(self._memory, facts, waits), observation)
@@ -271,8 +271,10 @@ class Guard:
         holds its position; none if no set is left.
         """
         going = self._memory.resumes if self.state is SafetyState.HOLDING else self.state
-        way = self._home.under_way if going is SafetyState.RETURNING else None
-        sets, done = (way.survey.sets, way.helm.reached) if way else (self._survey.sets, reached)
+        route = self._home.under_way if going is SafetyState.RETURNING else None
+        sets, done = (
+            (route.survey.sets, route.helm.reached) if route else (self._survey.sets, reached)
+        )
         centres = (one.centre for one in sets[done : done + WISHED_SETS])
         return [(float(north), float(east)) for north, east in centres]
 
@@ -333,7 +335,7 @@ class Guard:
         place = (observation.state[0], observation.state[1])
         inside = self._enclosure.holds(place)
         home_s, home_wh = self._cost_home(observation, weather, status)
-        way = self._way
+        route = self._route
         return Facts(
             time_s=observation.time_s,
             elapsed_s=observation.time_s - (self._began_s or 0.0),
@@ -343,8 +345,8 @@ class Guard:
             reached=reached,
             home_s=home_s,
             home_wh=home_wh,
-            at_home=way is not None and way.helm.reached == len(way.survey.targets),
-            home_given_up=way is not None and observation.time_s > way.deadline_s,
+            at_home=route is not None and route.helm.reached == len(route.survey.targets),
+            home_given_up=route is not None and observation.time_s > route.deadline_s,
             battery_share=status.battery_share,
             used_wh=self._used_wh,
             depth_m=self.depth_m,
@@ -367,7 +369,7 @@ class Guard:
         return self._home.cost(observation, weather, self._vessel)
 
     @property
-    def _way(self) -> UnderWay | None:
+    def _route(self) -> UnderWay | None:
         """The route home that is being sailed; None unless the boat is returning."""
         return self._home.under_way if self.state is SafetyState.RETURNING else None
 
@@ -394,8 +396,8 @@ class Guard:
     def _set_out_for_home(self, observation: Observation) -> None:
         if self._home.set_out(observation, self._vessel, self._pilot):
             return
-        no_way = self._home.no_way
+        no_route = self._home.no_route
         if self._home.is_closed:
-            self._say(shut_in(self._memory, observation, no_way))
+            self._say(shut_in(self._memory, observation, no_route))
         else:
-            self._say(without_way_home(self._memory, observation.time_s, no_way))
+            self._say(without_route_home(self._memory, observation.time_s, no_route))

@@ -169,7 +169,7 @@ def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySetti
     )
 
 
-def without_way_home(memory: Memory, time_s: float, why: str) -> Memory:
+def without_route_home(memory: Memory, time_s: float, why: str) -> Memory:
     """Return the memory of a boat that was sent home but has no route there: its mission ends."""
     return replace(
         memory,

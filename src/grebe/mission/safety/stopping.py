@@ -64,13 +64,13 @@ class Stopping:
         place, lookout = (observation.state[0], observation.state[1]), self._lookout
         near = lookout is not None and lookout.is_near(place)
         within = lookout.fence(fence, place) if lookout and near else fence
-        way_out = self.way_out(within, observation, ahead, weather, foresees=near)
-        if way_out is None or (lookout and not lookout.claim(way_out.way)):
+        escape_plan = self.escape_plan(within, observation, ahead, weather, foresees=near)
+        if escape_plan is None or (lookout and not lookout.claim(escape_plan.path)):
             return False
-        self._proved = (observation.time_s, way_out)
+        self._proved = (observation.time_s, escape_plan)
         return True
 
-    def way_out(
+    def escape_plan(
         self,
         fence: Fence,
         observation: Observation,
@@ -95,15 +95,15 @@ class Stopping:
         """Return the refuge of the last way to stop, while it is recent. A new refuge would differ
         by the distance covered since, and take a heavy boat along another path.
         """
-        since, way_out = self._proved or (-math.inf, None)
-        return way_out.refuge if way_out and time_s - since < PROVED_S else None
+        since, escape_plan = self._proved or (-math.inf, None)
+        return escape_plan.refuge if escape_plan and time_s - since < PROVED_S else None
 
     def thrusts(self, time_s: float) -> Thrusts | None:
         """Return the present thrusts of the last way to stop, while it still follows a plan."""
         if self._proved is None:
             return None
-        since, way_out = self._proved
+        since, escape_plan = self._proved
         step = round((time_s - since) / STEP_S)
         reaction = math.ceil(self._reaction_s / STEP_S)
-        planned = len(way_out.thrusts) > reaction + 1
-        return way_out.thrusts[step] if planned and step < len(way_out.thrusts) else None
+        planned = len(escape_plan.thrusts) > reaction + 1
+        return escape_plan.thrusts[step] if planned and step < len(escape_plan.thrusts) else None

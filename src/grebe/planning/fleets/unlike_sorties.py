@@ -18,7 +18,7 @@ import numpy as np
 from grebe.core.errors import PlanError
 from grebe.core.plan_settings import FleetSettings, check_speed
 from grebe.core.survey import Survey
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.planning.fleets.stretches import check_cells, shared_evenly
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner
@@ -91,9 +91,11 @@ class _Boat:
         """
         out = self.lake.seconds(outwards=True)[:, stretch]
         back = self.lake.seconds(outwards=False)[:, stretch]
-        ways_m = np.array([home.ways_m[stretch] for home in self.lake.homes])
+        distances_m = np.array([home.distances_m[stretch] for home in self.lake.homes])
         limit_s = self.endurance.limit_s - HOME_SLACK_S
-        farthest_s = np.min(out + np.maximum(back, self.endurance.home_s(ways_m)), axis=0).max()
+        farthest_s = np.min(
+            out + np.maximum(back, self.endurance.home_s(distances_m)), axis=0
+        ).max()
         left = 1.0 - float(np.min(out + back, axis=0).mean()) / limit_s
         if farthest_s > limit_s:
             left = LEAST_LEFT
@@ -103,7 +105,7 @@ class _Boat:
         """Time of the taut path through a stretch [s]."""
         north, east = self.lake.draft.network.centres[stretch[0]].tolist()
         footprints = [self.lake.draft.cells[i].footprint for i in stretch.tolist()]
-        return self.lake.travel.path_s(taut_way((north, east), footprints))
+        return self.lake.travel.path_s(taut_path((north, east), footprints))
 
     def check_reach(self, stretch: Order) -> None:
         """Raise `PlanError` if a cell of the stretch is too far for any trip."""

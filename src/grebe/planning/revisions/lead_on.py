@@ -15,8 +15,8 @@ from shapely.geometry.base import BaseGeometry
 
 from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.survey import Survey, Target
+from grebe.planning.paths.corridors import REACH_CELLS, Stop, corridors_of, widened
 from grebe.planning.revisions.revise import PLACE_RADIUS_M, Halfway, OpenWater, joined, transits_of
-from grebe.planning.ways.corridors import REACH_CELLS, Stop, corridors_of, widened
 
 # By the error of its estimate a boat may be this far outside its corridor, or beyond the shore [m].
 ASTRAY_M = 0.5
@@ -38,8 +38,8 @@ def is_led(
     here = shapely.Point(place)
     if part.corridors and shapely.dwithin(part.corridors[reached], here, ASTRAY_M):
         return True
-    way = shapely.shortest_line(here, ahead[0].set.polygon)
-    return bool(shapely.covers(sailable(), way))
+    line = shapely.shortest_line(here, ahead[0].set.polygon)
+    return bool(shapely.covers(sailable(), line))
 
 
 def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway) -> PlanRevision:
@@ -76,4 +76,4 @@ def _stops(open_: OpenWater, place: tuple[float, float], goal: Target) -> list[S
     if here == there:
         return [last]
     first = Stop(footprint=open_.cells[here].footprint, cell=None)
-    return [first, *open_.ways.around(here, there), last]
+    return [first, *open_.finder.around(here, there), last]

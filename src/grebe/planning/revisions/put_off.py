@@ -21,9 +21,9 @@ from grebe.core.vessel import Vessel
 from grebe.planning.revisions.revise import (
     Halfway,
     OpenWater,
+    path_through_cells,
     put_in_order,
     remaining_s,
-    way_through_cells,
 )
 from grebe.planning.trips.endurance import MARGIN
 
@@ -73,8 +73,8 @@ def put_off(
     own = shorter.sortie(halfway.sortie.number)
     targets, corridors = _later(shorter, survey, open_, own, later, vessel, weather)
 
-    def takes_s(place: tuple[float, float], way: Sequence[Target]) -> float:
-        return late.pace * remaining_s(survey, place, way, weather, vessel)
+    def takes_s(place: tuple[float, float], stops: Sequence[Target]) -> float:
+        return late.pace * remaining_s(survey, place, stops, weather, vessel)
 
     rest = shorter.targets[own.first - 1 + halfway.reached : own.last]
     at_sea_s = late.flown_s + takes_s(halfway.place, rest)
@@ -89,8 +89,8 @@ def _that_fit(
     """How many of the cells ahead leave time for the path home."""
 
     def fits(count: int) -> bool:
-        way = [*ahead[:count], end]
-        takes_s = remaining_s(survey, halfway.place, way, weather, vessel)
+        stops = [*ahead[:count], end]
+        takes_s = remaining_s(survey, halfway.place, stops, weather, vessel)
         return MARGIN * late.pace * takes_s <= late.left_s
 
     low, high = 0, len(ahead)
@@ -108,7 +108,7 @@ def _later(
     start = (own.start.north_m, own.start.east_m)
     halfway = Halfway(reached=0, place=start, sortie=own)
     end = plan.targets[own.last - 1]
-    targets, corridors = way_through_cells(
+    targets, corridors = path_through_cells(
         plan, survey, open_, halfway, cells, end, vessel=vessel, weather=weather
     )
     highest = max(plan.highest_seq, *(target.seq for target in targets))

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.errors import PlanError
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
+from grebe.planning.paths.travel import WANDER
 from grebe.planning.trips.endurance import HOME_SLACK_S, Endurance
 from grebe.planning.trips.lake import Lake, ports_of
 from grebe.planning.trips.repaired_trips import predicted_trip_s, repaired
 from grebe.planning.trips.trip_times import Ports, shortest_stretch, trip_s
 from grebe.planning.trips.trips import HOT, WARM, improved_trips
 from grebe.planning.trips.wedges import wedges
-from grebe.planning.ways.travel import WANDER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -141,7 +141,7 @@ def _first_factor(lake: Lake) -> float:
         return WANDER
     north, east = centres[0].tolist()
     legs_s = float(lake.travel.leg_s(np.diff(centres, axis=0)).sum())
-    return lake.travel.path_s(taut_way((north, east), footprints)) / legs_s
+    return lake.travel.path_s(taut_path((north, east), footprints)) / legs_s
 
 
 def bound_s(lake: Lake, ports: Ports, trips: int = 1) -> float:
@@ -160,7 +160,7 @@ def bound_s(lake: Lake, ports: Ports, trips: int = 1) -> float:
 def _refuse_unreachable(lake: Lake, ports: Ports) -> None:
     best = np.min(ports.out + np.maximum(ports.home, ports.back), axis=0)[lake.wanted]
     if best.max() > ports.limit_s:
-        away = np.min([home.ways_m for home in lake.homes], axis=0)[lake.wanted].max()
+        away = np.min([home.distances_m for home in lake.homes], axis=0)[lake.wanted].max()
         raise PlanError(
             f"The cell farthest from a harbour is {away:.0f} m away along the water, and no "
             "sortie gets there and back within its battery or minutes; give about "

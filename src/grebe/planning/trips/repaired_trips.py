@@ -14,11 +14,11 @@ import numpy as np
 import shapely
 
 from grebe.core.sets import drawn_in, rings_of
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
+from grebe.planning.paths.corridors import Stop
+from grebe.planning.paths.travel import WANDER
 from grebe.planning.trips.lake import Lake
 from grebe.planning.trips.trip_times import Ports, shortest_stretch, trip_s
-from grebe.planning.ways.corridors import Stop
-from grebe.planning.ways.travel import WANDER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,10 +35,10 @@ def predicted_trip_s(lake: Lake, harbour: int, order: Order) -> float:
     """Predicted time of a trip [s]: of its taut path, and of the path home."""
     if not len(order):
         return 0.0
-    footprints = [_hit(lake, stop) for stop in lake.ways.stops(order)]
-    way = taut_way(lake.homes[harbour].place, footprints)
-    home_m = float(lake.homes[harbour].ways_m[order[-1]])
-    return lake.travel.path_s(way) + WANDER * home_m * float(np.mean(lake.travel.slowness))
+    footprints = [_hit(lake, stop) for stop in lake.finder.stops(order)]
+    path = taut_path(lake.homes[harbour].place, footprints)
+    home_m = float(lake.homes[harbour].distances_m[order[-1]])
+    return lake.travel.path_s(path) + WANDER * home_m * float(np.mean(lake.travel.slowness))
 
 
 def _hit(lake: Lake, stop: Stop) -> shapely.Polygon:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.planning.paths.harbour_distances import around_the_harbour
 from grebe.planning.route.costs import costs_of
 from grebe.planning.route.polish import polished
 from grebe.planning.trips.lake import Lake
 from grebe.planning.trips.trip_times import Ports
-from grebe.planning.ways.ways_home import around_the_harbour
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

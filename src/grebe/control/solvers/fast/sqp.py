@@ -229,8 +229,8 @@ def search(
     The straight step is tried first. If the boat turns fast, its small gaps in the dynamics grow
     without bound along the horizon. Then the step is driven, with the problem's feedback gains.
     """
-    ways = 2 if closed else 1
-    for driven in range(ways):
+    rollouts = 2 if closed else 1
+    for driven in range(rollouts):
         alpha = 1.0
         for _ in range(HALVINGS):
             put_rows(trial_x, states + alpha * dx)

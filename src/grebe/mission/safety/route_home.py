@@ -19,10 +19,10 @@ from grebe.links.base import Observation
 from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.patience import patience_s
 from grebe.mission.safety.fence import fence_of
-from grebe.mission.safety.reserve import way_home_s
+from grebe.mission.safety.reserve import route_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Place
-from grebe.planning.ways.homeward import Homeward, homeward, transit_survey
+from grebe.planning.paths.routes_home import RoutesHome, routes_home, transit_survey
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,13 +56,13 @@ def home_of(survey: Survey, settings: SafetySettings) -> Place:
     return survey.start.north_m, survey.start.east_m
 
 
-def ways_home(survey: Survey, settings: SafetySettings) -> Homeward:
+def survey_routes_home(survey: Survey, settings: SafetySettings) -> RoutesHome:
     """Return the routes to a survey's home. Raises the errors of `home_of`, and `PlanError` if
     there can be no route.
     """
     home = home_of(survey, settings)
     fence = fence_of(survey.water, survey.no_go, home)
-    return homeward(cast("shapely.Polygon", fence.water), home)
+    return routes_home(cast("shapely.Polygon", fence.water), home)
 
 
 def check_home(survey: Survey, settings: SafetySettings) -> None:
@@ -72,7 +72,7 @@ def check_home(survey: Survey, settings: SafetySettings) -> None:
     if settings.home is None or survey.start is None:
         return
     try:
-        ways_home(survey, settings).way_from((survey.start.north_m, survey.start.east_m))
+        survey_routes_home(survey, settings).path_from((survey.start.north_m, survey.start.east_m))
     except PlanError as error:
         lon, lat = settings.home
         raise PlanError(
@@ -95,17 +95,17 @@ class UnderWay:
     deadline_s: float
 
 
-class WayHome:
-    """Measures the route home of a survey's boat, and sets out on it. `no_way` says why there is no
-    route; it is empty if there is one, or if none has been computed yet.
+class RouteHome:
+    """Measures the route home of a survey's boat, and sets out on it. `no_route` says why there is
+    no route; it is empty if there is one, or if none has been computed yet.
     """
 
     def __init__(self, survey: Survey, settings: SafetySettings) -> None:
         self._survey, self._settings = survey, settings
-        self._ways: Homeward | None = None
+        self._routes: RoutesHome | None = None
         self._cost: tuple[float, float] | None = None
         self._asked_s = -math.inf
-        self.no_way = ""
+        self.no_route = ""
         self.is_closed = self.is_measured = False
         self.under_way: UnderWay | None = None
 
@@ -125,27 +125,27 @@ class WayHome:
 
     def length_m(self, place: Place) -> float:
         """Return the length of the route home from a place [m]; infinite without one."""
-        ways = self._found()
+        routes = self._found()
         try:
             return (
                 math.inf
-                if ways is None
-                else float(shapely.LineString(self._way(ways, place)).length)
+                if routes is None
+                else float(shapely.LineString(self._path(routes, place)).length)
             )
         except PlanError:
             return math.inf
 
     def set_out(self, observation: Observation, vessel: Vessel, pilot: Pilot) -> bool:
         """Make a route home from here, and the helm that steers it; return whether there is one."""
-        ways = self._found()
+        routes = self._found()
         try:
-            if ways is not None:
-                self._way(ways, (observation.state[0], observation.state[1]))
-            survey = ways and transit_survey(
-                self._survey, ways, observation.state, speed_home_mps(self._survey, vessel)
+            if routes is not None:
+                self._path(routes, (observation.state[0], observation.state[1]))
+            survey = routes and transit_survey(
+                self._survey, routes, observation.state, speed_home_mps(self._survey, vessel)
             )
         except PlanError as error:
-            survey, self.no_way = None, str(error)
+            survey, self.no_route = None, str(error)
         if survey is None:
             self.under_way = None
             return False
@@ -159,33 +159,33 @@ class WayHome:
 
     def follow(self, observation: Observation) -> None:
         """Count the transits that the boat has reached."""
-        way = self.under_way
-        if way is None:
+        route = self.under_way
+        if route is None:
             return
-        before = way.helm.reached
-        way.helm.reached = reached_count(way.survey.sets, before, observation.state)
-        if way.helm.reached > before:
-            way.deadline_s = _patience(way.survey, way.helm.reached, observation)
+        before = route.helm.reached
+        route.helm.reached = reached_count(route.survey.sets, before, observation.state)
+        if route.helm.reached > before:
+            route.deadline_s = _patience(route.survey, route.helm.reached, observation)
 
     def _measured(
         self, observation: Observation, weather: Weather, vessel: Vessel
     ) -> tuple[float, float]:
-        ways = self._found()
-        if ways is None:
+        routes = self._found()
+        if routes is None:
             return math.inf, math.inf
         try:
-            way = self._way(ways, (observation.state[0], observation.state[1]))
+            path = self._path(routes, (observation.state[0], observation.state[1]))
         except PlanError as error:
-            self.no_way = str(error)
+            self.no_route = str(error)
             return math.inf, math.inf
-        return way_home_s(vessel, way, weather, speed_home_mps(self._survey, vessel))
+        return route_home_s(vessel, path, weather, speed_home_mps(self._survey, vessel))
 
-    def _way(self, ways: Homeward, place: Place) -> NDArray[np.float64]:
+    def _path(self, routes: RoutesHome, place: Place) -> NDArray[np.float64]:
         """Return the route home from a place (n, 2) [m]; `PlanError` if it crosses a no-go area in
         which the boat is not.
         """
-        way = ways.way_from(place)
-        line, here = shapely.LineString(way), shapely.Point(place)
+        path = routes.path_from(place)
+        line, here = shapely.LineString(path), shapely.Point(place)
         across = [
             zone
             for zone in self._survey.no_go
@@ -194,16 +194,16 @@ class WayHome:
         self.is_closed = bool(across)
         if across:
             raise PlanError("a closed area blocks the route home")
-        return way
+        return path
 
-    def _found(self) -> Homeward | None:
+    def _found(self) -> RoutesHome | None:
         """Return the routes home, computed on the first call; None if there is none."""
-        if self._ways is None and not self.no_way:
+        if self._routes is None and not self.no_route:
             try:
-                self._ways = ways_home(self._survey, self._settings)
+                self._routes = survey_routes_home(self._survey, self._settings)
             except PlanError as error:
-                self.no_way = str(error)
-        return self._ways
+                self.no_route = str(error)
+        return self._routes
 
 
 def _patience(survey: Survey, reached: int, observation: Observation) -> float:

@@ -124,19 +124,19 @@ def _gap(
     """The distance from a hull to the segment from p to q outside it, the nearest point of the
     segment, and the vector to it: (distance, x, y, way x, way y).
     """
-    nearest, x, y, way_x, way_y = np.inf, px, py, 0.0, 0.0
+    nearest, x, y, vector_x, vector_y = np.inf, px, py, 0.0, 0.0
     for k in range(len(hull) - 1):
         (ax, ay), (bx, by) = hull[k], hull[k + 1]
         for ex, ey in ((px, py), (qx, qy)):
             fx, fy = _foot(ax, ay, bx, by, ex, ey)
             if math.hypot(ex - fx, ey - fy) < nearest:
                 nearest, x, y = math.hypot(ex - fx, ey - fy), ex, ey
-                way_x, way_y = ex - fx, ey - fy
+                vector_x, vector_y = ex - fx, ey - fy
         fx, fy = _foot(px, py, qx, qy, ax, ay)
         if math.hypot(fx - ax, fy - ay) < nearest:
             nearest, x, y = math.hypot(fx - ax, fy - ay), fx, fy
-            way_x, way_y = fx - ax, fy - ay
-    return nearest, x, y, way_x, way_y
+            vector_x, vector_y = fx - ax, fy - ay
+    return nearest, x, y, vector_x, vector_y
 
 
 @machine_code

@@ -19,9 +19,9 @@ import shapely
 
 from grebe.core.errors import PlanError
 from grebe.planning.cells.mesh import Cell
-from grebe.planning.ways.graph import shortest_ways
-from grebe.planning.ways.land_cut import without_land
-from grebe.planning.ways.network import ROUNDING_M, Network, joint_hulls
+from grebe.planning.paths.graph import shortest_paths
+from grebe.planning.paths.land_cut import without_land
+from grebe.planning.paths.network import ROUNDING_M, Network, joint_hulls
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,7 +49,7 @@ class Stop:
     cell: int | None
 
 
-class Waterways:
+class PathFinder:
     """Finds paths between the cells of a mesh."""
 
     def __init__(
@@ -61,7 +61,7 @@ class Waterways:
         self._water = water
         # A gate must be hit, so a somewhat longer path over open links is better.
         dearer = np.where(network.is_open, 1.0, CLOSED_FACTOR)
-        self._links = network.links(network.ways_m * dearer)
+        self._links = network.links(network.lengths_m * dearer)
 
     def stops(self, order: NDArray[np.int64]) -> list[Stop]:
         """Return the cells in their order with the transits between them."""
@@ -88,7 +88,7 @@ class Waterways:
 
     def _chain(self, a: int, b: int) -> list[shapely.Polygon]:
         """Footprints along the shortest path over links, gates among them."""
-        before = shortest_ways(self._links, a, b)
+        before = shortest_paths(self._links, a, b)
         path = [b]
         while path[-1] != a:
             step = int(before[path[-1]])

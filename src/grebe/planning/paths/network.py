@@ -2,7 +2,7 @@
 
 A boat can always pass between two convex cells that share an edge. If their joint hull leaves the
 water, because the shore bends there, the path leads through a gate at the shared edge, which
-`grebe.planning.ways.corridors` builds; such a link is not *open*. Where the shore cuts cells
+`grebe.planning.paths.corridors` builds; such a link is not *open*. Where the shore cuts cells
 small, cells that do not touch are linked too if their joint hull is water.
 """
 
@@ -15,8 +15,8 @@ import numpy as np
 import shapely
 
 from grebe.planning.cells.mesh import Cell
-from grebe.planning.ways.detours import PASSAGE_M, ways_around
-from grebe.planning.ways.graph import Links, parts_of
+from grebe.planning.paths.detours import PASSAGE_M, paths_around
+from grebe.planning.paths.graph import Links, parts_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,8 +36,8 @@ CROSSINGS = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 class Network:
     """Links between cells in compressed rows.
 
-    The links of cell i lead to `neighbours[starts[i]:starts[i + 1]]`; `is_open` and `ways_m`, the
-    length of the path between the two centres, are in the same order. `centres` (n, 2) are the
+    The links of cell i lead to `neighbours[starts[i]:starts[i + 1]]`; `is_open` and `lengths_m`,
+    the length of the path between the two centres, are in the same order. `centres` (n, 2) are the
     cells' centroids [m], `pitch_m` their typical distance. `around` holds the lengths of the
     shortest paths from cells near the shore to those around them.
     """
@@ -46,7 +46,7 @@ class Network:
     starts: Indices
     neighbours: Indices
     is_open: NDArray[np.bool_]
-    ways_m: NDArray[np.float64]
+    lengths_m: NDArray[np.float64]
     around: Links
     pitch_m: float
 
@@ -58,7 +58,7 @@ class Network:
         from scipy.sparse import csr_array
 
         shape = (len(self), len(self))
-        return csr_array((self.ways_m.copy(), self.neighbours, self.starts), shape=shape)
+        return csr_array((self.lengths_m.copy(), self.neighbours, self.starts), shape=shape)
 
     def opens(self, i: Indices, j: Indices) -> NDArray[np.bool_]:
         """Whether cells i and j are joined by an open link, pair by pair."""
@@ -76,14 +76,14 @@ def connect(cells: list[Cell], water: shapely.Polygon, cell_m: float) -> Network
     centres = np.column_stack([shapely.get_x(centroids), shapely.get_y(centroids)])
     first, second = _touching(shapes)
     is_open = _open(shapes, first, second, water, cell_m)
-    ways = np.hypot(*(centres[first] - centres[second]).T)
-    ways[~is_open] = _through_edges(shapes, centres, first[~is_open], second[~is_open])
+    lengths_m = np.hypot(*(centres[first] - centres[second]).T)
+    lengths_m[~is_open] = _through_edges(shapes, centres, first[~is_open], second[~is_open])
     cut = np.array([not cell.whole for cell in cells])
     apart = _in_sight(shapes, ~cut, water, cell_m)
     first, second = np.append(first, apart[0]), np.append(second, apart[1])
     is_open = np.append(is_open, np.ones(len(apart[0]), dtype=bool))
-    ways = np.append(ways, np.hypot(*(centres[apart[0]] - centres[apart[1]]).T))
-    keep = np.isfinite(ways)
+    lengths_m = np.append(lengths_m, np.hypot(*(centres[apart[0]] - centres[apart[1]]).T))
+    keep = np.isfinite(lengths_m)
     links = np.column_stack([first[keep], second[keep]])
     links = np.concatenate([links, links[:, ::-1]])
     rank = np.lexsort(links.T[::-1])
@@ -92,8 +92,8 @@ def connect(cells: list[Cell], water: shapely.Polygon, cell_m: float) -> Network
         starts=np.searchsorted(links[rank, 0], np.arange(len(cells) + 1)),
         neighbours=links[rank, 1],
         is_open=np.tile(is_open[keep], 2)[rank],
-        ways_m=np.tile(ways[keep], 2)[rank],
-        around=ways_around(centres, cut, water, cell_m),
+        lengths_m=np.tile(lengths_m[keep], 2)[rank],
+        around=paths_around(centres, cut, water, cell_m),
         pitch_m=cell_m,
     )
 
@@ -125,7 +125,7 @@ def reachable(network: Network, cells: list[Cell], near: tuple[float, float]) ->
     """Return the cells of the connected part with the most water; of equal parts the one nearest to
     `near`.
     """
-    count, part = parts_of(network.links(network.ways_m))
+    count, part = parts_of(network.links(network.lengths_m))
     if count == 1:
         return cells
     areas = np.bincount(part, weights=[cell.footprint.area for cell in cells])
@@ -162,15 +162,15 @@ def _through_edges(
     the edge is too short for a boat.
     """
     edges = shapely.intersection(shapes[first], shapes[second], grid_size=ROUNDING_M)
-    ways = np.full(len(first), np.inf)
+    lengths_m = np.full(len(first), np.inf)
     passable = np.flatnonzero(shapely.length(edges) >= PASSAGE_M)
     corners, edge = shapely.get_coordinates(edges[passable], return_index=True)
     begin = corners[np.searchsorted(edge, np.arange(len(passable)))]
     end = corners[np.searchsorted(edge, np.arange(len(passable)), side="right") - 1]
     places = begin + CROSSINGS[:, None, None] * (end - begin)
     legs = np.array([centres[side[passable]] - places for side in (first, second)])
-    ways[passable] = np.hypot(legs[..., 0], legs[..., 1]).sum(axis=0).min(axis=0)
-    return ways
+    lengths_m[passable] = np.hypot(legs[..., 0], legs[..., 1]).sum(axis=0).min(axis=0)
+    return lengths_m
 
 
 def joint_hulls(a: NDArray[np.object_], b: NDArray[np.object_]) -> NDArray[np.object_]:

@@ -25,7 +25,7 @@ AROUND_LAND = 1.09
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaceWays:
+class PlacePaths:
     """`lengths_m` (m, m) of the paths between `places` (m, 2), which are `pitch_m` apart; `before`
     (m, m) is the place before the second on the path over links from the first.
     """
@@ -49,10 +49,10 @@ class PlaceWays:
         met: list[int] = np.asarray(self._tree.query(points)[1]).tolist()
         return list(dict.fromkeys(met))
 
-    def passed(self, way: Array) -> list[int]:
+    def passed(self, path: Array) -> list[int]:
         """The places that a path (n, 2) of straight legs passes."""
         points = shapely.get_coordinates(
-            shapely.segmentize(shapely.linestrings(way), 0.5 * self.pitch_m)
+            shapely.segmentize(shapely.linestrings(path), 0.5 * self.pitch_m)
         )
         met: list[int] = np.asarray(self._tree.query(points)[1]).tolist()
         return list(dict.fromkeys(met))
@@ -62,7 +62,7 @@ class PlaceWays:
         return KDTree(self.places)
 
 
-def place_ways(places: Array, pitch_m: float, water: shapely.Polygon) -> PlaceWays:
+def place_paths(places: Array, pitch_m: float, water: shapely.Polygon) -> PlacePaths:
     """Measure the paths through the water between places of a grid; infinite if there is none."""
     pairs = KDTree(places).query_pairs(LINKED * pitch_m, output_type="ndarray")
     shapely.prepare(water)
@@ -74,4 +74,4 @@ def place_ways(places: Array, pitch_m: float, water: shapely.Polygon) -> PlaceWa
     lengths, before = dijkstra(links, directed=False, return_predecessors=True)
     straight = np.hypot(*(places[:, None, :] - places[None, :, :]).transpose(2, 0, 1))
     lengths = np.where(lengths <= AROUND_LAND * straight, straight, lengths)
-    return PlaceWays(places=places, pitch_m=pitch_m, lengths_m=lengths, before=before)
+    return PlacePaths(places=places, pitch_m=pitch_m, lengths_m=lengths, before=before)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.planning.ways.bends import bends_of
-from grebe.planning.ways.graph import Links, distances, links_of
+from grebe.planning.paths.graph import Links, distances, links_of
+from grebe.planning.paths.reflex_vertices import reflex_vertices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,7 +33,7 @@ REACH_CELLS, FARTHEST_CELLS = 3.0, 12.0
 MOST_CENTRES = 4_000
 
 
-def ways_around(
+def paths_around(
     centres: Places, near_shore: NDArray[np.bool_], water: shapely.Polygon, cell_m: float
 ) -> Links:
     """Return lengths [m] of the shortest paths between pairs of cells of which one is near the
@@ -44,17 +44,17 @@ def ways_around(
         none = np.zeros(0, dtype=np.int64)
         return links_of(none, none, np.zeros(0), n)
     room = _room(water, COARSENESS * cell_m)
-    nodes = np.vstack([centres, bends_of(room)])
+    nodes = np.vstack([centres, reflex_vertices(room)])
     begin = np.flatnonzero(near_shore)
     sight = _sight(nodes, room, REACH_CELLS * cell_m)
     lengths = distances(sight, begin, FARTHEST_CELLS * cell_m)[:, :n]
     away = np.hypot(*np.moveaxis(centres[begin, None] - centres[None], -1, 0))
     wanted = np.isfinite(lengths) & (away < REACH_CELLS * cell_m) & (away > 0)
     row, column = np.nonzero(wanted)
-    return _both_ways(begin[row], column, lengths[wanted], n)
+    return _both_directions(begin[row], column, lengths[wanted], n)
 
 
-def _both_ways(
+def _both_directions(
     first: NDArray[np.int64], second: NDArray[np.int64], lengths: Places, count: int
 ) -> Links:
     """Links in both directions."""
@@ -79,4 +79,4 @@ def _sight(nodes: Places, room: BaseGeometry, reach_m: float) -> Links:
     seen = shapely.covers(allowed, shapely.linestrings(np.stack([nodes[first], nodes[second]], 1)))
     first, second = first[seen], second[seen]
     away = np.maximum(np.hypot(*(nodes[first] - nodes[second]).T), 1e-9)
-    return _both_ways(first, second, away, len(nodes))
+    return _both_directions(first, second, away, len(nodes))

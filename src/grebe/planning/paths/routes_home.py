@@ -21,8 +21,8 @@ from scipy.sparse.csgraph import dijkstra
 from grebe.core.errors import PlanError
 from grebe.core.sets import TargetSet, hull_of, ring_vertices
 from grebe.core.survey import Pose, Survey, Target
-from grebe.planning.ways.bends import bends_of
-from grebe.planning.ways.corridors import corridors_between
+from grebe.planning.paths.corridors import corridors_between
+from grebe.planning.paths.reflex_vertices import reflex_vertices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,7 +45,7 @@ SLIVER_M = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Homeward:
+class RoutesHome:
     """Paths home within some water.
 
     `water` is the local polygon in which the boat may be; `home` (north, east) is in it. `room` is
@@ -57,7 +57,7 @@ class Homeward:
     room: shapely.Polygon
     clearance_m: float
 
-    def way_from(self, place: tuple[float, float]) -> Places:
+    def path_from(self, place: tuple[float, float]) -> Places:
         """Return the shortest path from a place, (n, 2), with home as its last row. Raises
         `PlanError` when no water leads there.
         """
@@ -86,7 +86,7 @@ class Homeward:
     @cached_property
     def _nodes(self) -> Places:
         """The harbour, then the corners of the shore that a shortest path can bend around."""
-        return np.vstack([[self._harbour], bends_of(self.room)])
+        return np.vstack([[self._harbour], reflex_vertices(self.room)])
 
     @cached_property
     def _allowed(self) -> shapely.Polygon:
@@ -121,7 +121,7 @@ class Homeward:
         return self._tree[1]
 
 
-def homeward(water: shapely.Polygon, home: tuple[float, float]) -> Homeward:
+def routes_home(water: shapely.Polygon, home: tuple[float, float]) -> RoutesHome:
     """Prepare the paths home within `water`, at the largest clearance that leaves it in one piece.
 
     A clearance that would cut off more than a twentieth of narrow water is not used. Raises
@@ -137,7 +137,7 @@ def homeward(water: shapely.Polygon, home: tuple[float, float]) -> Homeward:
         if whole is not None and whole.buffer(2 * clearance).area >= 0.95 * water.area:
             room = _drawn_coarser(water, clearance)
             if room is not None:
-                return Homeward(water=water, home=home, room=room, clearance_m=clearance)
+                return RoutesHome(water=water, home=home, room=room, clearance_m=clearance)
     raise PlanError("The survey's water is too narrow for a route home.")
 
 
@@ -179,27 +179,27 @@ def _into(room: shapely.Polygon, place: tuple[float, float]) -> tuple[float, flo
 
 
 def transit_survey(
-    survey: Survey, ways: Homeward, state: tuple[float, ...], speed_max_mps: float
+    survey: Survey, routes: RoutesHome, state: tuple[float, ...], speed_max_mps: float
 ) -> Survey:
     """Return the survey whose only targets are the transits of the path home from a state.
 
     The hull of each transit and the next is in the water: both are drawn around places between
     which the path keeps its clearance.
     """
-    way = ways.way_from((state[0], state[1]))
-    steps = np.hypot(*np.diff(way, axis=0).T)
-    way = way[np.append(True, steps > 1e-3)]
-    if len(way) == 1:
-        way = np.vstack([way, [ways.home]])
-    radius = WAYPOINT_SHARE * ways.clearance_m
-    begin = shapely.Point(way[0]).buffer(START_RADIUS_M, quad_segs=1)
-    footprints = [begin, *(shapely.Point(place).buffer(radius, quad_segs=2) for place in way[1:])]
+    path = routes.path_from((state[0], state[1]))
+    steps = np.hypot(*np.diff(path, axis=0).T)
+    path = path[np.append(True, steps > 1e-3)]
+    if len(path) == 1:
+        path = np.vstack([path, [routes.home]])
+    radius = WAYPOINT_SHARE * routes.clearance_m
+    begin = shapely.Point(path[0]).buffer(START_RADIUS_M, quad_segs=1)
+    footprints = [begin, *(shapely.Point(place).buffer(radius, quad_segs=2) for place in path[1:])]
     inner = [
-        one if ways.water.covers(one) else _largest(one.intersection(ways.water)) or one
+        one if routes.water.covers(one) else _largest(one.intersection(routes.water)) or one
         for one in footprints
     ]
     convex = [hull_of(one.exterior.coords) for one in inner]
-    corridors = corridors_between(convex, ways.water, CORRIDOR_REACH_M)
+    corridors = corridors_between(convex, routes.water, CORRIDOR_REACH_M)
     targets = tuple(
         Target(
             seq=seq,
@@ -222,6 +222,6 @@ def transit_survey(
     )
 
 
-def way_length_m(way: Places) -> float:
+def path_length_m(path: Places) -> float:
     """Length [m] of a path (n, 2)."""
-    return float(sum(np.hypot(*(b - a)) for a, b in itertools.pairwise(way)))
+    return float(sum(np.hypot(*(b - a)) for a, b in itertools.pairwise(path)))

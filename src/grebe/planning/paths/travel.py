@@ -52,10 +52,10 @@ class Travel:
     power_w: float
     turn_j_per_rad: float
 
-    def leg_s(self, way: Array) -> Array:
-        """Time [s] of straight legs `way` (..., 2), north and east [m]."""
-        bearing = np.arctan2(way[..., 1], way[..., 0]) % (2 * math.pi)
-        return np.hypot(way[..., 0], way[..., 1]) * self.slowness_at(bearing)
+    def leg_s(self, leg: Array) -> Array:
+        """Time [s] of straight legs `leg` (..., 2), north and east [m]."""
+        bearing = np.arctan2(leg[..., 1], leg[..., 0]) % (2 * math.pi)
+        return np.hypot(leg[..., 0], leg[..., 1]) * self.slowness_at(bearing)
 
     def slowness_at(self, bearing: Array) -> Array:
         """Interpolate the table at bearings in [0, 2 pi)."""
@@ -67,8 +67,8 @@ class Travel:
 
     def path_s(self, points: Array) -> float:
         """Time [s] of a path through `points` (n, 2): its legs and the turns between them."""
-        way = _legs(points)
-        return WANDER * (float(np.sum(self.leg_s(way))) + self.turn_s_per_rad * _turned(way))
+        legs = _legs(points)
+        return WANDER * (float(np.sum(self.leg_s(legs))) + self.turn_s_per_rad * _turned(legs))
 
     def path_wh(self, points: Array) -> float:
         """Energy [Wh] of a path through `points` (n, 2)."""
@@ -107,15 +107,15 @@ def travel_of(vessel: Vessel, speed: tuple[float, float], weather: Weather) -> T
 
 def _legs(points: Array) -> Array:
     """The legs (m, 2) of a path, without those of no length."""
-    way = np.diff(points, axis=0)
-    return way[np.hypot(*way.T) > 1e-9]
+    legs = np.diff(points, axis=0)
+    return legs[np.hypot(*legs.T) > 1e-9]
 
 
-def _turned(way: Array) -> float:
+def _turned(legs: Array) -> float:
     """The sum of the angles between legs (m, 2) [rad]."""
-    if len(way) == 0:
+    if len(legs) == 0:
         return 0.0
-    bearing = np.arctan2(way[:, 1], way[:, 0])
+    bearing = np.arctan2(legs[:, 1], legs[:, 0])
     return float(np.sum(np.abs((np.diff(bearing) + math.pi) % (2 * math.pi) - math.pi)))
 
 

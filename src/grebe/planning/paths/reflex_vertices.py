@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     Places = NDArray[np.float64]
 
 
-def bends_of(water: BaseGeometry) -> Places:
+def reflex_vertices(water: BaseGeometry) -> Places:
     """The reflex corners (n, 2) of the water's shores: no shortest path bends anywhere else."""
     rings = shapely.get_rings(shapely.orient_polygons(water))
     return np.vstack([_reflex(shapely.get_coordinates(ring)[:-1]) for ring in rings])

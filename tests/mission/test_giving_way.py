@@ -25,7 +25,7 @@ from grebe.mission.safety.memory import Request
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, SafetyState
 from grebe.mission.safety.traffic import Traffic
-from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_makes_way
+from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_gives_way
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
@@ -62,9 +62,9 @@ def test_the_nearest_to_its_harbour_makes_way_and_nobody_who_cannot():
         2: Waiting(claimed_by=frozenset({1}), home_m=40.0),
         3: Waiting(claimed_by=frozenset({1})),
     }
-    assert who_makes_way(waits, frozenset({1, 2, 3})) == 2
-    assert who_makes_way(waits, frozenset({1, 3})) == 1
-    assert who_makes_way(waits, frozenset({3})) is None
+    assert who_gives_way(waits, frozenset({1, 2, 3})) == 2
+    assert who_gives_way(waits, frozenset({1, 3})) == 1
+    assert who_gives_way(waits, frozenset({3})) is None
 
 
 def face_to_face(home_m=(100.0, 50.0)):

@@ -78,7 +78,7 @@ def links_of(first: Indices, second: Indices, values: NDArray[Any], count: int) 
     return Links(starts=starts, neighbours=second.astype(np.int64), values=values)
 
 
-def shortest_ways(links: Links, begin: int, end: int) -> Indices:
+def shortest_paths(links: Links, begin: int, end: int) -> Indices:
     """Return the place before each on the shortest paths from `begin`, or -1 if there is none. The
     search ends when the path to `end` is known.
     """

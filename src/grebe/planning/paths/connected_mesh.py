@@ -8,13 +8,13 @@ import shapely
 
 from grebe.core.plan_settings import Shape
 from grebe.planning.cells.mesh import Cell, mesh_water
-from grebe.planning.ways.network import Network, connect, reachable
+from grebe.planning.paths.network import Network, connect, reachable
 
 # If more than this share of the water is cut off from the rest, the mesh keeps slivers.
 LITTLE_WATER = 0.001
 
 
-def meshed(
+def connected_mesh(
     water: shapely.Polygon,
     cell_m: float,
     *,
