@@ -109,7 +109,7 @@ def test_a_boat_that_never_says_where_it_is_is_given_up() -> None:
 def test_the_minute_begins_with_the_first_estimate() -> None:
     clock = BoatClock()
     for k in range(10):
-        clock.see(Observation(time_s=75.0 + k, state=NOT_A_STATE), seen_before=False)
+        clock.update(Observation(time_s=75.0 + k, state=NOT_A_STATE), had_estimate=False)
 
 
 @pytest.mark.parametrize("what", ["status", "measure", "command", "close"])

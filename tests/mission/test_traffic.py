@@ -13,7 +13,7 @@ from conftest import FRAME, NOON
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.control.apart import Announced
+from grebe.control.separation import AnnouncedPath
 from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, UsageError
 from grebe.core.events import EndReason, SafetyChanged
@@ -75,7 +75,7 @@ def test_a_boat_that_has_announced_nothing_lies_where_its_claim_ends():
     traffic = Traffic(apart_m=5.0)
     traffic.claim(1, np.array([(0.0, 0.0), (0.0, 4.0)]))
     traffic.claim(2, np.array([(20.0, 0.0)]))
-    traffic.announce(2, Announced(moments=np.array([0.0, 5.0]), places=np.eye(2) * 20.0))
+    traffic.announce(2, AnnouncedPath(times_s=np.array([0.0, 5.0]), places=np.eye(2) * 20.0))
     assert traffic.announced(2)[0].at(np.array([7.0])).tolist() == [[0.0, 4.0]]
     assert traffic.announced(1)[0].at(np.array([2.5])).tolist() == [[10.0, 10.0]]
     # A boat that has ended stays there, without a wish; a boat ashore is in nobody's way.

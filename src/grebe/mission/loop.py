@@ -356,7 +356,7 @@ class Mission:
         """Update the estimates of the weather and of the boat's parameters from an observation."""
         assert self._sight.raw is not None
         then_s = observation.time_s - observation.age_s
-        if self._tracker.see(then_s, self._sight.raw.state):
+        if self._tracker.update(then_s, self._sight.raw.state):
             self._take_for_another_boat(observation)
 
     def _take_for_another_boat(self, observation: Observation) -> None:

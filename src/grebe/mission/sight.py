@@ -76,7 +76,7 @@ class Sight:
         whose clock therefore begins anew, reports that itself, as a request to stop.
         """
         try:
-            self._clock.see(observation, seen_before=self.last is not None)
+            self._clock.update(observation, had_estimate=self.last is not None)
         except LinkError:
             if request := self._asked_to_stop():
                 raise OverError(EndReason.STOPPED, request) from None

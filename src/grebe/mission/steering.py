@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from grebe.control.apart import Announced
 from grebe.control.controller import Command
+from grebe.control.separation import AnnouncedPath
 from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
 from grebe.core.events import Prediction, Step, Thrusts
@@ -105,13 +105,13 @@ class Steering:
         if self._lookout is not None:
             self._lookout.announce(self._announced(observation, waits=idle or waits_at is not None))
 
-    def _announced(self, observation: Observation, *, waits: bool) -> Announced:
+    def _announced(self, observation: Observation, *, waits: bool) -> AnnouncedPath:
         """Return where the boat is going to be, for the plans of other boats."""
         helm, command = self._guard.helm or (None if waits else self.controller), self._command
         keeps = self._guard.own_thrusts(observation, self._weather) is not None
         if keeps or helm is None or command is None or command[1].plan is None:
-            return Announced.lying((observation.state[0], observation.state[1]))
-        return Announced.of_plan(command[1].plan, observation.time_s - command[0])
+            return AnnouncedPath.at_rest((observation.state[0], observation.state[1]))
+        return AnnouncedPath.of_plan(command[1].plan, observation.time_s - command[0])
 
     def ahead(self, observation: Observation) -> Schedule | None:
         """Return the planned thrusts over time; None without a plan."""

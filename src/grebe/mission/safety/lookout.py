@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from grebe.control.apart import Announced
+from grebe.control.separation import AnnouncedPath
 from grebe.mission.safety.fence import Fence
 from grebe.mission.safety.states import Cause, Place
 from grebe.mission.safety.traffic import WANDER_M, Traffic
@@ -150,11 +150,11 @@ class Lookout:
         """Claim a path (n, 2) [m]; return False if another boat holds it."""
         return self.traffic.claim(self.boat, path)
 
-    def announce(self, plan: Announced) -> None:
+    def announce(self, plan: AnnouncedPath) -> None:
         """Announce where the boat is going to be."""
         self.traffic.announce(self.boat, plan)
 
-    def announced(self, place: Place) -> list[Announced]:
+    def announced(self, place: Place) -> list[AnnouncedPath]:
         """Return where the others are going to be, if any of them is near to a place."""
         return self.traffic.announced(self.boat) if self.is_near(place) else []
 

@@ -32,7 +32,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from grebe.control.apart import Announced
+from grebe.control.separation import AnnouncedPath
 from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_gives_way
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class Traffic:
     order: Sequence[int] = ()
     _claims: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
     _wishes: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
-    _announced: dict[int, Announced] = field(default_factory=dict[int, Announced])
+    _announced: dict[int, AnnouncedPath] = field(default_factory=dict[int, AnnouncedPath])
     _waits: dict[int, Waiting] = field(default_factory=dict[int, Waiting])
     _first: set[int] = field(default_factory=set[int])
     _over: set[int] = field(default_factory=set[int])
@@ -94,18 +94,18 @@ class Traffic:
         """The distance that a boat keeps from the wished and planned paths of others [m]."""
         return self.apart_m + 3 * WANDER_M
 
-    def announce(self, boat: int, plan: Announced) -> None:
+    def announce(self, boat: int, plan: AnnouncedPath) -> None:
         """Announce where this boat is going to be."""
         with self._lock:
             self._announced[boat] = plan
 
-    def announced(self, boat: int) -> list[Announced]:
+    def announced(self, boat: int) -> list[AnnouncedPath]:
         """Return where the others are going to be; without an announcement, a boat is assumed to
         stay at the end of its claim.
         """
         with self._lock:
             return [
-                self._announced.get(other) or Announced.lying(_end(claim))
+                self._announced.get(other) or AnnouncedPath.at_rest(_end(claim))
                 for other, claim in self._claims.items()
                 if other != boat
             ]

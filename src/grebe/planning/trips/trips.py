@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.copies import put
+from grebe.core.copies import copy_vector
 from grebe.core.kernels import inlined_machine_code, machine_code
 from grebe.planning.route.costs import Costs, leg
 from grebe.planning.trips.trip_times import (
@@ -171,7 +171,7 @@ def _sort_waiting(ports, waiting, first, count, keys):
     for i in range(first, count):
         away = ports.out[:, waiting[i]].min()
         keys[i] = np.random.random() if kind < 4 else (-away if kind < 6 else away)
-    put(waiting[first:count], waiting[first:count][np.argsort(keys[first:count])])
+    copy_vector(waiting[first:count], waiting[first:count][np.argsort(keys[first:count])])
 
 
 @machine_code
@@ -260,20 +260,20 @@ def _anneal(costs, ports, fleet, old, kept, harbours, waiting, count, rounds, ho
         if dear or not _all_in_time(ports, fleet, touched):
             _take_back(fleet, old, trip_of, place_of, touched)
             count = before
-            put(waiting[:count], old_waiting[:count])
+            copy_vector(waiting[:count], old_waiting[:count])
             continue
         total = now
-        put(old_waiting[:count], waiting[:count])
+        copy_vector(old_waiting[:count], waiting[:count])
         for t in range(trips):
             if touched[t]:
                 copy_trip(fleet, old, t)
                 changed[t] = True
         if total < best - 1e-9:
             best, kept_count = total, count
-            put(kept_waiting[:count], waiting[:count])
+            copy_vector(kept_waiting[:count], waiting[:count])
             for t in range(trips):
                 if changed[t]:
                     copy_trip(fleet, kept, t)
                     changed[t] = False
-    put(waiting, kept_waiting)
+    copy_vector(waiting, kept_waiting)
     return kept_count

@@ -20,7 +20,7 @@ BEFORE_LAGS, BEFORE_STEPS = 4.0, 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class Flown:
+class MotionRecord:
     """Recent data: times (n,) [s], states (n, 6) and the thrusts that were sent.
 
     `impulses` (m, 2) [N s] is the integral of the thrusts over time, known at `order_times` (m,).
@@ -36,14 +36,14 @@ class Flown:
     def thrusts(self, dead_s: float, lag_s: float) -> Array:
         """Mean thrusts that acted between successive states, (n - 1, 2) [N]."""
         if lag_s < LEAST_LAG_S / 10:
-            return self._told(self.times - dead_s)
+            return self._mean_sent(self.times - dead_s)
         # The thrust at the first state follows from the orders before it.
         before = np.linspace(-BEFORE_LAGS * lag_s, 0.0, BEFORE_STEPS, endpoint=False)
         times = np.concatenate([self.times[0] + before, self.times])
-        told = self._told(times - dead_s)
-        return lagged(told, np.diff(times) / lag_s)[BEFORE_STEPS:]
+        sent = self._mean_sent(times - dead_s)
+        return lagged(sent, np.diff(times) / lag_s)[BEFORE_STEPS:]
 
-    def _told(self, times: Array) -> Array:
+    def _mean_sent(self, times: Array) -> Array:
         """Mean thrusts that were sent between successive times, (n - 1, 2) [N]."""
         impulse = np.column_stack(
             [np.interp(times, self.order_times, column) for column in self.impulses.T]

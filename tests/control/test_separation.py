@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.control.apart import MOST_OTHERS, REACH_M, Announced, is_taken, keep_apart
 from grebe.control.controller import Controller
 from grebe.control.horizon import NO_ROW, Horizon, HorizonShape, Plan
 from grebe.control.rules.dual import Dual
 from grebe.control.rules.lookahead import Lookahead
+from grebe.control.separation import MOST_OTHERS, REACH_M, AnnouncedPath, is_taken, keep_apart
 from grebe.control.solvers.builders import Ipopt
 from grebe.core.dynamics import CALM, rates, rk4
 from grebe.core.sets import TargetSet
@@ -38,8 +38,8 @@ def plan_along(way, durations):
     elsewhere=places,
 )
 def test_who_is_beyond_the_lines_is_apart(way, durations, others, elsewhere):
-    moments = np.linspace(0.0, 12.0, STAGES + 1)
-    announced = [Announced(moments=moments, places=other) for other in others]
+    times_s = np.linspace(0.0, 12.0, STAGES + 1)
+    announced = [AnnouncedPath(times_s=times_s, places=other) for other in others]
     horizon, plan = Horizon(shape=SHAPE), plan_along(way, durations)
     keep_apart(horizon, plan, announced, APART_M)
     nodes = np.concatenate([[0.0], np.cumsum(durations)])
@@ -63,7 +63,9 @@ def test_who_is_beyond_the_lines_is_apart(way, durations, others, elsewhere):
 @given(way=ways, far=st.floats(APART_M + REACH_M + 85, 500))
 def test_others_that_are_far_ask_for_nothing(way, far):
     horizon = Horizon(shape=SHAPE)
-    keep_apart(horizon, plan_along(way, np.ones(STAGES)), [Announced.lying((far, 0.0))], APART_M)
+    keep_apart(
+        horizon, plan_along(way, np.ones(STAGES)), [AnnouncedPath.at_rest((far, 0.0))], APART_M
+    )
     assert np.array_equal(horizon.apart, Horizon(shape=SHAPE).apart)
 
 
@@ -75,7 +77,7 @@ def test_from_outside_the_disc_no_line_asks_to_be_elsewhere_at_once(start, end, 
     share = np.linspace(0.0, 1.0, STAGES + 1)[:, None]
     way = (1 - share) * np.array(start) + share * np.array(end)
     horizon = Horizon(shape=SHAPE)
-    keep_apart(horizon, plan_along(way, np.ones(STAGES)), [Announced.lying(other)], APART_M)
+    keep_apart(horizon, plan_along(way, np.ones(STAGES)), [AnnouncedPath.at_rest(other)], APART_M)
     for row in horizon.apart[:, 0]:
         if row[:2].any():
             # The first tangent passes through the start, the second through the end.
@@ -102,18 +104,18 @@ def sail_together(ways, *, heed, rule=Lookahead, limit_s=90.0):
         states.append(
             np.array([north, east, math.atan2(to_east - east, to_north - north), 0, 0, 0])
         )
-    plans: list[Announced] = [Announced.lying(tuple(state[:2])) for state in states]
+    plans: list[AnnouncedPath] = [AnnouncedPath.at_rest(tuple(state[:2])) for state in states]
     tracks, time_s = [], 0.0
     while time_s < limit_s and not all(helm.done for helm in helms):
         for b, helm in enumerate(helms):
             helm.see(states[b])
             if helm.done:
-                plans[b] = Announced.lying(tuple(states[b][:2]))
+                plans[b] = AnnouncedPath.at_rest(tuple(states[b][:2]))
                 continue
             if heed:
                 helm.heed([plan for a, plan in enumerate(plans) if a != b], APART_M)
             command = helm.step(states[b])
-            plans[b] = Announced.of_plan(command.plan, 0.0)
+            plans[b] = AnnouncedPath.of_plan(command.plan, 0.0)
             for tenth in range(round(10 * helm.step_s)):
                 thrusts = command.thrusts_at(tenth / 10)
                 states[b] = np.array(
@@ -161,10 +163,12 @@ def test_sets_beyond_one_that_another_lies_at_are_not_planned_for():
     near = [square(8.0, 0.0, 1.0), square(12.0, 0.0, 1.0)]
     taken, beyond = square(24.0, 0.0, 1.0), square(45.0, 0.0, 1.0)
     helm, state = Controller(BOAT, [*near, taken, beyond]), np.zeros(6)
-    other = Announced.lying((24.0, 3.0))
+    other = AnnouncedPath.at_rest((24.0, 3.0))
     assert is_taken(taken, other, APART_M)
     assert not is_taken(square(24.0, 0.0, 8.0), other, APART_M)
-    moving = Announced(moments=np.array([0.0, 20.0]), places=np.array([(24.0, 3.0), (24.0, 40.0)]))
+    moving = AnnouncedPath(
+        times_s=np.array([0.0, 20.0]), places=np.array([(24.0, 3.0), (24.0, 40.0)])
+    )
     assert not is_taken(taken, moving, APART_M)
     for _ in range(60):
         helm.see(state)
@@ -185,7 +189,7 @@ def test_sets_beyond_one_that_another_lies_at_are_not_planned_for():
 def test_a_step_with_nobody_near_is_the_same_to_the_digit():
     state = (0.0, 0.0, 0.3, 0.4, 0.0, 0.0)
     alone, one_of_many = (Controller(BOAT, [square(20, 5), square(30, 30)]) for _ in range(2))
-    one_of_many.heed([Announced.lying((300.0, 0.0))], APART_M)
+    one_of_many.heed([AnnouncedPath.at_rest((300.0, 0.0))], APART_M)
     for _ in range(3):
         assert alone.step(state).thrusts == one_of_many.step(state).thrusts
 
@@ -195,7 +199,7 @@ def test_both_solvers_say_the_same_of_a_plan_beside_another_boat():
              for solver in (None, Ipopt())]  # fmt: skip
     answers = []
     for helm in helms:
-        helm.heed([Announced.lying((14.0, -3.0))], APART_M)
+        helm.heed([AnnouncedPath.at_rest((14.0, -3.0))], APART_M)
         for _ in range(4):
             command = helm.step((0.0, 0.0, 0.0, 0.5, 0.0, 0.0))
         answers.append(command.plan)

@@ -36,39 +36,41 @@ NO_SIDE = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
-class Announced:
-    """Announced positions of another boat: `places` (n, 2) [m] at `moments` (n,) [s from now].
+class AnnouncedPath:
+    """Announced positions of another boat: `places` (n, 2) [m] at `times_s` (n,) [s from now].
 
-    `moments` ascend. Before the first the boat is at the first place, after the last at the last.
+    `times_s` ascend. Before the first the boat is at the first place, after the last at the last.
     """
 
-    moments: NDArray[np.float64]
+    times_s: NDArray[np.float64]
     places: NDArray[np.float64]
 
     @classmethod
-    def lying(cls, place: tuple[float, float]) -> Announced:
+    def at_rest(cls, place: tuple[float, float]) -> AnnouncedPath:
         """A boat that holds its position."""
-        return cls(moments=np.zeros(1), places=np.array([place], dtype=float))
+        return cls(times_s=np.zeros(1), places=np.array([place], dtype=float))
 
     @classmethod
-    def of_plan(cls, plan: Plan, age_s: float) -> Announced:
+    def of_plan(cls, plan: Plan, age_s: float) -> AnnouncedPath:
         """A boat that follows a plan made `age_s` ago."""
-        moments = np.concatenate([[0.0], np.cumsum(plan.durations)]) - age_s
-        return cls(moments=moments, places=plan.states[:, :2])
+        times_s = np.concatenate([[0.0], np.cumsum(plan.durations)]) - age_s
+        return cls(times_s=times_s, places=plan.states[:, :2])
 
-    def at(self, moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions (m, 2) at other times (m,) [s from now]."""
-        axes = [np.interp(moments, self.moments, axis) for axis in self.places.T]
+        axes = [np.interp(times_s, self.times_s, axis) for axis in self.places.T]
         return np.column_stack(axes)
 
 
-def keep_apart(horizon: Horizon, start: Plan, others: Sequence[Announced], apart_m: float) -> None:
+def keep_apart(
+    horizon: Horizon, start: Plan, others: Sequence[AnnouncedPath], apart_m: float
+) -> None:
     """Require each node to be `apart_m` from the others' positions at its time in `start`.
 
     Only the nearest others count, as many as the horizon has rows for.
     """
-    moments = np.concatenate([[0.0], np.cumsum(start.durations)])
-    offsets = [start.states[:, :2] - other.at(moments) for other in others]
+    times_s = np.concatenate([[0.0], np.cumsum(start.durations)])
+    offsets = [start.states[:, :2] - other.at(times_s) for other in others]
     offsets.sort(key=lambda away: float(np.hypot(*away.T).min()))
     horizon.apart[:] = NO_ROW
     for row, away in enumerate(offsets[: horizon.shape.apart_rows]):
@@ -82,7 +84,7 @@ def keep_apart(horizon: Horizon, start: Plan, others: Sequence[Announced], apart
         horizon.apart[near, row, 3] = -beyond[near]
 
 
-def is_taken(target: TargetSet, other: Announced, apart_m: float) -> bool:
+def is_taken(target: TargetSet, other: AnnouncedPath, apart_m: float) -> bool:
     """Return whether the whole set is always within `apart_m` of another's announced positions.
 
     Nobody who keeps that distance can then enter it.
