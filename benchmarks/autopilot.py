@@ -22,8 +22,8 @@ from grebe.links.mavlink.link import open_link
 from grebe.links.mavlink.rehearsal import CLEAR, Air, MemoryWire
 from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 from grebe.simulation.autopilot import (

@@ -29,9 +29,9 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus, Observation, Order
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.events.recorders import SurveyRecorder
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import SurveyRecorder
 from grebe.mission.trial import bare_survey
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde

@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from grebe.mapping.methods.kriging import Kriging
     from grebe.mapping.methods.spde import Spde
     from grebe.mission.departure import Departure
+    from grebe.mission.events.recorders import MemoryRecorder
+    from grebe.mission.events.statistics import MissionReport
     from grebe.mission.loop import Mission
     from grebe.mission.measuring.sampling import InSets, InWindow
     from grebe.mission.settings import MissionSettings
-    from grebe.mission.telling.recorders import MemoryRecorder
-    from grebe.mission.telling.statistics import MissionReport
     from grebe.mission.trial import Conditions, Trial, fly
     from grebe.planning.planned import Planned
     from grebe.planning.region import Region, clean_region

@@ -5,7 +5,7 @@ import pytest
 from grebe.cli.fleet_run import explain, next_command
 from grebe.core.errors import IncompleteError
 from grebe.core.events import EndReason
-from grebe.mission.telling.statistics import MissionReport
+from grebe.mission.events.statistics import MissionReport
 from grebe.workflow.fleets import FleetReport
 
 

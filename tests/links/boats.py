@@ -13,8 +13,8 @@ from grebe.links.mavlink.link import open_link
 from grebe.links.mavlink.rehearsal import CLEAR, MemoryWire
 from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.simulation.autopilot import NO_UPSETS, Autopilot, AutopilotSettings, Mode
 from grebe.simulation.plant import Plant
 

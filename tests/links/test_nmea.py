@@ -37,8 +37,8 @@ from grebe.links.nmea.settings import NmeaSettings, settings_of
 from grebe.links.nmea.thrusts import RECEIVER_S, read_thrust_line
 from grebe.links.wires import UdpWire
 from grebe.mission.departure import prepare
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.boats import Harbour, boat_named

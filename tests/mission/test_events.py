@@ -26,12 +26,12 @@ from grebe.core.events import (
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.events.broadcast import Broadcast
+from grebe.mission.events.recorders import MemoryRecorder, SurveyRecorder
+from grebe.mission.events.statistics import ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.broadcast import Broadcast
-from grebe.mission.telling.recorders import MemoryRecorder, SurveyRecorder
-from grebe.mission.telling.statistics import ProgressMeter
 from grebe.mission.trial import Conditions, fly, meander
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
@@ -270,10 +270,10 @@ def test_a_listener_that_fails_is_told_no_more_and_that_is_kept():
     def fails(event):
         raise ValueError("no screen")
 
-    ears = Broadcast(Keeper(), [fails])
+    broadcast = Broadcast(Keeper(), [fails])
     for _ in range(3):
-        ears.hold(Started(time=NOON, elapsed_s=0.0, targets=1, reached=0))
-        ears.release()
+        broadcast.hold(Started(time=NOON, elapsed_s=0.0, targets=1, reached=0))
+        broadcast.release()
     dropped = [one for one in kept if getattr(one, "code", "") == "listener_dropped"]
     assert len(dropped) == 1
     assert "no screen" in dropped[0].message

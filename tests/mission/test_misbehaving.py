@@ -21,10 +21,10 @@ from grebe.core.vessel import PRESETS, Vessel
 from grebe.links.base import NOT_A_STATE, BoatStatus, Observation, Order
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.boat_clock import MOST_ALIKE, NEVER_SEEN_S, BoatClock
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.helm import possible_thrusts
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.mission.trial import Conditions, bare_survey, fly, meander
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde

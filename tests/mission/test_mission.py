@@ -14,8 +14,8 @@ from grebe.core.events import EndReason
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.events.recorders import SurveyRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import SurveyRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import free_water

@@ -52,7 +52,7 @@ def with_an_impossible_window(survey, place):
 
 @pytest.mark.slow
 def test_a_target_out_of_reach_is_left_out_and_the_rest_is_visited(tmp_path, survey, monkeypatch):
-    monkeypatch.setattr("grebe.mission.loop.patience_s", lambda *_: 20.0)
+    monkeypatch.setattr("grebe.mission.loop.target_time_limit_s", lambda *_: 20.0)
     small = replace(survey, targets=survey.targets[:9], corridors=survey.corridors[:9])
     hard = with_an_impossible_window(small, 3)
     report, revisions, progress, events = run(

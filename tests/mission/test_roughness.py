@@ -16,9 +16,9 @@ from grebe.core.vessel import PRESETS, vessel_named
 from grebe.io.store import SurveyFile
 from grebe.links.base import Observation
 from grebe.links.simulated import EstimateErrors, SimulatedLink
+from grebe.mission.estimates import BLIND_S
+from grebe.mission.events.recorders import SurveyRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.sight import BLIND_S
-from grebe.mission.telling.recorders import SurveyRecorder
 from grebe.simulation.plant import UNCERTAIN, Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import free_water

@@ -19,10 +19,10 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import IDLE, Reading
 from grebe.links.simulated import EstimateErrors, SimulatedLink
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
 from grebe.mission.safety.settings import CAREFUL, NO_FENCE, SafetySettings
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.mission.trial import Conditions, fly, meander
 from grebe.planning.planner import plan_survey
 from grebe.simulation.faults import NO_FAULTS, Faults, FaultyPlant

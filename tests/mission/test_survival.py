@@ -27,12 +27,12 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.departure import prepare
+from grebe.mission.events import writer
+from grebe.mission.events.broadcast import Broadcast
+from grebe.mission.events.recorders import SurveyRecorder
+from grebe.mission.events.statistics import Alarm
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling import writer
-from grebe.mission.telling.broadcast import Broadcast
-from grebe.mission.telling.recorders import SurveyRecorder
-from grebe.mission.telling.statistics import Alarm
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.files import write_survey
@@ -109,7 +109,7 @@ def test_what_happens_at_one_estimate_is_written_whole_or_not_at_all(tmp_path):
 
 
 def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(writer, "PATIENCE_S", 60.0)
+    monkeypatch.setattr(writer, "TIMEOUT_S", 60.0)
     happened = []
 
     def boat_at(departure):
@@ -177,31 +177,31 @@ class Stuck:
 
 def test_a_disk_that_hangs_is_not_waited_for_and_nothing_is_said_before_it_is_kept():
     recorder, heard = Stuck(), []
-    ears = Broadcast(recorder, [heard.append])
+    broadcast = Broadcast(recorder, [heard.append])
     for i in range(5):
-        ears.hold(step(i))
-        ears.release()
+        broadcast.hold(step(i))
+        broadcast.release()
     assert heard == recorder.batches == []
     recorder.let.set()
-    ears.hold(step(5))
-    ears.close()
+    broadcast.hold(step(5))
+    broadcast.close()
     assert heard == [event for batch in recorder.batches for event in batch]
     assert [event.elapsed_s for event in heard] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
 def test_a_disk_that_fails_ends_a_mission_and_what_it_did_not_keep_is_not_said():
     recorder, heard = Stuck(), []
-    ears = Broadcast(recorder, [heard.append])
+    broadcast = Broadcast(recorder, [heard.append])
     recorder.let.set()
-    ears.hold(step(0))
-    ears.close()
+    broadcast.hold(step(0))
+    broadcast.close()
     recorder.failure = SurveyFileError("full")
-    ears.hold(step(1))
+    broadcast.hold(step(1))
     with pytest.raises(SurveyFileError, match="full"):
-        ears.close()
+        broadcast.close()
     recorder.failure = None
-    ears.hold(step(2))
-    ears.close()
+    broadcast.hold(step(2))
+    broadcast.close()
     assert [event.elapsed_s for event in heard] == [0.0, 2.0]
 
 

@@ -24,7 +24,7 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import Reading
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
-from grebe.mission.rota import Rota
+from grebe.mission.round_robin import RoundRobin
 from grebe.mission.safety.lookout import STUCK_S, Lookout
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.waiting import Waiting
@@ -120,17 +120,17 @@ def test_a_wish_goes_through_the_next_sets_up_to_its_length():
 
 
 def test_in_a_rota_one_acts_at_a_time_and_in_order():
-    rota, said, busy = Rota([1, 2, 3]), [], []
+    robin, said, busy = RoundRobin([1, 2, 3]), [], []
 
     def act(boat, turns):
         for _ in range(turns):
-            rota.wait(boat)
+            robin.wait(boat)
             busy.append(boat)
             assert len(busy) == 1
             said.append(boat)
             busy.clear()
-            rota.end(boat)
-        rota.leave(boat)
+            robin.end(boat)
+        robin.leave(boat)
 
     threads = [threading.Thread(target=act, args=pair) for pair in ((1, 3), (2, 1), (3, 2))]
     for thread in threads:

@@ -27,10 +27,10 @@ from grebe.server import library, maps, plans, views  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
 from grebe.server.failures import NoMapError  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
-from grebe.server.live import Watch  # noqa: E402
+from grebe.server.live import MissionWatch  # noqa: E402
 from grebe.server.requests import parsed  # noqa: E402
 from grebe.server.security import Gate, Keys  # noqa: E402
-from grebe.server.tabs import PAST, QUEUE, Lease, Past, Tab, message  # noqa: E402
+from grebe.server.tabs import PAST, QUEUE, Lease, Past, Tab, encoded_message  # noqa: E402
 from grebe.server.worker import Worker  # noqa: E402
 
 LAKE = [[6.55, 46.45], [6.551, 46.45], [6.551, 46.4506], [6.55, 46.4506], [6.55, 46.45]]
@@ -40,11 +40,11 @@ HOSTS = frozenset({"127.0.0.1:8737"})
 
 async def ask(app, path="/api/x", method="GET", **headers):
     """Send a request to an ASGI app without a socket; return status and headers."""
-    status, headers, _ = await hear(app, path, method, b"", **headers)
+    status, headers, _ = await on_event(app, path, method, b"", **headers)
     return status, headers
 
 
-async def hear(app, path, method, sent, **headers):
+async def on_event(app, path, method, sent, **headers):
     """Send a request with a body; return status, headers and body."""
     heard = []
     scope = {
@@ -290,7 +290,7 @@ def test_a_kept_plan_is_a_survey_file_of_that_name(tmp_path):
 def test_a_slow_tab_is_told_all_again_instead_of_a_queue():
     tab = Tab(name="slow")
     for _ in range(3 * QUEUE):
-        tab.tell(message("delta", {}))
+        tab.send(encoded_message("delta", {}))
     assert tab.behind
     assert tab.queue.qsize() == QUEUE
 
@@ -348,7 +348,7 @@ def served(tmp_path):
             "content_type": "application/json", "x_grebe_tab": tab,
         }  # fmt: skip
         whole = path if path.startswith("/api") else base + path
-        status, _, answer = run(hear(app, whole, method, body, **headers))
+        status, _, answer = run(on_event(app, whole, method, body, **headers))
         return status, json.loads(answer or b"null")
 
     return asked
@@ -409,7 +409,7 @@ def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
 @pytest.mark.slow
 def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
     path, _, told = simulated_survey
-    watch = Watch("x", path, Lease())
+    watch = MissionWatch("x", path, Lease())
     watch.state = views.snapshot("x", path)
     count = watch.state["status"]["samples"]
     # The file was read after the mission had sent the last of these.
@@ -425,7 +425,7 @@ def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
 def test_targets_are_known_by_their_numbers_and_not_by_their_places(simulated_survey):
     """A revision changes the order; a page must not mark the neighbours of a target."""
     path, _, _ = simulated_survey
-    watch = Watch("x", path, Lease())
+    watch = MissionWatch("x", path, Lease())
     watch.state = views.snapshot("x", path)
     targets = watch.state["targets"] = [
         {**one, "state": "open"} for one in reversed(watch.state["targets"])

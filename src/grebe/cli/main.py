@@ -9,7 +9,7 @@ import click
 
 from grebe.cli import output
 from grebe.cli.flags import sentence
-from grebe.cli.interruption import INTERRUPTED, heed_signals
+from grebe.cli.interruption import INTERRUPTED, handle_signals
 from grebe.core.errors import GrebeError, InputError
 from grebe.workflow.collector import leave_all, uncollected
 
@@ -87,7 +87,7 @@ def _is_interruption(error: BaseException | None) -> bool:
 def main() -> None:
     """Run the command line and exit with the error's own exit code."""
     output.make_streams_safe()
-    heed_signals()
+    handle_signals()
     try:
         grebe.main(standalone_mode=False)
     except GrebeError as error:

@@ -15,7 +15,7 @@ import click
 from grebe.cli.unwatched import LAST_WORDS_S, Unwatched
 
 if TYPE_CHECKING:
-    from grebe.mission.telling.statistics import Progress as MissionProgress
+    from grebe.mission.events.statistics import Progress as MissionProgress
 
 TIP = "Next: "
 # Longest time between two progress lines when stderr is no terminal [s].

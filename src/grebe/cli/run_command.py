@@ -16,7 +16,7 @@ from click.core import ParameterSource
 from grebe.cli import options, output
 from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_of
 from grebe.cli.fleet_run import explain, fleet_numbers, next_command, run_fleet
-from grebe.cli.interruption import heed_mission, ignore_hangup
+from grebe.cli.interruption import handle_signals_for, ignore_hangup
 from grebe.cli.live_view import live_view
 from grebe.cli.rule_options import refuse_foreign, rule_of, rule_options
 from grebe.cli.run_preview import say_spent, say_which, show_preview
@@ -32,11 +32,11 @@ from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
 from grebe.mission.departure import prepare
+from grebe.mission.events.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
 from grebe.mission.spent import NOTHING, Spent
-from grebe.mission.telling.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
 from grebe.workflow.instruments import (
@@ -255,18 +255,18 @@ def _run(
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
     closures = _closures_of(run, survey_file)
     onward = onward_of(run, survey_file, force=how["force"])
-    with live_view(survey_file, wanted=live) as ears:
+    with live_view(survey_file, wanted=live) as mission_socket:
 
         def ready(mission: Mission) -> None:
-            heed_mission(mission)
-            if ears is not None:
-                ears.obeys(mission)
+            handle_signals_for(mission)
+            if mission_socket is not None:
+                mission_socket.attach(mission)
             if closures is not None:
                 closures.begin(mission)
 
         report = run_survey(
             survey_file,
-            boat_at if ears is None else ears.beside(boat_at),
+            boat_at if mission_socket is None else mission_socket.with_status(boat_at),
             steered_by(rule, solver),
             now,
             _settings_for(run, now, departure.survey, departure.spent),
@@ -275,7 +275,7 @@ def _run(
             listeners=[
                 ProgressMeter(bar.update),
                 Alarm(output.note),
-                *([] if ears is None else [ears.hear]),
+                *([] if mission_socket is None else [mission_socket.on_event]),
                 *([] if closures is None else [closures]),
             ],
             on_ready=ready,
@@ -308,12 +308,12 @@ def _sail_fleet(
     """Sail all boats of a fleet with the options `run`, and print the outcome."""
     settings = _mission_settings(run, now)
     onward = onward_of(run, survey_file, force=force)
-    with live_view(survey_file, wanted=live) as ears:
+    with live_view(survey_file, wanted=live) as mission_socket:
         report = run_fleet(
             survey_file, urls, _settings(run), settings, now, bar,
             yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
-            closures=lambda: _closures_of(run, survey_file), extends=onward, ears=ears,
-            changed=run["changed"],
+            closures=lambda: _closures_of(run, survey_file), extends=onward,
+            mission_socket=mission_socket, changed=run["changed"],
         )  # fmt: skip
     ahead = next_command(report, survey_file.path)
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)

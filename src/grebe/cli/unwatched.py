@@ -14,7 +14,7 @@ from typing import Any, TextIO
 
 # How long a flush waits for the reader, so that lines of both streams stay in order [s]. A reader
 # who kept it waiting gets no more time until everything is written.
-PATIENCE_S = 0.05
+TIMEOUT_S = 0.05
 # Time at exit for the last texts, such as the reason why a command failed [s].
 LAST_WORDS_S = 0.5
 # Longest queue of unread texts; the oldest are dropped, which bounds the memory.
@@ -55,9 +55,9 @@ class Unwatched:
         return len(text)
 
     def flush(self) -> None:
-        """Wait up to `PATIENCE_S` until all is written; do not wait if the last flush timed out."""
+        """Wait up to `TIMEOUT_S` until all is written; do not wait if the last flush timed out."""
         if not self._stalled:
-            self._stalled = not self.drain(PATIENCE_S)
+            self._stalled = not self.drain(TIMEOUT_S)
 
     def drain(self, timeout_s: float) -> bool:
         """Wait up to `timeout_s` until all is written, and return whether it is."""

@@ -59,7 +59,7 @@ class ForeseeingHelm(Protocol):
 
 
 @runtime_checkable
-class HeedingHelm(Protocol):
+class TrafficAwareHelm(Protocol):
     """A helm whose plans can keep a distance from other boats."""
 
     def heed(self, others: Sequence[AnnouncedPath], apart_m: float) -> None:

@@ -13,9 +13,9 @@ from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.identification.manoeuvre import Manoeuvre
 from grebe.links.base import BoatLink
+from grebe.mission.events.recorders import Listener, MemoryRecorder
 from grebe.mission.loop import Mission, MissionSettings
 from grebe.mission.measuring.sampling import InSets
-from grebe.mission.telling.recorders import Listener, MemoryRecorder
 
 STEP_S = 0.1
 # The loop ends when a target is reached or given up. This target is too far away for either.

@@ -18,12 +18,13 @@ from grebe.core.events import Prediction, Step, Thrusts
 from grebe.core.inner_loop import held_motion
 from grebe.core.survey import Target
 from grebe.links.base import Observation, Order
+from grebe.mission.events.publisher import Publisher
 from grebe.mission.gate import Gate
 from grebe.mission.helm import (
     AdaptableHelm,
     ForeseeingHelm,
-    HeedingHelm,
     Helm,
+    TrafficAwareHelm,
     possible_thrusts,
     step_of,
 )
@@ -31,7 +32,6 @@ from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.guard import Guard
 from grebe.mission.safety.lookout import Lookout
 from grebe.mission.safety.states import Place, SafetyState
-from grebe.mission.telling.announcer import Announcer
 
 
 class Steering:
@@ -49,13 +49,13 @@ class Steering:
         gate: Gate,
         tracker: Tracker,
         guard: Guard,
-        announcer: Announcer,
+        publisher: Publisher,
         stopwatch: Callable[[], float],
         lookout: Lookout | None = None,
     ) -> None:
         self.controller, self._targets = controller, targets
         self._gate, self._tracker, self._guard = gate, tracker, guard
-        self._announcer, self._stopwatch = announcer, stopwatch
+        self._publisher, self._stopwatch = publisher, stopwatch
         self._lookout = lookout
         self._next_step_s = 0.0
         self._command: tuple[float, Command] | None = None
@@ -146,7 +146,7 @@ class Steering:
         state = self._tracker.ahead(then_s, observation.time_s, observation.state)
         if isinstance(helm, ForeseeingHelm):
             helm.expect(self._tracker.thrusters(observation.time_s))
-        if self._lookout is not None and isinstance(helm, HeedingHelm):
+        if self._lookout is not None and isinstance(helm, TrafficAwareHelm):
             others = self._lookout.announced((state[0], state[1]))
             helm.heed(others, self._lookout.traffic.wide_m)
         command = helm.step(state, self._weather, elapsed)
@@ -154,7 +154,7 @@ class Steering:
         self._command = (observation.time_s, command)
         self._apply(observation, reached, self._possible(command.thrusts_at(0.0)), solve_ms)
         if command.plan is not None:
-            self._announcer.tell(
+            self._publisher.publish(
                 Prediction,
                 observation.time_s,
                 after_s=np.concatenate([[0.0], np.cumsum(command.plan.durations)]),
@@ -191,7 +191,7 @@ class Steering:
         surveys = self._guard.state is SafetyState.SURVEYING
         command = None if self._command is None else self._command[1]
         steered = command is not None and (surveys or self._guard.helm is not None)
-        self._announcer.tell(
+        self._publisher.publish(
             Step,
             observation.time_s,
             state=observation.state,

@@ -17,9 +17,11 @@ from grebe.core.revision import Sortie
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments
 from grebe.mission.departure import Departure, prepare
+from grebe.mission.events.recorders import Listener, SharedRecorder, SurveyRecorder
+from grebe.mission.events.statistics import MissionReport
 from grebe.mission.loop import Mission
 from grebe.mission.replanning import Extension, Replanner
-from grebe.mission.rota import InTurn
+from grebe.mission.round_robin import RoundRobinLink
 from grebe.mission.safety.lookout import InFleet, Lookout
 from grebe.mission.safety.route_home import check_home
 from grebe.mission.safety.states import Cause
@@ -27,8 +29,6 @@ from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.watchdog import guarded, journal_beside
 from grebe.mission.settings import MissionSettings
 from grebe.mission.spent import AT_HOME
-from grebe.mission.telling.recorders import Listener, SharedRecorder, SurveyRecorder
-from grebe.mission.telling.statistics import MissionReport
 from grebe.workflow.berths import farthest_first, harbour_of, is_afloat, lying
 from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.handover import Handover
@@ -259,7 +259,7 @@ class FleetRun:
         mission = Mission(
             departure.survey,
             helm,
-            InTurn(link, together.rota, boat) if self.shares_time else link,
+            RoundRobinLink(link, together.turns, boat) if self.shares_time else link,
             SharedRecorder(SurveyRecorder(self.survey_file, boat), together.lock),
             self._settings_of(boat, departure),
             quantities=departure.quantities,

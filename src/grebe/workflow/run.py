@@ -15,6 +15,9 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments, as_driven
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.departure import Departure, prepare
+from grebe.mission.events.broadcast import Broadcast
+from grebe.mission.events.recorders import Listener, SurveyRecorder
+from grebe.mission.events.statistics import MissionReport
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
 from grebe.mission.replanning import Extension, KeptPlan, Replanner
@@ -22,9 +25,6 @@ from grebe.mission.safety.route_home import Pilot, check_home
 from grebe.mission.safety.watchdog import guarded, journal_beside, taken_notes
 from grebe.mission.settings import MissionSettings
 from grebe.mission.spent import Spent
-from grebe.mission.telling.broadcast import Broadcast
-from grebe.mission.telling.recorders import Listener, SurveyRecorder
-from grebe.mission.telling.statistics import MissionReport
 from grebe.workflow.collector import no_long_pauses
 
 BoatAt = Callable[[Departure], BoatLink]
@@ -185,9 +185,9 @@ def counting(settings: MissionSettings | None, departure: Departure) -> MissionS
 
 def say_first(departure: Departure, survey_file: SurveyFile, listeners: Sequence[Listener]) -> None:
     """Report what must be known before a mission: doubts, and what a watchdog had to do earlier."""
-    ears = Broadcast(SurveyRecorder(survey_file), listeners)
+    broadcast = Broadcast(SurveyRecorder(survey_file), listeners)
     said = [(doubt.code, doubt.message) for doubt in departure.doubts]
     said += [("watchdog_acted", note) for note in taken_notes(journal_beside(survey_file.path))]
     for code, message in said:
-        ears.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
-    ears.close()
+        broadcast.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
+    broadcast.close()

@@ -18,8 +18,8 @@ from grebe.links.instruments.pretend import PretendSerial, PretendUdp, ordinary_
 from grebe.links.instruments.profile import profile_named, profile_names
 from grebe.links.instruments.speakers import speaker_at
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.instruments import checks_of, instrument_named, instruments_at, refuse_unopened

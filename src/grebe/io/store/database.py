@@ -71,7 +71,7 @@ class Transaction:
 
 
 # How long to wait for another process that writes to the same file [s].
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -79,7 +79,7 @@ def connect(path: Path) -> sqlite3.Connection:
 
     A mission writes in another thread than the one that opened the file.
     """
-    return sqlite3.connect(path, isolation_level=None, timeout=PATIENCE_S, check_same_thread=False)
+    return sqlite3.connect(path, isolation_level=None, timeout=TIMEOUT_S, check_same_thread=False)
 
 
 def make_durable(connection: sqlite3.Connection) -> None:

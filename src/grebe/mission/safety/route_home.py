@@ -17,11 +17,11 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import Observation
 from grebe.mission.helm import AdaptableHelm, Helm
-from grebe.mission.patience import patience_s
 from grebe.mission.safety.fence import fence_of
 from grebe.mission.safety.reserve import route_home_s
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Place
+from grebe.mission.time_limits import target_time_limit_s
 from grebe.planning.paths.routes_home import RoutesHome, routes_home, transit_survey
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ class RouteHome:
         helm.reached = 0
         if helm.vessel != vessel and isinstance(helm, AdaptableHelm):
             helm.take_for(vessel)
-        deadline_s = _patience(survey, 0, observation)
+        deadline_s = _deadline_s(survey, 0, observation)
         self.under_way = UnderWay(helm=helm, survey=survey, deadline_s=deadline_s)
         return True
 
@@ -165,7 +165,7 @@ class RouteHome:
         before = route.helm.reached
         route.helm.reached = reached_count(route.survey.sets, before, observation.state)
         if route.helm.reached > before:
-            route.deadline_s = _patience(route.survey, route.helm.reached, observation)
+            route.deadline_s = _deadline_s(route.survey, route.helm.reached, observation)
 
     def _measured(
         self, observation: Observation, weather: Weather, vessel: Vessel
@@ -206,7 +206,7 @@ class RouteHome:
         return self._routes
 
 
-def _patience(survey: Survey, reached: int, observation: Observation) -> float:
+def _deadline_s(survey: Survey, reached: int, observation: Observation) -> float:
     if reached >= len(survey.targets):
         return math.inf
-    return observation.time_s + patience_s(survey.targets[reached].set, observation.state)
+    return observation.time_s + target_time_limit_s(survey.targets[reached].set, observation.state)

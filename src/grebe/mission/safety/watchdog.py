@@ -24,7 +24,7 @@ from grebe.core.events import MissionEvent, Step
 from grebe.links import guard
 from grebe.links.base import BoatLink
 from grebe.links.emergency import EmergencyStop, emergency_of
-from grebe.mission.telling.recorders import Listener
+from grebe.mission.events.recorders import Listener
 
 # The time allowed for starting the process and importing its action [s].
 START_S = 20.0

@@ -14,30 +14,30 @@ from grebe.links.passing import PassingLink
 _T = TypeVar("_T")
 
 
-class SturdyLink(PassingLink):
+class CheckedLink(PassingLink):
     """A link that turns an `OSError` into a `LinkError`. `close` suppresses it instead, for a link
     that is already broken cannot be left in better order.
     """
 
     def observe(self) -> Observation:
         """See `BoatLink`."""
-        return _told(super().observe)
+        return _checked(super().observe)
 
     def command(self, order: Order) -> None:
         """See `BoatLink`."""
-        _told(partial(super().command, order))
+        _checked(partial(super().command, order))
 
     def measure(self) -> Mapping[str, float]:
         """See `BoatLink`."""
-        return _told(super().measure)
+        return _checked(super().measure)
 
     def status(self) -> BoatStatus:
         """See `BoatLink`."""
-        return _told(super().status)
+        return _checked(super().status)
 
     def stop(self) -> None:
         """See `BoatLink`."""
-        _told(super().stop)
+        _checked(super().stop)
 
     def close(self) -> None:
         """See `BoatLink`."""
@@ -45,7 +45,7 @@ class SturdyLink(PassingLink):
             super().close()
 
 
-def _told(call: Callable[[], _T]) -> _T:
+def _checked(call: Callable[[], _T]) -> _T:
     try:
         return call()
     except OSError as error:

@@ -7,11 +7,11 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from grebe.core.events import Ended, EndReason, MissionEvent, SafetyChanged
-from grebe.mission.telling.broadcast import Broadcast
-from grebe.mission.telling.recorders import Listener, Recorder
+from grebe.mission.events.broadcast import Broadcast
+from grebe.mission.events.recorders import Listener, Recorder
 
 
-class Announcer:
+class Publisher:
     """Dates the events of a mission and passes them on; `started` is the UTC time of the link's
     second zero.
     """
@@ -26,13 +26,13 @@ class Announcer:
         """Return the UTC time of a second of the link."""
         return self._started + timedelta(seconds=time_s)
 
-    def tell(self, kind: type[MissionEvent], time_s: float, **what: Any) -> None:
+    def publish(self, kind: type[MissionEvent], time_s: float, **fields: Any) -> None:
         """Hold an event, which is stored and passed on with the next `release`."""
-        self._broadcast.hold(kind(time=self.time_at(time_s), elapsed_s=time_s, **what))
+        self._broadcast.hold(kind(time=self.time_at(time_s), elapsed_s=time_s, **fields))
 
-    def change(self, time_s: float, **what: str) -> None:
+    def publish_safety(self, time_s: float, **fields: str) -> None:
         """Report that the guard changed what the boat does."""
-        self.tell(SafetyChanged, time_s, **what)
+        self.publish(SafetyChanged, time_s, **fields)
 
     def release(self) -> None:
         """Store the held events and pass them on."""
@@ -43,7 +43,7 @@ class Announcer:
         recorder itself may have failed.
         """
         try:
-            self.tell(Ended, time_s, reason=reason, message=message)
+            self.publish(Ended, time_s, reason=reason, message=message)
             self._broadcast.close()
         except Exception:
             if not quietly:

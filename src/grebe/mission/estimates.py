@@ -13,17 +13,17 @@ from grebe.core.errors import LinkError
 from grebe.core.events import EndReason, Warned
 from grebe.links.base import BoatLink, Observation
 from grebe.mission.boat_clock import BoatClock
+from grebe.mission.events.publisher import Publisher
 from grebe.mission.gate import OverError
 from grebe.mission.headings import unwrapped
 from grebe.mission.safety.guard import Guard
 from grebe.mission.steering import Steering
-from grebe.mission.telling.announcer import Announcer
 
 # Time without a usable estimate after which the boat is braked and the thrusters stop [s].
 BLIND_S = 1.5
 
 
-class Sight:
+class EstimateReader:
     """Reads the estimates of one link; `asked_to_stop` says who wants the mission to end, if
     anybody does.
 
@@ -37,11 +37,11 @@ class Sight:
         tracker: Tracker,
         guard: Guard,
         steering: Steering,
-        announcer: Announcer,
+        publisher: Publisher,
         asked_to_stop: Callable[[], str],
     ) -> None:
         self._link, self._tracker, self._guard = link, tracker, guard
-        self._steering, self._announcer = steering, announcer
+        self._steering, self._publisher = steering, publisher
         self._asked_to_stop = asked_to_stop
         self._clock = BoatClock()
         self.raw: Observation | None = None
@@ -64,12 +64,14 @@ class Sight:
                 self.last = self.raw if is_right else replace(self.raw, state=corrected)
                 return self.last
             text = f"an estimate is not finite and is ignored: {observation.state}"
-            self._announcer.tell(Warned, observation.time_s, code="estimate_invalid", message=text)
+            self._publisher.publish(
+                Warned, observation.time_s, code="estimate_invalid", message=text
+            )
             if request := self._asked_to_stop():
                 raise OverError(EndReason.STOPPED, request)
             if self.last and observation.time_s - self.last.time_s > BLIND_S:
-                self._grope(self.last, observation)
-            self._announcer.release()
+                self._steer_blind(self.last, observation)
+            self._publisher.release()
 
     def _check_clock(self, observation: Observation) -> None:
         """Raise `LinkError` if the boat's clock is unusable. An autopilot that has restarted, and
@@ -82,7 +84,7 @@ class Sight:
                 raise OverError(EndReason.STOPPED, request) from None
             raise
 
-    def _grope(self, seen: Observation, now: Observation) -> None:
+    def _steer_blind(self, seen: Observation, now: Observation) -> None:
         """Brake a boat without a usable estimate since `seen`; end a mission that stays blind."""
         given, weather = self._steering.thrusts, self._tracker.weather
         thrusts = self._guard.blind(seen, now, given, weather)

@@ -37,7 +37,7 @@ class Recorder(Protocol):
 
 
 @runtime_checkable
-class KeepsTogether(Recorder, Protocol):
+class TransactionalRecorder(Recorder, Protocol):
     """A recorder that can store the events of one estimate together: all or none."""
 
     def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
@@ -62,7 +62,7 @@ class SurveyRecorder:
         self.record_together([event])
 
     def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
-        """See `KeepsTogether`."""
+        """See `TransactionalRecorder`."""
         worth = [event for event in events if not isinstance(event, Estimate | Prediction)]
         if not worth:
             return ()
@@ -107,7 +107,7 @@ class SharedRecorder:
         self.record_together([event])
 
     def record_together(self, events: Sequence[MissionEvent]) -> Sequence[MissionEvent]:
-        """See `KeepsTogether`."""
+        """See `TransactionalRecorder`."""
         with self._lock:
             return self._recorder.record_together(events)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from grebe.core.events import MissionEvent, Warned
-from grebe.mission.telling.recorders import KeepsTogether, Listener, Recorder
-from grebe.mission.telling.writer import Writer
+from grebe.mission.events.recorders import Listener, Recorder, TransactionalRecorder
+from grebe.mission.events.writer import Writer
 
 
 class Broadcast:
@@ -17,7 +17,7 @@ class Broadcast:
 
     def __init__(self, recorder: Recorder, listeners: Sequence[Listener] = ()) -> None:
         self._recorder = recorder
-        self._writer = Writer(recorder) if isinstance(recorder, KeepsTogether) else None
+        self._writer = Writer(recorder) if isinstance(recorder, TransactionalRecorder) else None
         self._listeners = list(listeners)
         self._held: list[MissionEvent] = []
 

@@ -1,7 +1,7 @@
 """Boats that share one simulated clock act in turn, so that every run is the same.
 
 Each mission runs in its own thread, and only the boat whose turn it is proceeds, from one estimate
-to the next. A boat leaves the rota when its mission is over.
+to the next. A boat that has ended its mission has no more turns.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from grebe.links.base import BoatLink, Observation
 from grebe.links.passing import PassingLink
 
 
-class Rota:
+class RoundRobin:
     """Keeps track of whose turn it is; boats are identified by their numbers."""
 
     def __init__(self, boats: list[int]) -> None:
@@ -48,20 +48,20 @@ class Rota:
         return self._boats[self._turn] == boat
 
 
-class InTurn(PassingLink):
+class RoundRobinLink(PassingLink):
     """A boat's link that advances only in the boat's turn."""
 
-    def __init__(self, link: BoatLink, rota: Rota, boat: int) -> None:
+    def __init__(self, link: BoatLink, turns: RoundRobin, boat: int) -> None:
         super().__init__(link)
-        self._rota, self._boat = rota, boat
+        self._turns, self._boat = turns, boat
 
     def observe(self) -> Observation:
         """Let the other boats act, and return the next estimate when it is this boat's turn."""
-        self._rota.end(self._boat)
-        self._rota.wait(self._boat)
+        self._turns.end(self._boat)
+        self._turns.wait(self._boat)
         return self._link.observe()
 
     def close(self) -> None:
-        """See `BoatLink`; also removes the boat from the rota."""
+        """See `BoatLink`; also ends its turns."""
         self._link.close()
-        self._rota.leave(self._boat)
+        self._turns.leave(self._boat)

@@ -11,10 +11,10 @@ import threading
 from collections.abc import Sequence
 
 from grebe.core.events import MissionEvent
-from grebe.mission.telling.recorders import KeepsTogether
+from grebe.mission.events.recorders import TransactionalRecorder
 
 # How long the loop waits for the disk at each estimate [s]; usually long enough.
-PATIENCE_S = 0.03
+TIMEOUT_S = 0.03
 # With this many unstored events, some 10 s of them, the loop waits for the disk after all.
 MOST_BEHIND = 500
 
@@ -22,7 +22,7 @@ MOST_BEHIND = 500
 class Writer:
     """Stores events in order, in a thread that ends with `finish`."""
 
-    def __init__(self, recorder: KeepsTogether) -> None:
+    def __init__(self, recorder: TransactionalRecorder) -> None:
         self._recorder = recorder
         self._changed = threading.Condition()
         self._waiting: list[MissionEvent] = []
@@ -44,7 +44,7 @@ class Writer:
                 self._thread = threading.Thread(target=self._work, daemon=True)
                 self._thread.start()
             self._changed.notify_all()
-            self._changed.wait_for(self._is_idle, PATIENCE_S)
+            self._changed.wait_for(self._is_idle, TIMEOUT_S)
             self._changed.wait_for(lambda: len(self._waiting) < MOST_BEHIND)
             return self._taken()
 
