@@ -14,9 +14,9 @@ from grebe.core.events import EndReason, Reached
 from grebe.core.plan_settings import FleetSettings, PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
+from grebe.mission.consumption import AT_HARBOUR_M
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.settings import MissionSettings
-from grebe.mission.spent import AT_HARBOUR_M
 from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties

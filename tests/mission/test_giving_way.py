@@ -179,11 +179,11 @@ def test_who_makes_room_goes_nowhere_that_another_has_claimed_meanwhile(monkeypa
     guard = Guard(survey, PRESETS["spyboat"], SafetySettings(), told, NOON, lookout=lookout)
     here = Observation(time_s=0.0, state=(30.0, 30.0, 0.0, 0.0, 0.0, 0.0))
     guard.ask(Request.HOLD, "it makes room")
-    guard.look(here, CALM, (0.0, 0.0), 0)
+    guard.assess(here, CALM, (0.0, 0.0), 0)
     assert guard.state is SafetyState.HOLDING
     traffic.claim(2, line((30.0, 50.0)))
     monkeypatch.setattr(Lookout, "place_to_wait", lambda *_: place)
-    guard.look(replace(here, time_s=0.1), CALM, (0.0, 0.0), 0)
+    guard.assess(replace(here, time_s=0.1), CALM, (0.0, 0.0), 0)
     assert guard._memory.place == ((30.0, 30.0) if taken else place)
 
 

@@ -15,7 +15,7 @@ from grebe.core.revision import Sortie, first_revision
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.mission.replanning import KeptPlan, Replanner
+from grebe.mission.replanning import Replanner, SharedPlan
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
@@ -98,7 +98,7 @@ def test_an_order_that_cannot_be_made_ends_the_wait_for_it(survey, monkeypatch):
     )
     plans = Replanner(
         survey=survey,
-        plan=KeptPlan(revision=first_revision(survey)),
+        plan=SharedPlan(revision=first_revision(survey)),
         vessel=BOAT,
         helm_of=lambda _: None,
         waits=True,
@@ -136,7 +136,7 @@ def test_a_sortie_is_judged_by_the_battery_of_its_own_boat(survey, boat, battery
     ]  # fmt: skip
     whole = replace(survey, settings=settings)
     plans = Replanner(
-        survey=whole, plan=KeptPlan(revision=first_revision(whole, sorties)), vessel=BOAT,
+        survey=whole, plan=SharedPlan(revision=first_revision(whole, sorties)), vessel=BOAT,
         helm_of=lambda _: None, sortie=boat,
     )  # fmt: skip
     plans.watch(10.0, 1, (0.0, 0.0), CALM, 1.0)

@@ -31,12 +31,12 @@ from grebe.core.survey import Survey
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
 from grebe.links.instruments.instrument import Bench
+from grebe.mission.consumption import NOTHING, Consumption
 from grebe.mission.departure import prepare
 from grebe.mission.events.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.mission.spent import NOTHING, Spent
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
 from grebe.workflow.instruments import (
@@ -331,7 +331,7 @@ def _mission_settings(run: dict[str, Any], now: datetime) -> MissionSettings:
 
 
 def _settings_for(
-    run: dict[str, Any], now: datetime, survey: Survey, spent: Spent
+    run: dict[str, Any], now: datetime, survey: Survey, spent: Consumption
 ) -> MissionSettings:
     """The settings of one boat that has `spent` part of the plan's energy and time. A battery given
     or changed now starts full and with all of its time.

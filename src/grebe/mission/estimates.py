@@ -87,8 +87,8 @@ class EstimateReader:
     def _steer_blind(self, seen: Observation, now: Observation) -> None:
         """Brake a boat without a usable estimate since `seen`; end a mission that stays blind."""
         given, weather = self._steering.thrusts, self._tracker.weather
-        thrusts = self._guard.blind(seen, now, given, weather)
+        thrusts = self._guard.steer_blind(seen, now, given, weather)
         if self._guard.end is not None:
             raise OverError(*self._guard.end)
-        state = self._guard.reckoned or seen.state
+        state = self._guard.dead_reckoned or seen.state
         self._steering.send(replace(now, state=state), thrusts)

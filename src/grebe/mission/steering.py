@@ -68,13 +68,13 @@ class Steering:
         if isinstance(controller, AdaptableHelm) and controller.vessel != self._tracker.vessel:
             controller.take_for(self._tracker.vessel)
         self._command = None
-        self.begin_anew(time_s)
+        self.restart(time_s)
 
-    def begin_anew(self, time_s: float) -> None:
+    def restart(self, time_s: float) -> None:
         """Make a new control step at the next estimate."""
         self._next_step_s = time_s
 
-    def take_for_another_boat(self) -> None:
+    def adopt_model(self) -> None:
         """Plan with the boat's estimated parameters from now on."""
         for one in (self.controller, self._guard.helm, self._guard):
             if isinstance(one, AdaptableHelm):
@@ -92,12 +92,12 @@ class Steering:
         if own is not None:
             if own != self.thrusts:
                 self.send(observation, own)
-                self._tell_step(observation, None)
+                self._publish_step(observation, None)
         elif idle and self._helm is self.controller:
             self.send(observation, (0.0, 0.0))
         elif waits_at is not None and self._helm is self.controller:
             self.send(observation, self._guard.waits_at(observation, self._weather, waits_at))
-            self._tell_step(observation, None)
+            self._publish_step(observation, None)
         elif observation.time_s >= self._next_step_s - 1e-9:
             self._steer(observation, reached)
         else:
@@ -181,12 +181,12 @@ class Steering:
         """Send the thrusts, or the guard's if it does not permit them, and report the step."""
         ahead = self.ahead(observation) or (lambda _: thrusts)
         if not self._guard.permitted(observation, ahead, self._weather, reached):
-            self.begin_anew(observation.time_s)
+            self.restart(observation.time_s)
             thrusts = self._guard.own_thrusts(observation, self._weather) or (0.0, 0.0)
         self.send(observation, thrusts)
-        self._tell_step(observation, solve_ms)
+        self._publish_step(observation, solve_ms)
 
-    def _tell_step(self, observation: Observation, solve_ms: float | None) -> None:
+    def _publish_step(self, observation: Observation, solve_ms: float | None) -> None:
         """Report the thrusts sent to the boat, by a helm's command or by the guard."""
         surveys = self._guard.state is SafetyState.SURVEYING
         command = None if self._command is None else self._command[1]

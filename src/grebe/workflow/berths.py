@@ -6,9 +6,9 @@ import math
 from collections.abc import Collection, Mapping
 
 from grebe.io.store import SurveyFile
+from grebe.mission.consumption import AT_HARBOUR_M
 from grebe.mission.departure import Departure
 from grebe.mission.safety.states import Place
-from grebe.mission.spent import AT_HARBOUR_M
 
 
 def harbour_of(departure: Departure) -> Place | None:

@@ -16,6 +16,7 @@ from grebe.core.events import EndReason
 from grebe.core.revision import Sortie
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments
+from grebe.mission.consumption import AT_HOME
 from grebe.mission.departure import Departure, prepare
 from grebe.mission.events.recorders import Listener, SharedRecorder, SurveyRecorder
 from grebe.mission.events.statistics import MissionReport
@@ -28,7 +29,6 @@ from grebe.mission.safety.states import Cause
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.watchdog import guarded, journal_beside
 from grebe.mission.settings import MissionSettings
-from grebe.mission.spent import AT_HOME
 from grebe.workflow.berths import farthest_first, harbour_of, is_afloat, lying
 from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.handover import Handover
@@ -300,7 +300,7 @@ class FleetRun:
             sortie=sortie.number,
             spent_s=departure.spent.seconds,
             waits=self.shares_time,
-            heeds=self.replans,
+            reacts=self.replans,
             extends=self.extends(together.sailing) if self.extends and goes_on else None,
         )
 

@@ -20,7 +20,7 @@ from grebe.mission.safety.route_home import home_of, speed_home_mps, survey_rout
 from grebe.mission.safety.settings import SafetySettings
 from grebe.planning.paths.routes_home import path_length_m
 from grebe.planning.paths.travel import travel_of
-from grebe.planning.revisions.lead_on import ASTRAY_M, is_led
+from grebe.planning.revisions.connect import OFF_CORRIDOR_M, is_connected
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +108,9 @@ def fleet_preview(survey_file: SurveyFile, now: datetime) -> dict[str, Any]:
 def _detour(departure: Departure) -> tuple[str, ...]:
     survey, place = departure.survey, departure.state[:2]
     left = shapely.difference(survey.water, shapely.union_all(list(survey.no_go)))
-    if is_led(survey, lambda: left.buffer(ASTRAY_M), departure.reached, (place[0], place[1])):
+    if is_connected(
+        survey, lambda: left.buffer(OFF_CORRIDOR_M), departure.reached, (place[0], place[1])
+    ):
         return ()
     return (
         "the route to the next target leads around land; the predicted time does not include "

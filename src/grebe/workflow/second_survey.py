@@ -25,13 +25,13 @@ from grebe.core.taut import path_through
 from grebe.planning.cells.mesh import target_footprint
 from grebe.planning.fleets.fleet_times import boat_times
 from grebe.planning.fleets.shares import shared_out
+from grebe.planning.merge import checked, merged
 from grebe.planning.paths.connected_mesh import connected_mesh
 from grebe.planning.paths.corridors import PathFinder
 from grebe.planning.paths.network import Network
 from grebe.planning.paths.place_paths import PlacePaths, place_paths
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner
-from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region, water_of
 from grebe.planning.revisions.adapt import Worth, chosen_places, once_read
 from grebe.planning.revisions.second import followed_by
@@ -302,7 +302,7 @@ def _alone(planner: Planner, draft: Draft) -> PlannedSorties:
     """Return the plan of one boat that does not come back, as one sortie."""
     finder = PathFinder(draft.cells, draft.network, planner.water, draft.cell_m)
     part = planner.survey(draft, finder, 0.0)
-    survey, revision = put_together([part], 0.0)
+    survey, revision = merged([part], 0.0)
     outcome = survey.outcome
     assert outcome is not None
     return PlannedSorties(

@@ -8,7 +8,7 @@ from grebe.core.revision import PlanRevision
 from grebe.io.store import SurveyFile
 from grebe.mission.events.statistics import MissionReport
 from grebe.mission.loop import Mission
-from grebe.mission.replanning import KeptPlan
+from grebe.mission.replanning import SharedPlan
 from grebe.mission.round_robin import RoundRobin
 from grebe.mission.safety.traffic import Traffic
 
@@ -22,7 +22,7 @@ class Together:
     def __init__(self, traffic: Traffic, file: SurveyFile) -> None:
         boats = list(traffic.order)
         self.traffic, self.turns, self.lock = traffic, RoundRobin(boats), threading.Lock()
-        self.plan = KeptPlan(revision=file.revision, keep=self._keep)
+        self.plan = SharedPlan(revision=file.revision, keep=self._keep)
         self._file = file
         self._busy = set(boats)
         self._sailing = set(boats)

@@ -19,10 +19,10 @@ from grebe.mission.safety.fence import (
     MOST_DOUBT_M,
     Fence,
     braking_distance_m,
+    dead_reckoned,
     escape,
     fence_of,
-    foreseen,
-    reckoned,
+    predicted_stop,
 )
 from grebe.mission.safety.settings import CAREFUL
 from grebe.simulation.autopilot import Autopilot, AutopilotSettings, Mode
@@ -62,7 +62,7 @@ def test_what_is_foreseen_is_what_the_boat_does(boat):
     weather = Weather(current_north_mps=0.2, wind_force_east_n=2.0)
     state, refuge = (0.0, 0.0, 0.3, 0.9, 0.1, 0.05), (-3.0, 1.0)
     thrusts = [(4.0, 2.0)] * 5
-    states = foreseen(POND, keeper(boat), state, thrusts, weather, refuge)
+    states = predicted_stop(POND, keeper(boat), state, thrusts, weather, refuge)
     plant = Plant(boat if boat.thruster_lag_s == 0 else without_lag(boat), state, weather)
     for k, ahead in enumerate(states[1:-1]):
         given = thrusts[k] if k < 5 else keeper(boat).keep(plant.state, weather, refuge)
@@ -91,7 +91,7 @@ def test_whoever_steers_at_full_speed_at_the_shore_is_kept_in(boat, weather):
             thrusts = full if refuge is None else keeper(boat).keep(state, weather, refuge)
             plant.command(thrusts)
             plant.advance(0.1)
-            assert POND.holds(tuple(plant.state[:2]))
+            assert POND.contains(tuple(plant.state[:2]))
         refused += refuge is not None
     # In the current some hulls only circle at full thrust, and never reach a shore.
     assert refused == 6 or weather is not CALM
@@ -122,15 +122,15 @@ def test_where_nothing_is_foreseen_because_the_fence_is_far_nothing_had_to_be(
     full = (boat.thrust_max_n, boat.thrust_max_n)
     escape_plan = escape(POND, keeper(boat), state, lambda _: full, CALM, reaction_s=REACTION_S)
     if escape_plan is not None and escape_plan.refuge is None:
-        path = foreseen(POND, keeper(boat), state, [full] * 3, CALM, POND.refuge(state[:2]))
+        path = predicted_stop(POND, keeper(boat), state, [full] * 3, CALM, POND.refuge(state[:2]))
         assert POND.contains_path(path[:, :2])
 
 
 def test_no_go_zones_are_outside():
     fence = fence_of(POND.water, [shapely.box(-2, -15, 2, 15)], (-8.0, 0.0))
-    assert fence.holds((-8.0, 0.0))
-    assert not fence.holds((0.0, 0.0))
-    assert not fence.holds((8.0, 0.0))
+    assert fence.contains((-8.0, 0.0))
+    assert not fence.contains((0.0, 0.0))
+    assert not fence.contains((8.0, 0.0))
 
 
 def test_a_refuge_lies_inside_and_in_sight():
@@ -145,7 +145,7 @@ def test_dead_reckoning_is_the_model():
     plant = Plant(boat, state)
     plant.command((3.0, 2.0))
     plant.advance(1.0)
-    assert reckoned(boat, state, (3.0, 2.0), CALM, 1.0) == pytest.approx(plant.state, abs=1e-3)
+    assert dead_reckoned(boat, state, (3.0, 2.0), CALM, 1.0) == pytest.approx(plant.state, abs=1e-3)
 
 
 HULLS = pytest.mark.parametrize("name", ["spyboat", "blueboat", "heron", "otter"])
@@ -174,7 +174,7 @@ def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_dou
     each = 0.5 * model.surge_drag_n(speed_mps)
     goes_on = [(each, each)] * round(10 * (REACTION_S + FOLLOWED_S))
     refuge = (here[0] - 2.0, here[1])
-    path = foreseen(lake, keeper, here, goes_on, CALM, refuge)[:, 0] - here[0]
+    path = predicted_stop(lake, keeper, here, goes_on, CALM, refuge)[:, 0] - here[0]
     farthest = 0.0
     for k in range(200):
         state = pilot.estimate()
@@ -207,5 +207,5 @@ def test_in_a_channel_hardly_wider_than_the_boat_a_way_to_stop_stays_inside_to_i
             later = keeper(boat).keep(tuple(plant.state), across, escape_plan.refuge)
             plant.command(escape_plan.thrusts[k] if k < len(escape_plan.thrusts) else later)
             plant.advance(0.1)
-            assert channel.holds(tuple(plant.state[:2])), (east, heading, k)
+            assert channel.contains(tuple(plant.state[:2])), (east, heading, k)
     assert proved > 20

@@ -10,13 +10,18 @@ import pytest
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
 from grebe.core.vessel import PRESETS, vessel_named
-from grebe.mission.safety.machine import advised, at_the_fence, blinded, without_route_home
+from grebe.mission.safety.machine import (
+    at_the_fence,
+    next_memory,
+    without_estimates,
+    without_route_home,
+)
 from grebe.mission.safety.memory import Asked, Memory, Request
-from grebe.mission.safety.reserve import Battery, must_go_home, route_home_s, watched_battery
+from grebe.mission.safety.reserve import Battery, must_go_home, route_home_s, updated_battery
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, SafetyState
 from grebe.mission.safety.stuck import Motion
-from grebe.mission.safety.thrusters import Turning, dead_thruster, watched_turning
+from grebe.mission.safety.thrusters import Turning, dead_thruster, updated_turning
 from grebe.simulation.plant import Plant
 
 BOAT = vessel_named("spyboat")
@@ -71,7 +76,7 @@ def test_a_battery_s_consumption_is_measured():
     battery = Battery()
     for second in range(101):
         share = 0.9 - 0.002 * second
-        battery = watched_battery(battery, facts(float(second), battery_share=share))
+        battery = updated_battery(battery, facts(float(second), battery_share=share))
     assert battery.share_per_s == pytest.approx(0.002)
     # 0.7 is left and 0.2 must stay, which is enough for 250 s.
     assert must_go_home(battery, facts(100.0, home_s=249.0), EASY) is None
@@ -79,9 +84,9 @@ def test_a_battery_s_consumption_is_measured():
 
 
 def test_a_new_battery_is_measured_afresh():
-    battery = watched_battery(Battery(), facts(0.0, battery_share=0.3))
-    battery = watched_battery(battery, facts(60.0, battery_share=0.25))
-    battery = watched_battery(battery, facts(61.0, battery_share=1.0))
+    battery = updated_battery(Battery(), facts(0.0, battery_share=0.3))
+    battery = updated_battery(battery, facts(60.0, battery_share=0.25))
+    battery = updated_battery(battery, facts(61.0, battery_share=1.0))
     assert (battery.first, battery.share_per_s) == (1.0, None)
 
 
@@ -122,7 +127,7 @@ def test_a_dead_thruster_is_told_from_a_weak_and_a_whole_one(boat, shares, dead)
     found = None
     for k in range(400):
         seen = facts(0.1 * k, state=tuple(plant.state), thrusts=thrusts)
-        turning = watched_turning(turning, seen, boat)
+        turning = updated_turning(turning, seen, boat)
         found = found or dead_thruster(turning)
         # Go ahead, weaving to both sides in turn as a helm does.
         side = 0.25 * math.sin(0.8 * k / 10)
@@ -138,7 +143,9 @@ def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
 
     def at(time_s, memory, *, mute_s=0.0, asked=None):
         name = "the sonde" if mute_s else ""
-        return advised(memory, facts(time_s, mute=name, mute_s=mute_s), settings, BOAT, asked or ())
+        return next_memory(
+            memory, facts(time_s, mute=name, mute_s=mute_s), settings, BOAT, asked or ()
+        )
 
     waiting = at(31.0, at(30.0, Memory(), mute_s=20.0), mute_s=21.0)
     assert (waiting.state, waiting.cause) == (SafetyState.HOLDING, Cause.UNMEASURED)
@@ -156,11 +163,11 @@ def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
 
 def test_a_boat_that_waits_goes_home_while_the_battery_lasts():
     settings = replace(EASY, max_s=100.0)
-    held = advised(
+    held = next_memory(
         Memory(), facts(10.0), settings, BOAT, (Asked(request=Request.HOLD, why="wait"),)
     )
-    assert advised(held, facts(69.0, home_s=30.0), settings, BOAT).state is SafetyState.HOLDING
-    sent = advised(held, facts(70.0, home_s=30.0), settings, BOAT)
+    assert next_memory(held, facts(69.0, home_s=30.0), settings, BOAT).state is SafetyState.HOLDING
+    sent = next_memory(held, facts(70.0, home_s=30.0), settings, BOAT)
     assert (sent.state, sent.cause) == (SafetyState.RETURNING, Cause.TIME)
 
 
@@ -169,23 +176,25 @@ def test_the_states_and_how_they_follow_each_other():
     settings = SafetySettings()
     memory = at_the_fence(Memory(), facts(1.0), settings, (0.0, 0.0))
     assert (memory.state, memory.cause) == (SafetyState.HOLDING, Cause.FENCE)
-    memory = advised(memory, facts(3.0), settings, BOAT)
+    memory = next_memory(memory, facts(3.0), settings, BOAT)
     assert (memory.state, memory.cause) == (SafetyState.SURVEYING, Cause.INSIDE_AGAIN)
-    memory = advised(memory, facts(4.0), settings, BOAT, (Asked(request=Request.HOLD, why="wait"),))
+    memory = next_memory(
+        memory, facts(4.0), settings, BOAT, (Asked(request=Request.HOLD, why="wait"),)
+    )
     assert (memory.state, memory.message) == (SafetyState.HOLDING, "wait")
-    memory = blinded(memory, 5.0, 2.0, settings)
+    memory = without_estimates(memory, 5.0, 2.0, settings)
     assert memory.cause is Cause.BLIND
-    memory = advised(memory, facts(6.0), settings, BOAT)
+    memory = next_memory(memory, facts(6.0), settings, BOAT)
     assert (memory.state, memory.message) == (SafetyState.HOLDING, "wait")
     on = Asked(request=Request.GO_ON, why="now")
-    memory = advised(memory, facts(6.5), settings, BOAT, (on,))
-    memory = blinded(memory, 6.6, 2.0, settings)
-    memory = advised(memory, facts(6.8), settings, BOAT)
+    memory = next_memory(memory, facts(6.5), settings, BOAT, (on,))
+    memory = without_estimates(memory, 6.6, 2.0, settings)
+    memory = next_memory(memory, facts(6.8), settings, BOAT)
     assert (memory.state, memory.cause) == (SafetyState.SURVEYING, Cause.SEES)
     asked = Asked(request=Request.HOME, why="rain")
-    memory = advised(memory, facts(7.0, home_s=10.0), settings, BOAT, (asked,))
+    memory = next_memory(memory, facts(7.0, home_s=10.0), settings, BOAT, (asked,))
     assert (memory.state, memory.message) == (SafetyState.RETURNING, "rain")
-    memory = advised(memory, facts(9.0, at_home=True), settings, BOAT)
+    memory = next_memory(memory, facts(9.0, at_home=True), settings, BOAT)
     assert memory.state is SafetyState.STOPPED
     assert memory.end.value == "came_home"
 
@@ -205,7 +214,7 @@ def test_a_boat_that_is_braked_at_the_fence_too_often_goes_home_and_then_ends():
 
 def test_a_boat_that_no_way_leads_home_ends_where_it_is():
     asked = Asked(request=Request.HOME, why="rain")
-    memory = advised(Memory(), facts(), SafetySettings(), BOAT, (asked,))
+    memory = next_memory(Memory(), facts(), SafetySettings(), BOAT, (asked,))
     memory = without_route_home(memory, 1.0, "home is on land")
     assert memory.end.value == "home_not_reached"
     assert memory.message == "rain, but: home is on land"
@@ -220,15 +229,15 @@ def test_what_is_asked_while_the_boat_must_be_freed_is_answered_after():
     settings = SafetySettings()
     held = Motion(behind_m=99.0, since_s=0.0, time_s=60.0)
     asked = (Asked(request=Request.HOME, why="rain"),)
-    memory = advised(Memory(motion=held), facts(60.0), settings, BOAT, asked)
+    memory = next_memory(Memory(motion=held), facts(60.0), settings, BOAT, asked)
     assert memory.state is SafetyState.FREEING
-    free = advised(memory, facts(61.0 + settings.astern_s), settings, BOAT)
-    home = advised(free, facts(62.0 + settings.astern_s), settings, BOAT)
+    free = next_memory(memory, facts(61.0 + settings.astern_s), settings, BOAT)
+    home = next_memory(free, facts(62.0 + settings.astern_s), settings, BOAT)
     assert (home.state, home.message) == (SafetyState.RETURNING, "rain")
 
 
 def test_requests_of_one_moment_are_answered_in_their_order():
     both = (Asked(request=Request.HOME, why="rain"), Asked(request=Request.HOLD, why="a swimmer"))
-    memory = advised(Memory(), facts(), SafetySettings(), BOAT, both)
+    memory = next_memory(Memory(), facts(), SafetySettings(), BOAT, both)
     assert (memory.state, memory.resumes) == (SafetyState.HOLDING, SafetyState.RETURNING)
     assert memory.message == "a swimmer"

@@ -12,11 +12,11 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from grebe.control.separation import AnnouncedPath
+from grebe.mission.consumption import AT_HARBOUR_M
 from grebe.mission.safety.fence import Fence
 from grebe.mission.safety.states import Cause, Place
 from grebe.mission.safety.traffic import WANDER_M, Traffic
 from grebe.mission.safety.waiting import Approach, Stuck
-from grebe.mission.spent import AT_HARBOUR_M
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -42,7 +42,7 @@ class Battery:
         return (self.first - self.now) / seconds if seconds > 0 else None
 
 
-def watched_battery(before: Battery, facts: Facts) -> Battery:
+def updated_battery(before: Battery, facts: Facts) -> Battery:
     """Return the battery, updated with a reported share; a share that rises is a new battery's."""
     share = facts.battery_share
     if share is None or not math.isfinite(share):

@@ -21,10 +21,10 @@ from grebe.core.plan_settings import PlanSettings, check_speed
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.planning.fleets.stretches import check_cells, shared_evenly
+from grebe.planning.merge import checked, merged
 from grebe.planning.paths.corridors import PathFinder
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner, planner_of
-from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region
 from grebe.planning.route.portfolio import Route
 from grebe.planning.trips.lake import lake_of
@@ -78,7 +78,7 @@ def shared_out(
     sharing = _Sharing.of(planners if fleet.vessels else [planner], draft, places, fleet.boats)
     parts, boats = sharing.balanced()
     bound_m = planner.bound_m(draft)
-    survey, revision = put_together(parts, bound_m, boats)
+    survey, revision = merged(parts, bound_m, boats)
     alone_s = [_time_s(one.survey(draft, sharing.finder, bound_m)) for one in sharing.planners]
     assert survey.outcome is not None
     return PlannedSorties(

@@ -20,9 +20,9 @@ from grebe.core.plan_settings import FleetSettings, check_speed
 from grebe.core.survey import Survey
 from grebe.core.taut import taut_path
 from grebe.planning.fleets.stretches import check_cells, shared_evenly
+from grebe.planning.merge import checked, merged
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner
-from grebe.planning.put_together import checked, put_together
 from grebe.planning.trips.endurance import HOME_SLACK_S, Endurance, endurance_of
 from grebe.planning.trips.fewest_trips import Trips, check_reach, trips_within
 from grebe.planning.trips.lake import Lake, lake_of, lake_seen_by
@@ -65,7 +65,7 @@ def share_sorties(
     shares = _evened(_boats_of(planner, draft, places, fleet, rounds), draft, bound_m, on_done)
     parts = [part for one in shares for part in one.parts]
     whose = [one.boat.number for one in shares for _ in one.parts]
-    survey, revision = put_together(parts, bound_m, whose)
+    survey, revision = merged(parts, bound_m, whose)
     assert survey.outcome is not None
     return PlannedSorties(
         survey=survey, outcome=survey.outcome, check=checked(survey, revision, planner.water),

@@ -13,7 +13,7 @@ from grebe.core.survey import Survey, Target, covered_share, overlap_m2
 from grebe.planning.check import PlanCheck, check_plan
 
 
-def put_together(
+def merged(
     parts: Sequence[Survey], bound_m: float, boats: Sequence[int] = ()
 ) -> tuple[Survey, PlanRevision]:
     """Return one survey made of several, and its plan in which each of them is a sortie.

@@ -10,7 +10,7 @@ from grebe.core.plan_settings import PlanSettings, SortieSettings
 from grebe.core.revision import survey_of
 from grebe.core.vessel import PRESETS
 from grebe.planning.region import Region, navigable_water
-from grebe.planning.revisions.put_off import Late, put_off
+from grebe.planning.revisions.postpone import Delay, postponed
 from grebe.planning.revisions.revise import Halfway, open_water, remaining_s
 from grebe.planning.sortie_check import check_sorties
 from grebe.planning.sorties import plan_sorties
@@ -33,12 +33,14 @@ def planned():
     return plan_sorties(REGION, BOAT, settings)
 
 
-def shortened(planned, late):
+def shortened(planned, delay):
     old, survey = planned.revision, planned.survey
     sortie = old.sorties[0]
     north, east = survey_of(survey, old, sortie).targets[REACHED - 1].set.centre
     halfway = Halfway(reached=REACHED, place=(north, east), sortie=sortie)
-    new = put_off(old, survey, open_water(survey, USABLE), halfway, late, vessel=BOAT, weather=CALM)
+    new = postponed(
+        old, survey, open_water(survey, USABLE), halfway, delay, vessel=BOAT, weather=CALM
+    )
     return old, new, halfway
 
 
@@ -54,8 +56,8 @@ def cells(targets):
 def test_the_last_cells_become_a_sortie_of_their_own_and_none_is_lost(planned):
     north, east = planned.revision.targets[REACHED - 1].set.centre
     whole_s = rest_s(planned, Halfway(reached=REACHED, place=(north, east)), planned.revision)
-    late = Late(pace=1.3, flown_s=200.0, left_s=0.9 * whole_s)
-    old, new, halfway = shortened(planned, late)
+    delay = Delay(pace=1.3, elapsed_s=200.0, left_s=0.9 * whole_s)
+    old, new, halfway = shortened(planned, delay)
     assert new.reason == "progress"
     assert new.number == old.number + 1
     before = [one.number for one in old.sorties]
@@ -63,14 +65,14 @@ def test_the_last_cells_become_a_sortie_of_their_own_and_none_is_lost(planned):
     assert sorted(cells(new.targets)) == sorted(cells(old.targets))
     assert len({target.seq for target in new.targets}) == len(new.targets)
     assert new.targets[:REACHED] == old.targets[:REACHED]
-    assert 1.3 * rest_s(planned, halfway, new) <= late.left_s
+    assert 1.3 * rest_s(planned, halfway, new) <= delay.left_s
     for one in old.sorties[1:]:
         again = survey_of(planned.survey, new, new.sortie(one.number))
         assert again.targets == survey_of(planned.survey, old, one).targets
 
 
 def test_what_is_put_off_is_proved_to_come_home_as_every_sortie(planned):
-    _, new, _ = shortened(planned, Late(pace=1.2, flown_s=300.0, left_s=500.0))
+    _, new, _ = shortened(planned, Delay(pace=1.2, elapsed_s=300.0, left_s=500.0))
     checks = check_sorties(planned.survey, new, USABLE)
     assert [one.number for one in checks] == [one.number for one in new.sorties]
     assert all(one.holds for one in checks)
@@ -82,4 +84,4 @@ def test_what_is_put_off_is_proved_to_come_home_as_every_sortie(planned):
 @pytest.mark.parametrize("left_s", [1e6, 1.0])
 def test_where_all_fits_or_nothing_the_order_stays(planned, left_s):
     with pytest.raises(PlanError, match="none is moved"):
-        shortened(planned, Late(pace=1.0, flown_s=100.0, left_s=left_s))
+        shortened(planned, Delay(pace=1.0, elapsed_s=100.0, left_s=left_s))

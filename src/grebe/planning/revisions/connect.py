@@ -19,10 +19,10 @@ from grebe.planning.paths.corridors import REACH_CELLS, Stop, corridors_of, wide
 from grebe.planning.revisions.revise import PLACE_RADIUS_M, Halfway, OpenWater, joined, transits_of
 
 # By the error of its estimate a boat may be this far outside its corridor, or beyond the shore [m].
-ASTRAY_M = 0.5
+OFF_CORRIDOR_M = 0.5
 
 
-def is_led(
+def is_connected(
     part: Survey,
     sailable: Callable[[], BaseGeometry],
     reached: int,
@@ -36,13 +36,15 @@ def is_led(
     if not ahead:
         return True
     here = shapely.Point(place)
-    if part.corridors and shapely.dwithin(part.corridors[reached], here, ASTRAY_M):
+    if part.corridors and shapely.dwithin(part.corridors[reached], here, OFF_CORRIDOR_M):
         return True
     line = shapely.shortest_line(here, ahead[0].set.polygon)
     return bool(shapely.covers(sailable(), line))
 
 
-def led_on(old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway) -> PlanRevision:
+def connected(
+    old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway
+) -> PlanRevision:
     """Return the revision with transits from the boat's place to its next target.
 
     Transits that led there from the previous target are left out.

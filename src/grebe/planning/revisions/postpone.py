@@ -32,22 +32,22 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Late:
-    """A late sortie: it takes `pace` times as long as predicted, has sailed for `flown_s`, and must
-    be back in `left_s`.
+class Delay:
+    """A late sortie: it takes `pace` times as long as predicted, has sailed for `elapsed_s`, and
+    must be back in `left_s`.
     """
 
     pace: float
-    flown_s: float
+    elapsed_s: float
     left_s: float
 
 
-def put_off(
+def postponed(
     old: PlanRevision,
     survey: Survey,
     open_: OpenWater,
     halfway: Halfway,
-    late: Late,
+    delay: Delay,
     *,
     vessel: Vessel,
     weather: Weather,
@@ -60,30 +60,30 @@ def put_off(
         raise PlanError("The plan is a single mission: there is no later sortie to move cells to.")
     part = survey_of(survey, old, halfway.sortie)
     ahead = [t for t in part.targets[halfway.reached :] if t.seq in open_.place_of]
-    fits = _that_fit(survey, part.targets[-1], ahead, halfway, late, vessel, weather)
+    fits = _that_fit(survey, part.targets[-1], ahead, halfway, delay, vessel, weather)
     if not 0 < fits < len(ahead):
         raise PlanError(f"{fits} of {len(ahead)} targets fit, so none is moved.")
     now, later = ([open_.place_of[t.seq] for t in some] for some in (ahead[:fits], ahead[fits:]))
     number = max(one.number for one in old.sorties) + 1
     shorter = put_in_order(
         old, survey, open_, halfway, now, vessel=vessel, weather=weather, reason="progress",
-        note=f"the sortie takes {late.pace:.2f} times as long as predicted: "
+        note=f"the sortie takes {delay.pace:.2f} times as long as predicted: "
             f"{counted(len(later), 'target is', 'targets are')} moved to sortie {number}",
     )  # fmt: skip
     own = shorter.sortie(halfway.sortie.number)
     targets, corridors = _later(shorter, survey, open_, own, later, vessel, weather)
 
     def takes_s(place: tuple[float, float], stops: Sequence[Target]) -> float:
-        return late.pace * remaining_s(survey, place, stops, weather, vessel)
+        return delay.pace * remaining_s(survey, place, stops, weather, vessel)
 
     rest = shorter.targets[own.first - 1 + halfway.reached : own.last]
-    at_sea_s = late.flown_s + takes_s(halfway.place, rest)
+    at_sea_s = delay.elapsed_s + takes_s(halfway.place, rest)
     again_s = takes_s((own.start.north_m, own.start.east_m), targets)
     return _with_one_more(shorter, own, number, targets, corridors, (at_sea_s, again_s))
 
 
 def _that_fit(
-    survey: Survey, end: Target, ahead: Sequence[Target], halfway: Halfway, late: Late,
+    survey: Survey, end: Target, ahead: Sequence[Target], halfway: Halfway, delay: Delay,
     vessel: Vessel, weather: Weather,
 ) -> int:  # fmt: skip
     """How many of the cells ahead leave time for the path home."""
@@ -91,7 +91,7 @@ def _that_fit(
     def fits(count: int) -> bool:
         stops = [*ahead[:count], end]
         takes_s = remaining_s(survey, halfway.place, stops, weather, vessel)
-        return MARGIN * late.pace * takes_s <= late.left_s
+        return MARGIN * delay.pace * takes_s <= delay.left_s
 
     low, high = 0, len(ahead)
     while low < high:

@@ -22,19 +22,19 @@ LONGEST_ROW_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spent:
+class Consumption:
     """Energy [Wh] and time under way [s] since a boat was last at its harbour."""
 
     energy_wh: float = 0.0
     seconds: float = 0.0
 
 
-NOTHING = Spent()
+NOTHING = Consumption()
 
 
-def spent_since_harbour(
+def consumption_since_harbour(
     track: TrackTable, vessel: Vessel, harbour: Place, *, came_home: bool
-) -> Spent:
+) -> Consumption:
     """Return what a boat has spent, from its track; nothing if it came home and is at its harbour,
     but not if it only happens to be near it.
 
@@ -55,4 +55,4 @@ def spent_since_harbour(
             seconds.tolist(), strict=True,
         )
     )  # fmt: skip
-    return Spent(energy_wh=energy, seconds=float(seconds.sum()))
+    return Consumption(energy_wh=energy, seconds=float(seconds.sum()))
