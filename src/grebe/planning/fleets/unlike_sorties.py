@@ -25,7 +25,7 @@ from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner
 from grebe.planning.trips.endurance import HOME_SLACK_S, Endurance, endurance_of
 from grebe.planning.trips.fewest_trips import Trips, check_reach, trips_within
-from grebe.planning.trips.lake import Lake, lake_of, lake_seen_by
+from grebe.planning.trips.lake import Lake, lake_for_boat, lake_of
 from grebe.planning.trips.trip_surveys import trip_surveys
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def _boats_of(
         boats.append(
             _Boat(
                 number=number,
-                lake=lake_seen_by(own, lake, homes),
+                lake=lake_for_boat(own, lake, homes),
                 endurance=endurance_of(vessel, settings.of_boat(number), power_w),
                 rounds=rounds,
             )

@@ -16,7 +16,7 @@ from grebe.planning.planner import Draft, Planner
 from grebe.planning.route.costs import Costs, costs_of
 from grebe.planning.route.portfolio import Route
 from grebe.planning.trips.endurance import HOME_SLACK_S, Endurance
-from grebe.planning.trips.trip_times import Ports
+from grebe.planning.trips.trip_times import Depots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -69,7 +69,7 @@ class Lake:
         return replace(self, draft=replace(self.draft, route=route), wanted=wanted)
 
 
-def lake_seen_by(planner: Planner, lake: Lake, homes: tuple[HarbourDistances, ...]) -> Lake:
+def lake_for_boat(planner: Planner, lake: Lake, homes: tuple[HarbourDistances, ...]) -> Lake:
     """Return the lake for another boat: with that boat's costs of legs, and with its harbours."""
     costs = costs_of(lake.draft.network, planner.travel, homes[0].place, returns=True)
     return replace(lake, planner=planner, homes=homes, costs=costs)
@@ -97,7 +97,7 @@ def lake_of(planner: Planner, draft: Draft, places: Sequence[tuple[float, float]
     )
 
 
-def ports_of(lake: Lake, endurance: Endurance, factor: float) -> Ports:
+def depots_of(lake: Lake, endurance: Endurance, factor: float) -> Depots:
     """Collect the input of the exchange, for trips that take `factor` times their legs' time."""
     centres = lake.draft.network.centres
     members = np.flatnonzero(lake.wanted)
@@ -111,7 +111,7 @@ def ports_of(lake: Lake, endurance: Endurance, factor: float) -> Ports:
     else:
         beside[members, 0] = members
     distances_m = np.array([home.distances_m for home in lake.homes])
-    return Ports(
+    return Depots(
         out=lake.seconds(outwards=True),
         back=lake.seconds(outwards=False),
         home=endurance.home_s(distances_m) / factor,
