@@ -169,7 +169,7 @@ def autopilot() -> None:
     """Missions over the stand-in: how they end, and whether the boat stays on the water."""
     jobs = [(NAMES[seed % len(NAMES)], seed) for seed in range(LAKES)]
     with Pool(2) as pool:
-        flown = pool.map(_sail, jobs, chunksize=2)
+        sailed = pool.map(_sail, jobs, chunksize=2)
     print_head(
         f"{LAKES} random lakes over the stand-in autopilot, current 0.2 m/s, hull unlike by "
         f"{MISMATCH:.0%}",
@@ -177,7 +177,7 @@ def autopilot() -> None:
         "instants outside the water",
     )  # fmt: skip
     for name in NAMES:
-        mine = [one for one in flown if one[0] == name]
+        mine = [one for one in sailed if one[0] == name]
         ends = Counter(one[1] for one in mine)
         wrong = [end for end in ends if end not in ("complete", "ended safely")]
         print_row(

@@ -74,7 +74,7 @@ def pytest_collection_modifyitems(items):
     items[:] = [*others[:middle], *ashore, *others[middle:]]
 
 
-def simulate(file, rule=None, world=None, **how):
+def run_simulated(file, rule=None, world=None, **how):
     """Run the mission of a survey file in a simulated world."""
     helm = steered_by(rule or Lookahead())
     return run_survey(file, world or SimulatedWorld(), helm, NOON, **how)
@@ -167,6 +167,6 @@ def simulated_survey(tmp_path_factory):
             if (one := delta.take()) is not None:
                 told.append(one)
 
-        report = simulate(file, listeners=[on_event])
+        report = run_simulated(file, listeners=[on_event])
     assert report.complete
     return path, survey, told

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from grebe.mission.loop import Mission
     from grebe.mission.measuring.sampling import InSets, InWindow
     from grebe.mission.settings import MissionSettings
-    from grebe.mission.trial import Conditions, Trial, fly
+    from grebe.mission.trial import Conditions, Trial, simulate
     from grebe.planning.planned import Planned
     from grebe.planning.region import Region, clean_region
     from grebe.report.page import write_report
@@ -99,13 +99,13 @@ _HOME = {
     "clean_region": "planning.region",
     "compare_surveys": "workflow.differences",
     "fit_variogram": "mapping.covariance.variogram",
-    "fly": "mission.trial",
     "import_track": "workflow.tracks",
     "krige": "mapping.fields.kriging",
     "map_survey": "workflow.maps",
     "plan_region": "workflow.plans",
     "read_region": "workflow.plans",
     "run_survey": "workflow.run",
+    "simulate": "mission.trial",
     "steered_by": "workflow.run",
     "vessel_named": "core.vessel",
     "write_maps": "workflow.maps",
@@ -160,13 +160,13 @@ __all__ = [
     "clean_region",
     "compare_surveys",
     "fit_variogram",
-    "fly",
     "import_track",
     "krige",
     "map_survey",
     "plan_region",
     "read_region",
     "run_survey",
+    "simulate",
     "steered_by",
     "vessel_named",
     "write_maps",

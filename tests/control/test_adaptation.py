@@ -18,7 +18,7 @@ from grebe.core.events import Warned
 from grebe.core.vessel import PRESETS
 from grebe.links.simulated import EstimateErrors
 from grebe.mission import loop
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.simulation.changing import Tide
 from grebe.simulation.plant import Plant
 
@@ -83,7 +83,7 @@ def test_noise_in_a_cross_current_is_not_taken_for_another_boat(north_mps, east_
     weather = Weather(current_north_mps=north_mps, current_east_mps=east_mps)
     noise = EstimateErrors(velocity_mps=0.03, position_m=0.02, heading_rad=0.005)
     helm = Controller(boat, sets)
-    flight = fly(
+    flight = simulate(
         boat, sets, helm, (-10.0, 2.5, 0, 0, 0, 0), Conditions(weather=weather, errors=noise)
     )
     assert flight.complete
@@ -201,7 +201,7 @@ def test_thrusters_with_a_lag_are_hurried_within_their_limits():
 def sail(conditions):
     sets = meander(rows=3, columns=6)
     start = (-5.0, 2.0, 0.0, 0.0, 0.0, 0.0)
-    return fly(SPYBOAT, sets, Controller(SPYBOAT, sets), start, conditions)
+    return simulate(SPYBOAT, sets, Controller(SPYBOAT, sets), start, conditions)
 
 
 def test_a_mission_as_modelled_is_the_same_whether_the_model_is_doubted_or_not(monkeypatch):

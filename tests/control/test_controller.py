@@ -17,7 +17,7 @@ from grebe.core.dynamics import CALM, Weather, rates, rk4
 from grebe.core.sets import footprints_of, rectangle
 from grebe.core.taut import taut_path
 from grebe.core.vessel import PRESETS
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.planning.paths.travel import travel_of
 
 BOAT = PRESETS["benchmark"]
@@ -346,7 +346,7 @@ def test_thrift_saves_a_fifth_of_the_energy_for_a_tenth_of_the_time():
     boat, cells = PRESETS["blueboat"], meander(rows=4, columns=4, side=10.0, speed=(0.5, 1.5))
     start = (-10.0, 5.0, 0.0, 0.0, 0.0, 0.0)
     plain, thrifty = (
-        fly(boat, cells, Controller(boat, cells, Lookahead(thrift=price)), start)
+        simulate(boat, cells, Controller(boat, cells, Lookahead(thrift=price)), start)
         for price in (0.0, 0.5)
     )
     assert plain.complete
@@ -365,7 +365,7 @@ def test_a_set_beyond_the_horizon_is_not_raced_for(thrift, current):
     cells = [rectangle((0, 20), (east, east + 20), (0.5, 2.0)) for east in (0, 160)]
     world = Conditions(weather=Weather(current_east_mps=current), limit_s=200.0)
     helm = Controller(boat, cells, Lookahead(thrift=thrift))
-    trial = fly(boat, cells, helm, (10.0, -10.0, 1.57, 0, 0, 0), world)
+    trial = simulate(boat, cells, helm, (10.0, -10.0, 1.57, 0, 0, 0), world)
     assert trial.complete
     assert trial.track[:, 4].max() < 2.06
 
@@ -379,7 +379,7 @@ def test_large_sets_are_entered_where_the_way_goes_on():
     places = [(0, 0), (0, 1), (1, 1), (1, 0), (2, 0), (2, 1), (3, 1)]
     cells = [rectangle((60 * n, 60 * n + 60), (60 * e, 60 * e + 60), speed) for n, e in places]
     start = (-20.0, 10.0, 0.0, 0.0, 0.0, 0.0)
-    trial = fly(boat, cells, Controller(boat, cells), start, Conditions(limit_s=600.0))
+    trial = simulate(boat, cells, Controller(boat, cells), start, Conditions(limit_s=600.0))
     assert trial.complete
     travel = travel_of(boat, speed, CALM)
     taut = travel.path_s(taut_path(start[:2], footprints_of(cells)))
@@ -396,7 +396,7 @@ def test_a_boat_that_lies_in_a_large_set_takes_up_speed_and_goes_on():
     boat, speed = PRESETS["blueboat"], (0.5, 1.5)
     places = [(0, 0), (-1, 0), (-1, -1), (0, -1), (0, -2), (-1, -2)]
     cells = [rectangle((25 * n, 25 * n + 25), (25 * e, 25 * e + 25), speed) for n, e in places]
-    trial = fly(boat, cells, Controller(boat, cells), (12.5, 12.5, 0.0, 0.0, 0.0, 0.0))
+    trial = simulate(boat, cells, Controller(boat, cells), (12.5, 12.5, 0.0, 0.0, 0.0, 0.0))
     assert trial.complete
     travel = travel_of(boat, speed, CALM)
     taut = travel.path_s(taut_path((12.5, 12.5), footprints_of(cells)))

@@ -16,7 +16,7 @@ from grebe.control.tracker import Tracker
 from grebe.core.events import Warned
 from grebe.core.sets import rectangle
 from grebe.core.vessel import PRESETS
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.simulation.plant import Plant
 
 SPYBOAT, BENCHMARK = PRESETS["spyboat"], PRESETS["benchmark"]
@@ -98,7 +98,7 @@ def test_a_tracker_tells_of_slow_thrusters_alone():
 def sail(model, boat):
     sets = meander(rows=3, columns=6)
     start = (-5.0, 2.0, 0.0, 0.0, 0.0, 0.0)
-    return fly(model, sets, Controller(model, sets), start, Conditions(boat=boat))
+    return simulate(model, sets, Controller(model, sets), start, Conditions(boat=boat))
 
 
 def test_a_lag_that_is_known_or_found_costs_little():

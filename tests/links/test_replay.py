@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from conftest import simulate, square_survey
+from conftest import run_simulated, square_survey
 
 from grebe.cli.main import grebe
 from grebe.core.errors import GrebeError, LinkError, UsageError
@@ -95,7 +95,7 @@ def recorded(tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "recorded.gpkg"
     write_survey(path, square_survey())
     with SurveyFile.open(path) as file:
-        simulate(file)
+        run_simulated(file)
     return path
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 
 from grebe.control.controller import Controller
 from grebe.core.errors import StoppedError, UsageError
@@ -32,7 +32,7 @@ from grebe.mission.events.statistics import ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 
@@ -113,7 +113,7 @@ def test_readings_in_sets_alone_are_a_part_of_those_in_the_window():
     for sampling in (InWindow(), InSets()):
         helm = Controller(SURVEY.vessel, apart)
         world = Conditions(sampling=sampling)
-        trial = fly(SURVEY.vessel, apart, helm, (-5.0, 2.0, 0, 0, 0, 0), world)
+        trial = simulate(SURVEY.vessel, apart, helm, (-5.0, 2.0, 0, 0, 0, 0), world)
         kept[sampling] = [one.sample.target_seq for one in trial.recorder.of(SampleTaken)]
     assert None not in kept[InSets()]
     assert None in kept[InWindow()]
@@ -143,7 +143,7 @@ def test_the_operator_s_stop_is_an_event_with_a_reason_in_the_file_too(tmp_path)
             "stopped_by_operator",
             "the operator wants her boat back",
         )
-        assert simulate(file, resume=True).complete
+        assert run_simulated(file, resume=True).complete
 
 
 class TakenOver(SimulatedLink):
@@ -242,7 +242,7 @@ class Waiting:
 
 def test_any_helm_steers_through_the_same_loop():
     helm = Waiting()
-    trial = fly(SURVEY.vessel, SURVEY.sets, helm, (0, 0, 0, 0, 0, 0), Conditions(limit_s=20.0))
+    trial = simulate(SURVEY.vessel, SURVEY.sets, helm, (0, 0, 0, 0, 0, 0), Conditions(limit_s=20.0))
     assert trial.report.ended is EndReason.OUT_OF_TIME
     assert helm.asked[0] is None
     assert helm.asked[1:] == pytest.approx([0.5] * (len(helm.asked) - 1))

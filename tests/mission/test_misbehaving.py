@@ -25,7 +25,7 @@ from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.helm import possible_thrusts
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.trial import Conditions, bare_survey, fly, meander
+from grebe.mission.trial import Conditions, bare_survey, meander, simulate
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 
@@ -191,8 +191,8 @@ def test_a_boat_that_decays_within_the_simulator_s_step_is_followed() -> None:
 
 def test_nothing_to_sail_and_no_place_to_start_from_are_refused() -> None:
     with pytest.raises(UsageError, match="no target set"):
-        fly(BOAT, [], Controller(BOAT, SETS), START)
+        simulate(BOAT, [], Controller(BOAT, SETS), START)
     with pytest.raises(UsageError, match="six finite numbers"):
-        fly(BOAT, SETS, Controller(BOAT, SETS), (math.nan,) * 6)
+        simulate(BOAT, SETS, Controller(BOAT, SETS), (math.nan,) * 6)
     with pytest.raises(UsageError, match="two thrusters"):
         Conditions(effectiveness=(math.nan, 1.0))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -87,7 +87,7 @@ def test_a_mission_completes_with_another_hull_noise_and_lost_estimates(tmp_path
     )
     survey = square_survey(side_m=30.0)
     with SurveyFile.create(tmp_path / "r.gpkg", survey, meta={}, force=True) as file:
-        assert simulate(file, Lookahead(), world).complete
+        assert run_simulated(file, Lookahead(), world).complete
 
 
 class Blinking(SimulatedLink):

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 from killing import Victim, cut_power, faults, faults_at_the_end, kill
 
 from grebe.cli.main import grebe
@@ -122,7 +122,7 @@ def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
         append = file.append_track
         file.append_track = lambda point, boat: happened.append("write") or append(point, boat)
-        simulate(file, world=boat_at)
+        run_simulated(file, world=boat_at)
     text = " ".join(happened)
     assert "in out write in" in text
     assert "in write" not in text
@@ -260,7 +260,7 @@ def test_a_mission_whose_file_is_deleted_goes_on_to_its_end(tmp_path):
         return path.exists() and link._plant.time_s > 5.0
 
     with SurveyFile.create(path, square_survey(), meta={}, force=True) as file:
-        report = simulate(file, world=boat_at)
+        report = run_simulated(file, world=boat_at)
         assert report.complete
         assert file.path != path
         assert len(file.samples()) == report.samples
@@ -283,7 +283,7 @@ def test_a_clock_that_jumps_during_a_mission_does_not_disturb_its_times(tmp_path
     jumps = random.Random(2)
     monkeypatch.setattr(time, "time", lambda: jumps.uniform(0, 4e9))
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
-        report = simulate(file)
+        report = run_simulated(file)
         times = file.track().times
         assert times[0] == NOON
         assert all(before < after for before, after in pairwise(times))
@@ -313,7 +313,7 @@ def test_times_never_run_back_and_a_wrong_clock_is_said(tmp_path, clock):
 
 def test_a_mission_resumed_in_1970_goes_on_in_its_own_time_and_logs_why(tmp_path):
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
-        simulate(file, settings=limited(10.0))
+        run_simulated(file, settings=limited(10.0))
         then = NOON.replace(year=1970)
         report = run_survey(file, SimulatedWorld(), steered_by(), then, resume=True)
         assert report.complete
@@ -392,7 +392,7 @@ def test_a_preview_says_what_resuming_then_does_and_changes_nothing(tmp_path):
     with SurveyFile.create(path, square_survey(side_m=30.0), meta={}, force=True) as file:
         whole = preview_of(prepare(file, NOON))
         assert (whole.reached, whole.next_target, whole.forgets) == (0, 1, False)
-        report = simulate(file, settings=limited(15.0))
+        report = run_simulated(file, settings=limited(15.0))
     before = path.read_bytes()
     with SurveyFile.open(path) as file:
         preview = preview_of(prepare(file, NOON, resume=True))
@@ -405,7 +405,7 @@ def test_a_preview_says_what_resuming_then_does_and_changes_nothing(tmp_path):
         target = file.survey.targets[preview.next_target - 1].set
         away = target.footprint_distance(*departure.state[:2])
         assert preview.distance_m == pytest.approx(away, abs=0.05)
-        rest = simulate(file, resume=True)
+        rest = run_simulated(file, resume=True)
         assert rest.complete
         assert preview.remaining_s == pytest.approx(rest.duration_s, rel=0.5)
         done = preview_of(prepare(file, NOON, resume=True))

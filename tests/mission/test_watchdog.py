@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 
 from grebe.core.dynamics import CALM
 from grebe.core.errors import LinkError
@@ -202,7 +202,7 @@ def test_a_mission_has_its_boat_guarded_and_the_next_one_tells_what_the_guard_di
 
     with SurveyFile.create(boat / "s.gpkg", square_survey(), meta={}, force=True) as file:
         journal_beside(file.path).write_text("0 the mission was dead; the boat was stopped\n")
-        assert simulate(file, world=boat_at).complete
+        assert run_simulated(file, world=boat_at).complete
         warned = [event for event in file.events() if event.code == "watchdog_acted"]
         assert [event.time for event in warned] == [NOON]
         assert "1970-01-01 00:00:00 UTC: the mission was dead" in warned[0].message
@@ -221,10 +221,10 @@ def test_what_was_recorded_is_kept_where_the_watchdog_does_not_start(boat):
         return link
 
     with SurveyFile.create(boat / "s.gpkg", square_survey(), meta={}, force=True) as file:
-        simulate(file)
+        run_simulated(file)
         before = file.count("samples"), len(file.track())
         with pytest.raises(LinkError):
-            simulate(file, world=boat_at, force=True)
+            run_simulated(file, world=boat_at, force=True)
         assert (file.count("samples"), len(file.track())) == before
     assert closed
 

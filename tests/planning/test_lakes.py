@@ -16,7 +16,7 @@ from grebe.core.errors import PlanError
 from grebe.core.plan_settings import SHAPES, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 from grebe.planning.cells.convex import convex_pieces, is_convex
 from grebe.planning.cells.mesh import mesh_water
 from grebe.planning.check import check_plan
@@ -252,7 +252,7 @@ def test_a_real_lake_is_surveyed_without_touching_land(name, cell, current):
     pilot = Controller(BOAT, survey.sets, corridors=survey.corridors)
     weather = Weather(current_north_mps=0.8 * current, current_east_mps=-0.6 * current)
     world = Conditions(weather=weather, limit_s=5000)
-    flight = fly(BOAT, survey.sets, pilot, survey.start.at_rest(), world)
+    flight = simulate(BOAT, survey.sets, pilot, survey.start.at_rest(), world)
     assert flight.complete
     places = shapely.points(np.array(flight.track)[:, 1:3])
     assert shapely.covers(region.water, places).all()

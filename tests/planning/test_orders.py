@@ -13,7 +13,7 @@ from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.taut import DRAWN_IN, taut_path
 from grebe.core.vessel import PRESETS
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 from grebe.planning.cells.mesh import mesh_water
 from grebe.planning.paths.network import connect
 from grebe.planning.paths.travel import travel_of
@@ -144,6 +144,6 @@ def test_a_mission_takes_about_what_its_plan_says(vessel, core):
     survey = planned.survey
     pilot = Controller(boat, survey.sets, corridors=survey.corridors)
     world = Conditions(weather=Weather(current_north_mps=0.1), limit_s=3000)
-    flight = fly(boat, survey.sets, pilot, survey.start.at_rest(), world)
+    flight = simulate(boat, survey.sets, pilot, survey.start.at_rest(), world)
     assert flight.complete
     assert flight.duration_s == pytest.approx(planned.outcome.time_s, rel=0.25)

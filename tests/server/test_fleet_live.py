@@ -74,10 +74,10 @@ def watched(path, state, told):
     watch = MissionWatch("x", path, Lease())
     watch.state = state
     said = []
-    watch._tell = lambda kind, what: said.append((kind, json.loads(json.dumps(what))))
-    watch._tell_map = lambda: None
+    watch._send = lambda kind, what: said.append((kind, json.loads(json.dumps(what))))
+    watch._send_map = lambda: None
     for one in told:
-        watch._take(one)
+        watch._apply(one)
     return watch, [what for kind, what in said if kind == "delta"]
 
 

@@ -414,10 +414,10 @@ def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
     count = watch.state["status"]["samples"]
     # The file was read after the mission had sent the last of these.
     for one in told[-50:]:
-        watch._take_lists(one, {}, 0.0)
+        watch._apply_lists(one, {}, 0.0)
     assert watch.state["status"]["samples"] == count
     later = {**told[-1], "samples": [[watch.state["sampled"] + 1, 6.5, 46.4, [1.0] * 20]]}
-    watch._take_lists(later, {}, 0.0)
+    watch._apply_lists(later, {}, 0.0)
     assert watch.state["status"]["samples"] == count + 1
 
 
@@ -430,7 +430,7 @@ def test_targets_are_known_by_their_numbers_and_not_by_their_places(simulated_su
     targets = watch.state["targets"] = [
         {**one, "state": "open"} for one in reversed(watch.state["targets"])
     ]
-    watch._take_lists({"targets": [[targets[0]["seq"], "reached"]]}, {}, 0.0)
+    watch._apply_lists({"targets": [[targets[0]["seq"], "reached"]]}, {}, 0.0)
     assert [one["state"] for one in targets] == ["reached"] + ["open"] * (len(targets) - 1)
 
 

@@ -58,7 +58,7 @@ class ManoeuvreHelm:
         return Command(thrusts=thrusts, plan=None, status=StepStatus.SOLVED, target=0, split=0)
 
 
-def fly_manoeuvre(
+def sail_manoeuvre(
     survey: Survey, manoeuvre: Manoeuvre, link: BoatLink, listeners: Sequence[Listener] = ()
 ) -> ManoeuvreEnd:
     """Drive a manoeuvre in a survey's water, and leave the boat without thrust. `listeners` receive

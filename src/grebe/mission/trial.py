@@ -127,7 +127,7 @@ class Trial:
         return self.recorder.of(Estimate)
 
 
-def fly(
+def simulate(
     vessel: Vessel,
     targets: Sequence[TargetSet],
     helm: Helm,

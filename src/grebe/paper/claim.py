@@ -25,7 +25,7 @@ from grebe.core.vessel import vessel_named
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
 from grebe.mapping.proof.validation import Z95
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 from grebe.paper.hand_driven import HandDriven
 from grebe.planning.planner import plan
 from grebe.simulation.water import Water, conditioned_water
@@ -91,7 +91,7 @@ def samplings(hand: HandDriven, *, same_length: bool = True) -> list[Sampled]:
         PlanSettings(cell_m=None, minutes=minutes, core=CORE, speed_min_mps=WINDOW[0],
                      speed_max_mps=WINDOW[1]),
     ).survey  # fmt: skip
-    found = [driven, flown(timed, "planned, same duration")]
+    found = [driven, sailed(timed, "planned, same duration")]
     return [*found, _as_long(hand, "planned, same length")] if same_length else found
 
 
@@ -103,7 +103,7 @@ def _as_long(hand: HandDriven, method: str) -> Sampled:
         survey = plan(
             hand.region, vessel_named("spyboat"), PlanSettings(cell_m=cell_m, core=CORE)
         ).survey
-        sampled = flown(survey, method)
+        sampled = sailed(survey, method)
         share = sampled.length_m / hand.length_m
         if share <= 1 and (best is None or sampled.length_m > best.length_m):
             best = sampled
@@ -115,20 +115,20 @@ def _as_long(hand: HandDriven, method: str) -> Sampled:
     return best
 
 
-def flown(survey: Survey, method: str) -> Sampled:
+def sailed(survey: Survey, method: str) -> Sampled:
     """Sail a survey in simulation, sampled by the default of all missions."""
     assert survey.vessel is not None
     assert survey.start is not None
     pilot = Controller(survey.vessel, survey.sets, corridors=survey.corridors)
-    flight = fly(
+    trial = simulate(
         survey.vessel, survey.sets, pilot, survey.start.at_rest(), Conditions(limit_s=20_000)
     )
-    sampled = flight.sampled
+    sampled = trial.sampled
     return Sampled(
         method=method,
         positions=sampled[shapely.intersects_xy(survey.water, sampled)],
-        length_m=flight.report.path_m,
-        duration_s=flight.duration_s,
+        length_m=trial.report.path_m,
+        duration_s=trial.duration_s,
     )
 
 

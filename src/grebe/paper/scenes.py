@@ -21,7 +21,7 @@ from grebe.control.solvers.base import SolverBuilder
 from grebe.control.solvers.builders import Fatrop
 from grebe.core.sets import TargetSet, rectangle, ring_vertices
 from grebe.core.vessel import Vessel, vessel_named
-from grebe.mission.trial import Conditions, Trial, fly
+from grebe.mission.trial import Conditions, Trial, simulate
 from grebe.planning.cells.mesh import mesh_water, target_footprint
 from grebe.planning.paths.network import connect
 from grebe.planning.route.orders import sweeps
@@ -46,10 +46,10 @@ class Scene:
     solver: SolverBuilder
     vessel: Vessel
 
-    def flown(self) -> Trial:
+    def sailed(self) -> Trial:
         """Sail the scene in still water."""
         pilot = Controller(self.vessel, self.targets, self.rule, solver=self.solver)
-        return fly(self.vessel, self.targets, pilot, self.start, Conditions(limit_s=LIMIT_S))
+        return simulate(self.vessel, self.targets, pilot, self.start, Conditions(limit_s=LIMIT_S))
 
 
 def _scene(targets: tuple[TargetSet, ...], start: State, boat: Vessel) -> Scene:
@@ -63,7 +63,7 @@ def _scene(targets: tuple[TargetSet, ...], start: State, boat: Vessel) -> Scene:
     )
 
 
-def flown_otherwise(scene: Scene, rule: Rule, solver: SolverBuilder) -> Scene:
+def sailed_with(scene: Scene, rule: Rule, solver: SolverBuilder) -> Scene:
     """Return the scene with another rule and solver."""
     return replace(scene, rule=rule, solver=solver)
 

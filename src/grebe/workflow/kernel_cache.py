@@ -92,7 +92,7 @@ def sail_a_little(*, steered: bool = True) -> None:
     from grebe.core.taut import taut_path
     from grebe.core.vessel import PRESETS
     from grebe.links.simulated import EstimateErrors
-    from grebe.mission.trial import Conditions, fly, meander
+    from grebe.mission.trial import Conditions, meander, simulate
 
     model, sets = PRESETS["spyboat"], meander(rows=3, columns=4)
     late = Conditions(
@@ -102,7 +102,7 @@ def sail_a_little(*, steered: bool = True) -> None:
         limit_s=30.0,
     )
     helm = Controller(model, sets) if steered else _Weaving(model)
-    fly(model, sets, helm, (-5.0, 2.0, 0, 0, 0, 0), late)
+    simulate(model, sets, helm, (-5.0, 2.0, 0, 0, 0, 0), late)
     # Only large cells need this kernel.
     taut_path((-5.0, 2.0), footprints_of(sets))
 
