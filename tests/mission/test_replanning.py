@@ -117,7 +117,7 @@ def test_a_sortie_is_judged_by_the_battery_of_its_own_boat(survey, boat, battery
         def __init__(self, *, bounds, **_):
             judged.append((bounds.battery_wh, bounds.minutes))
 
-        def late(self, *_):
+        def delay(self, *_):
             return None
 
     monkeypatch.setattr("grebe.mission.replanning.Pace", Watch)

@@ -17,7 +17,7 @@ from grebe.core.events import Estimate, Step
 from grebe.io.store import SurveyFile
 from grebe.links.base import AsDriven, as_driven
 from grebe.links.emergency import EmergencyStop, emergency_of
-from grebe.links.passing import PassingLink
+from grebe.links.forwarding import ForwardingLink
 from grebe.mission.safety.watchdog import Watchdog, journal_beside, taken_notes
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -171,7 +171,10 @@ def test_a_boat_that_was_told_nothing_yet_is_not_stopped(boat):
 
 @pytest.mark.parametrize(
     ("action", "says"),
-    [("no_such_module:stop", "ModuleNotFoundError"), ("grebe.links.guard:sail", "AttributeError")],
+    [
+        ("no_such_module:stop", "ModuleNotFoundError"),
+        ("grebe.links.watchdog_process:sail", "AttributeError"),
+    ],
 )
 def test_a_boat_that_nobody_could_stop_is_not_set_out_with(action, says):
     with pytest.raises(LinkError, match=says):
@@ -234,8 +237,8 @@ def test_a_link_that_wraps_another_passes_on_how_its_boat_is_driven_and_stopped(
         as_driven = AsDriven(holds_motion=True, braking_share=0.4)
         emergency = EmergencyStop(action="boat:stop")
 
-    wrapped = PassingLink(Autopilot())
+    wrapped = ForwardingLink(Autopilot())
     assert as_driven(wrapped) == Autopilot.as_driven
     assert emergency_of(wrapped) == Autopilot.emergency
-    assert emergency_of(PassingLink(object())) is None
-    assert as_driven(PassingLink(object())) == AsDriven()
+    assert emergency_of(ForwardingLink(object())) is None
+    assert as_driven(ForwardingLink(object())) == AsDriven()

@@ -17,7 +17,7 @@ from grebe.core.errors import IncompleteError, StoppedError, UsageError
 from grebe.core.survey import SIMULATED_WATER
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
-from grebe.links.instruments.instrument import Bench
+from grebe.links.instruments.instrument import InstrumentSet
 from grebe.mission.departure import Departure
 from grebe.mission.events.recorders import Listener
 from grebe.mission.events.statistics import Alarm, Progress, ProgressMeter
@@ -112,7 +112,7 @@ def run_fleet(
     yes: bool,
     resume: bool,
     force: bool,
-    benches: Mapping[int | None, Bench],
+    instrument_sets: Mapping[int | None, InstrumentSet],
     replans: bool,
     closures: Callable[[], Closures | None],
     extends: ExtensionOf | None,
@@ -121,9 +121,9 @@ def run_fleet(
 ) -> FleetReport:
     """Sail a fleet's survey and check the quality of its samples.
 
-    `urls`: one link for all boats, or one for each. `benches`: the instruments of some boats.
-    `closures` makes the closed areas of one mission (None: nothing is closed). `extends` makes the
-    function that plans the adaptive part of a mission. `mission_socket`: that of the app.
+    `urls`: one link for all boats, or one for each. `instrument_sets`: the instruments of some
+    boats. `closures` makes the closed areas of one mission (None: nothing is closed). `extends`
+    makes the function that plans the adaptive part of a mission. `mission_socket`: that of the app.
     `changed`: the boats whose batteries were changed.
     """
     rule, solver, world = how
@@ -153,7 +153,7 @@ def run_fleet(
         shares_time=simulated,
         watches=listeners.of,
         on_ready=listeners.attach,
-        instruments=of_fleet(benches, fleet.boats),
+        instruments=of_fleet(instrument_sets, fleet.boats),
         replans=replans,
         extends=extends,
         changed=changed,

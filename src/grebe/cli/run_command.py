@@ -30,7 +30,7 @@ from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.survey import Survey
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
-from grebe.links.instruments.instrument import Bench
+from grebe.links.instruments.instrument import InstrumentSet
 from grebe.mission.consumption import NOTHING, Consumption
 from grebe.mission.departure import prepare
 from grebe.mission.events.statistics import Alarm, MissionReport, ProgressMeter
@@ -147,11 +147,11 @@ def command(
     own = user_quantities(run.pop("quantities_file"), file)
     with (
         _claimed(file, instruments, sortie) as survey_file,
-        instruments_at(instruments, BUILTIN.extended(own)) as benches,
+        instruments_at(instruments, BUILTIN.extended(own)) as instrument_sets,
         output.MissionBar(quiet=as_json) as bar,
     ):
-        refuse_unopened(benches.values())
-        _declare(survey_file, own, benches)
+        refuse_unopened(instrument_sets.values())
+        _declare(survey_file, own, instrument_sets)
         run = _as_before(ctx, run, survey_file.meta().get("run", "{}") if goes_on else "{}")
         run["fresh"] = _typed(ctx, "battery_wh")
         fleet = survey_file.survey.fleet if sortie is None else None
@@ -160,13 +160,13 @@ def command(
         _keep(run, survey_file)
         if fleet is not None:
             _sail_fleet(
-                survey_file, urls, run, now, bar, benches, live,
+                survey_file, urls, run, now, bar, instrument_sets, live,
                 resume=resume, force=force, as_json=as_json,
             )  # fmt: skip
             return
         report = _run(
             survey_file, _only(urls), run, now, bar, live,
-            resume=goes_on, force=force, sortie=sortie, instruments=of_one_boat(benches),
+            resume=goes_on, force=force, sortie=sortie, instruments=of_one_boat(instrument_sets),
         )  # fmt: skip
         file, ahead = survey_file.path, _what_follows(survey_file)
         moved = survey_file.count("track") > 0 and report.reached > before
@@ -225,14 +225,16 @@ def _judge(
         instrument_named(boat_and_instrument(one)[1])
 
 
-def _declare(survey_file: SurveyFile, own: Quantities, benches: Mapping[int | None, Bench]) -> None:
+def _declare(
+    survey_file: SurveyFile, own: Quantities, instrument_sets: Mapping[int | None, InstrumentSet]
+) -> None:
     """Add a column to the file for each quantity that will be measured."""
     if own:
         survey_file.claim()
         survey_file.declare(own)
-    for bench in benches.values():
+    for instrument_set in instrument_sets.values():
         survey_file.claim()
-        declare_quantities(survey_file, bench, BUILTIN.extended(own))
+        declare_quantities(survey_file, instrument_set, BUILTIN.extended(own))
 
 
 def _run(
@@ -298,7 +300,7 @@ def _sail_fleet(
     run: dict[str, Any],
     now: datetime,
     bar: output.MissionBar,
-    benches: Mapping[int | None, Bench],
+    instrument_sets: Mapping[int | None, InstrumentSet],
     live: bool,
     *,
     resume: bool,
@@ -311,9 +313,9 @@ def _sail_fleet(
     with live_view(survey_file, wanted=live) as mission_socket:
         report = run_fleet(
             survey_file, urls, _settings(run), settings, now, bar,
-            yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
-            closures=lambda: _closures_of(run, survey_file), extends=onward,
-            mission_socket=mission_socket, changed=run["changed"],
+            yes=run["yes"], resume=resume, force=force, instrument_sets=instrument_sets,
+            replans=run["replans"], closures=lambda: _closures_of(run, survey_file),
+            extends=onward, mission_socket=mission_socket, changed=run["changed"],
         )  # fmt: skip
     ahead = next_command(report, survey_file.path)
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)

@@ -9,12 +9,12 @@ from typing import TypeVar
 
 from grebe.core.errors import LinkError
 from grebe.links.base import BoatStatus, Observation, Order
-from grebe.links.passing import PassingLink
+from grebe.links.forwarding import ForwardingLink
 
 _T = TypeVar("_T")
 
 
-class CheckedLink(PassingLink):
+class CheckedLink(ForwardingLink):
     """A link that turns an `OSError` into a `LinkError`. `close` suppresses it instead, for a link
     that is already broken cannot be left in better order.
     """

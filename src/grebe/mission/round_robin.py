@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 
 from grebe.links.base import BoatLink, Observation
-from grebe.links.passing import PassingLink
+from grebe.links.forwarding import ForwardingLink
 
 
 class RoundRobin:
@@ -48,7 +48,7 @@ class RoundRobin:
         return self._boats[self._turn] == boat
 
 
-class RoundRobinLink(PassingLink):
+class RoundRobinLink(ForwardingLink):
     """A boat's link that advances only in the boat's turn."""
 
     def __init__(self, link: BoatLink, turns: RoundRobin, boat: int) -> None:

@@ -15,7 +15,7 @@ from grebe.core.dynamics import Weather
 from grebe.core.errors import GrebeError
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Observation
-from grebe.links.passing import PassingLink
+from grebe.links.forwarding import ForwardingLink
 from grebe.mission.departure import Departure
 from grebe.server.mission_request import Voyage
 from grebe.server.mission_socket import serve_clients
@@ -27,7 +27,7 @@ from grebe.workflow.simulated import SimulatedWorld
 from grebe.workflow.steering_names import rule_named
 
 
-class Paced(PassingLink):
+class Paced(ForwardingLink):
     """A simulated boat that runs `rate` times as fast as the clock."""
 
     def __init__(self, link: BoatLink, rate: float) -> None:

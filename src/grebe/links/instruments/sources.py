@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from grebe.core.errors import InputError, LinkError
 from grebe.core.quantities import Quantities
-from grebe.links.instruments.decoding import Counts, RegisterDecoder, Said, TextDecoder
+from grebe.links.instruments.decoding import Counts, DecodedReading, RegisterDecoder, TextDecoder
 from grebe.links.instruments.profile import Profile, is_frame
 from grebe.links.wires import SerialWire, Wire, wire_at
 
@@ -29,7 +29,7 @@ ADDRESSES = (
 Stopped = Callable[[], bool]
 
 
-class Speaker(Protocol):
+class InstrumentSource(Protocol):
     """An open line to an instrument; `counts` are those of what came over it."""
 
     @property
@@ -37,7 +37,7 @@ class Speaker(Protocol):
         """See the class."""
         ...
 
-    def readings(self, stopped: Stopped) -> Generator[Said | None]:
+    def readings(self, stopped: Stopped) -> Generator[DecodedReading | None]:
         """Yield readings as they come, and None after a short time without any, until `stopped`.
 
         Raises `LinkError` or `OSError` if the line breaks.
@@ -49,11 +49,11 @@ class Speaker(Protocol):
         ...
 
 
-def speaker_at(address: str, profile: Profile, quantities: Quantities) -> Speaker:
+def open_source(address: str, profile: Profile, quantities: Quantities) -> InstrumentSource:
     """Open the line to an instrument; `LinkError` if that fails."""
     if profile.modbus is not None:
-        return ModbusSpeaker(address, profile, quantities)
-    return LineSpeaker(_wire(address, profile), profile, quantities)
+        return ModbusSource(address, profile, quantities)
+    return LineSource(_wire(address, profile), profile, quantities)
 
 
 def _wire(address: str, profile: Profile) -> Wire:
@@ -101,7 +101,7 @@ class FileTail:
         self._file.close()
 
 
-class LineSpeaker:
+class LineSource:
     """Reads lines of text, as they come or as they are requested."""
 
     def __init__(self, wire: Wire, profile: Profile, quantities: Quantities) -> None:
@@ -112,11 +112,11 @@ class LineSpeaker:
 
     @property
     def counts(self) -> Counts:
-        """See `Speaker`."""
+        """See `InstrumentSource`."""
         return self._decoder.counts
 
-    def readings(self, stopped: Stopped) -> Generator[Said | None]:
-        """See `Speaker`."""
+    def readings(self, stopped: Stopped) -> Generator[DecodedReading | None]:
+        """See `InstrumentSource`."""
         for question in self._text.setup:
             self._wire.send(question.encode())
             self._answers(stopped, lambda _: False)
@@ -130,12 +130,14 @@ class LineSpeaker:
                 next_s = max(next_s + self._text.every_s, self._wire.now_s())
                 self._wire.send(self._text.ask.encode())
             lines = self._lines()
-            yield from (said for said in map(self._decoder.take, lines) if said is not None)
+            yield from (
+                decoded for decoded in map(self._decoder.take, lines) if decoded is not None
+            )
             if not lines:
                 yield None
 
     def close(self) -> None:
-        """See `Speaker`."""
+        """See `InstrumentSource`."""
         self._wire.close()
 
     def _answers(self, stopped: Stopped, heeded: Callable[[bytes], bool]) -> bool:
@@ -158,7 +160,7 @@ class LineSpeaker:
         return [line for line in lines if line.strip()]
 
 
-class ModbusSpeaker:
+class ModbusSource:
     """Reads registers over Modbus RTU on a serial line, or over TCP."""
 
     def __init__(self, address: str, profile: Profile, quantities: Quantities) -> None:
@@ -171,11 +173,11 @@ class ModbusSpeaker:
 
     @property
     def counts(self) -> Counts:
-        """See `Speaker`."""
+        """See `InstrumentSource`."""
         return self._decoder.counts
 
-    def readings(self, stopped: Stopped) -> Generator[Said | None]:
-        """See `Speaker`."""
+    def readings(self, stopped: Stopped) -> Generator[DecodedReading | None]:
+        """See `InstrumentSource`."""
         next_s = time.monotonic()
         while not stopped():
             wait_s = next_s - time.monotonic()
@@ -190,10 +192,10 @@ class ModbusSpeaker:
                 yield None
 
     def close(self) -> None:
-        """See `Speaker`."""
+        """See `InstrumentSource`."""
         self._client.close()
 
-    def _measure(self) -> Said | None:
+    def _measure(self) -> DecodedReading | None:
         modbus = self._modbus
         for one in modbus.write:
             self._asked(self._client.write_register, one.register, one.value)

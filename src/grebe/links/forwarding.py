@@ -8,7 +8,7 @@ from grebe.links.base import AsDriven, BoatLink, BoatStatus, Observation, Order,
 from grebe.links.emergency import EmergencyStop, emergency_of
 
 
-class PassingLink:
+class ForwardingLink:
     """Passes everything on to another link."""
 
     def __init__(self, link: BoatLink) -> None:
