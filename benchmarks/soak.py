@@ -35,7 +35,7 @@ from grebe.mission.settings import MissionSettings
 from grebe.mission.trial import bare_survey
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
-from grebe.workflow.collector import no_long_pauses
+from grebe.workflow.garbage_collection import no_long_pauses
 
 PERIOD_S = 0.1
 EIGHT_HOURS = 288_000

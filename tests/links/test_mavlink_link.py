@@ -137,7 +137,7 @@ def test_a_short_loss_of_the_fix_does_not_end_the_survey():
 
 
 @pytest.mark.parametrize(
-    "air",
+    "radio",
     [
         RadioFaults(lost_share=0.3, seed=1),
         RadioFaults(delay_s=0.25, seed=2),

@@ -265,7 +265,7 @@ def test_a_line_that_falls_silent_is_lost():
 
 
 @pytest.mark.parametrize(
-    ("voice", "why"),
+    ("output", "why"),
     [
         (OutputSettings(silent=(0.0, 1e9)), "No NMEA sentence"),
         (OutputSettings(damaged_share=0.999999), "damaged"),

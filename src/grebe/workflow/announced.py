@@ -62,7 +62,7 @@ def _place_of(file: SurveyFile, sortie: Sortie) -> tuple[float, float]:
     return ends[1].state[0], ends[1].state[1]
 
 
-def lying(file: SurveyFile, sailing: Collection[int]) -> list[shapely.Polygon]:
+def moored_areas(file: SurveyFile, sailing: Collection[int]) -> list[shapely.Polygon]:
     """Return the water around each boat of a fleet that has sailed and is no longer `sailing`."""
     fleet = file.survey.fleet
     if fleet is None:

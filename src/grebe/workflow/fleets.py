@@ -29,9 +29,9 @@ from grebe.mission.safety.states import Cause
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.watchdog import guarded, journal_beside
 from grebe.mission.settings import MissionSettings
-from grebe.workflow.berths import farthest_first, harbour_of, is_afloat, lying
-from grebe.workflow.collector import no_long_pauses
+from grebe.workflow.garbage_collection import no_long_pauses
 from grebe.workflow.handover import Handover
+from grebe.workflow.moorings import farthest_first, harbour_of, is_afloat, moored_places
 from grebe.workflow.run import (
     HelmOf,
     as_known_to,
@@ -221,7 +221,7 @@ class FleetRun:
         for boat, departure in departures.items():
             if is_afloat(departure):
                 traffic.claim(boat, np.array([departure.state[:2]]))
-        for boat, place in lying(self.survey_file, departures, self._adrift).items():
+        for boat, place in moored_places(self.survey_file, departures, self._adrift).items():
             traffic.claim(boat, np.array([place]))
             traffic.leave(boat)
         say_first(next(iter(departures.values())), self.survey_file, self.watches(min(departures)))

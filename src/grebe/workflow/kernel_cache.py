@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grebe.core import kernels
-from grebe.workflow.collector import uncollected
+from grebe.workflow.garbage_collection import without_collection
 
 if TYPE_CHECKING:
     from grebe.control.controller import Command
@@ -36,7 +36,7 @@ def compile_controller() -> bool:
     return kernels.is_compiled()
 
 
-@uncollected()
+@without_collection()
 def compile_all() -> None:
     """Compile everything that a mission needs.
 
@@ -55,7 +55,7 @@ def compile_all() -> None:
     kernels.note_compiled()
 
 
-@uncollected()
+@without_collection()
 def compile_beside() -> None:
     """Do the second process's share.
 

@@ -25,7 +25,7 @@ from grebe.mission.replanning import Extension, Replanner, SharedPlan
 from grebe.mission.safety.route_home import Pilot, check_home
 from grebe.mission.safety.watchdog import guarded, journal_beside, taken_notes
 from grebe.mission.settings import MissionSettings
-from grebe.workflow.collector import no_long_pauses
+from grebe.workflow.garbage_collection import no_long_pauses
 
 BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]

@@ -170,12 +170,12 @@ def read_times(
         return _of_numbers(values, header, zone)
     cells, own = _without_letters([_without_zone_name(cell) for cell in cells])
     zone = own or zone
-    moments, told = [_iso(cell) for cell in cells], list[str]()
-    if sum(moment is not None for moment in moments) < len(cells) / 2:
-        moments, told = _written(cells, header, zone)
-    if sum(moment is not None for moment in moments) < max(len(cells) / 2, 1):
+    times, told = [_iso(cell) for cell in cells], list[str]()
+    if sum(moment is not None for moment in times) < len(cells) / 2:
+        times, told = _written(cells, header, zone)
+    if sum(moment is not None for moment in times) < max(len(cells) / 2, 1):
         return None
-    seconds, notes = _in_seconds(moments, zone)
+    seconds, notes = _in_seconds(times, zone)
     return seconds, [*told, *notes]
 
 
@@ -351,15 +351,15 @@ def _parsed(text: str, form: str) -> datetime | None:
     return read if read.year >= FIRST_YEAR else None
 
 
-def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tuple[Array, list[str]]:
+def _in_seconds(times: Sequence[datetime | None], zone: tzinfo | None) -> tuple[Array, list[str]]:
     local = zone or UTC
-    naive = [moment for moment in moments if moment is not None and moment.tzinfo is None]
+    naive = [moment for moment in times if moment is not None and moment.tzinfo is None]
     seconds = np.array(
         [
             np.nan
             if one is None
             else (one if one.tzinfo else one.replace(tzinfo=local)).timestamp()
-            for one in moments
+            for one in times
         ]
     )
     notes: list[str] = []
@@ -367,7 +367,7 @@ def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tupl
         notes.append("times without a zone: taken as UTC")
     doubtful = 0
     if isinstance(local, ZoneInfo):
-        seconds, doubtful, missing = _folded(moments, seconds, local)
+        seconds, doubtful, missing = _folded(times, seconds, local)
         if missing:
             notes.append(
                 f"{counted(missing, 'time')} in the hour that {local.key} skipped when summer time "
@@ -382,7 +382,7 @@ def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tupl
 
 
 def _folded(
-    moments: Sequence[datetime | None], seconds: Array, zone: ZoneInfo
+    times: Sequence[datetime | None], seconds: Array, zone: ZoneInfo
 ) -> tuple[Array, int, int]:
     """Resolve the times in the hour that came twice.
 
@@ -391,7 +391,7 @@ def _folded(
     """
     found, doubtful, missing = seconds.copy(), 0, 0
     latest = -np.inf
-    for place, one in enumerate(moments):
+    for place, one in enumerate(times):
         if one is None or one.tzinfo is not None:
             continue
         summer, winter = (one.replace(tzinfo=zone, fold=fold).timestamp() for fold in (0, 1))

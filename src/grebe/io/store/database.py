@@ -10,7 +10,7 @@ from types import TracebackType
 
 from grebe.core.errors import SurveyFileError
 from grebe.io.atomic_write import written_whole
-from grebe.io.store import claims
+from grebe.io.store import locks
 
 JOURNAL_BYTES = 8_000_000
 
@@ -101,7 +101,7 @@ def new_file(path: Path, *, force: bool) -> Generator[Path]:
             f"{path} exists already; give another name, or replace it by force.",
             settings=("force",),
         )
-    if path.exists() and claims.is_taken(path):
+    if path.exists() and locks.is_locked(path):
         raise SurveyFileError(f"{path} is being written by a mission; give another name.")
     with written_whole(path, sqlite3.Error, UnwrittenError, error=SurveyFileError) as part:
         try:

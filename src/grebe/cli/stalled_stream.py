@@ -21,7 +21,7 @@ LAST_WORDS_S = 0.5
 MOST_TEXTS = 1000
 
 
-class Unwatched:
+class StalledStream:
     """A stream that never blocks for long and never fails; it drops texts that it cannot write."""
 
     def __init__(self, stream: TextIO) -> None:

@@ -44,7 +44,7 @@ _ZONE = re.compile(r"(time)?(tz|zone|utcoffset|gmtoffset)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Moments:
+class Times:
     """The times (n,) of a table [unix s], None if it has none.
 
     `columns` are those that they came from, if not the one named like a time; `clues` are the
@@ -57,7 +57,7 @@ class Moments:
     notes: tuple[str, ...] = ()
 
 
-def read_moments(
+def read_time_columns(
     path: Path,
     table: Table,
     found: Mapping[str, Column],
@@ -66,14 +66,14 @@ def read_moments(
     *,
     placed: bool,
     day: str | None = None,
-) -> Moments:
+) -> Times:
     """Read the times of a table's rows.
 
     `named` is the column that the caller says they are in, `zone` that of times that name none, and
     `day` the column of their date, if the caller names one. For a track, which is `placed`, those
     of a clock that was not set are left out.
     """
-    told, clues = zone_told(table)
+    told, clues = stated_zone(table)
     before = zone_in_preamble(table.preamble)
     own = told or zone
     from_before = own is None and before is not None
@@ -88,13 +88,13 @@ def read_moments(
                     f"column {named!r} holds {cell!r} and the like, which are not times; give "
                     "unix seconds or ISO 8601."
                 )
-            return Moments(notes=tuple(_unread(table, found)))
+            return Times(notes=tuple(_unread(table, found)))
         times, lost = plausible(read[0]) if placed else (read[0], [])
     except InputError as error:
         raise TrackError(f"{path}: {error}", settings=error.settings) from None
     said = [f"{before[1]}: the zone of the times"] if from_before and before is not None else []
-    notes = (*said, *read[1], *lost, *(_runs_back(times) if placed else ()))
-    return Moments(times=times, columns=tuple(columns), clues=tuple(clues), notes=notes)
+    notes = (*said, *read[1], *lost, *(_goes_backwards(times) if placed else ()))
+    return Times(times=times, columns=tuple(columns), clues=tuple(clues), notes=notes)
 
 
 def _unread(table: Table, found: Mapping[str, Column]) -> list[str]:
@@ -111,7 +111,7 @@ def _unread(table: Table, found: Mapping[str, Column]) -> list[str]:
     return [f"column {name!r} holds {cell!r} and the like, {why}"]
 
 
-def _runs_back(times: NDArray[np.float64]) -> list[str]:
+def _goes_backwards(times: NDArray[np.float64]) -> list[str]:
     """Return a note on a clock that runs back."""
     rows = np.flatnonzero(np.isfinite(times))
     step = np.diff(times[rows])
@@ -193,7 +193,7 @@ def _dated(table: Table, found: Mapping[str, Column]) -> str | None:
     return None
 
 
-def zone_told(table: Table) -> tuple[tzinfo | None, list[str]]:
+def stated_zone(table: Table) -> tuple[tzinfo | None, list[str]]:
     """Return the zone that a separate column names, and the column."""
     for name in table.header:
         if _ZONE.fullmatch(re.sub(r"[^a-z]", "", name.lower())):

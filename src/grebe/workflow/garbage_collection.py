@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def uncollected() -> Generator[None]:
+def without_collection() -> Generator[None]:
     """Suspend the collector within the block.
 
     It scans all objects again whenever their number has grown by a quarter. It finds nothing if

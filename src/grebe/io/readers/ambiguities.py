@@ -24,7 +24,7 @@ _EC = re.compile(r"ec|cond")
 _LOCAL = re.compile(r"%[ -]*(local|l|cb)\b")
 
 
-def doubts(column: Column, quantity: Quantity, found: Collection[str]) -> list[str]:
+def ambiguities(column: Column, quantity: Quantity, found: Collection[str]) -> list[str]:
     """Return the doubts about a column that is taken as a quantity.
 
     `found` are the keys of everything that the table has.

@@ -41,7 +41,7 @@ def farthest_first(departures: Mapping[int, Departure]) -> tuple[int, ...]:
     return tuple(sorted(departures, key=lambda boat: (-farthest_m(departures[boat]), boat)))
 
 
-def lying(
+def moored_places(
     survey_file: SurveyFile, sailing: Collection[int], adrift: Collection[int] = ()
 ) -> dict[int, Place]:
     """Return the places (north, east) of idle boats on the water, by their numbers.

@@ -15,7 +15,7 @@ from typing import TextIO
 from grebe.core.errors import SurveyFileError
 
 
-def take(path: Path) -> TextIO | None:
+def acquire(path: Path) -> TextIO | None:
     """Claim a survey file; return None if another process has it."""
     while True:
         lock = _lock_path(path).open("w")
@@ -30,22 +30,22 @@ def take(path: Path) -> TextIO | None:
         lock.close()
 
 
-def is_taken(path: Path) -> bool:
+def is_locked(path: Path) -> bool:
     """Return whether another process, or another part of this one, has claimed a survey file."""
     lock = _lock_path(path)
     if not lock.exists():
         return False
     try:
-        taken = take(path)
+        taken = acquire(path)
     except OSError:
         return False
     if taken is None:
         return True
-    drop(path, taken)
+    release(path, taken)
     return False
 
 
-def drop(path: Path, lock: TextIO) -> None:
+def release(path: Path, lock: TextIO) -> None:
     """Give up a claim."""
     if _is_at(path, lock):
         _lock_path(path).unlink(missing_ok=True)
@@ -53,13 +53,13 @@ def drop(path: Path, lock: TextIO) -> None:
 
 
 @contextmanager
-def claimed(path: Path, why: str) -> Generator[None]:
+def locked(path: Path, why: str) -> Generator[None]:
     """Hold a claim within the block.
 
     Raises `SurveyFileError`, beginning with `why`, if it cannot be had.
     """
     try:
-        lock = take(path)
+        lock = acquire(path)
     except OSError:
         raise SurveyFileError(
             f"{why}, but it is read-only; make it and its folder writable."
@@ -71,7 +71,7 @@ def claimed(path: Path, why: str) -> Generator[None]:
     try:
         yield
     finally:
-        drop(path, lock)
+        release(path, lock)
 
 
 def _is_at(path: Path, lock: TextIO) -> bool:
