@@ -12,9 +12,10 @@ from conftest import CHINA, TRACKS, needs_tracks
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError, TrackError
 from grebe.core.samples import Flag
-from grebe.io.readers.clock import read_times, zone_of
+from grebe.io.readers.clock import read_times
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.track import read_readings, read_track
+from grebe.io.readers.zones import zone_of
 from grebe.workflow.tracks import import_track
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from grebe.core.errors import TrackError
-from grebe.io.readers.clock import read_times, zone_of
+from grebe.io.readers.clock import read_times
 from grebe.io.readers.nmea_log import read_nmea
 from grebe.io.readers.track import RawTrack, read_readings, read_track
+from grebe.io.readers.zones import zone_of
 
 MOMENT = datetime(2024, 7, 18, 9, 15, tzinfo=UTC).timestamp()
 

@@ -12,8 +12,8 @@ from click.testing import CliRunner
 
 from grebe.cli.main import grebe
 from grebe.core.errors import TrackError
-from grebe.io.readers.clock import zone_of
 from grebe.io.readers.track import read_readings, read_track
+from grebe.io.readers.zones import zone_of
 from grebe.workflow.tracks import import_track
 
 START = datetime(2023, 6, 21, 14, 5, 32, tzinfo=UTC)

@@ -13,11 +13,11 @@ from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.samples import Flag, Samples
 from grebe.core.sets import hull_of
 from grebe.core.survey import OF_TRACK, Survey
-from grebe.io.readers.clock import zone_of
 from grebe.io.readers.columns import DATE, PLACE_AND_TIME
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import RawTrack, TrackColumns, read_readings, read_track
+from grebe.io.readers.zones import zone_of
 from grebe.io.store import SurveyFile
 from grebe.io.store.database import new_file
 from grebe.mapping.quality.control import Quality

@@ -18,12 +18,11 @@ from grebe.io.readers.clock import (
     LATEST_S,
     plausible,
     read_times,
-    zone_in_cells,
-    zone_in_preamble,
 )
 from grebe.io.readers.columns import Column
 from grebe.io.readers.counters import in_seconds, is_counted
 from grebe.io.readers.table import Table, cells_of, number
+from grebe.io.readers.zones import zone_in_cells, zone_in_preamble
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
