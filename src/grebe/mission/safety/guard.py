@@ -23,8 +23,9 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
+from grebe.mission.safety.dead_reckoning import DeadReckoning
 from grebe.mission.safety.enclosure import Enclosure
-from grebe.mission.safety.fence import Schedule, dead_reckoned, fence_of
+from grebe.mission.safety.fence import Schedule, fence_of
 from grebe.mission.safety.lookout import LEAST_WAIT_S, WISHED_SETS, Lookout
 from grebe.mission.safety.machine import (
     after_waiting,
@@ -42,8 +43,6 @@ from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
 from grebe.mission.safety.stopping import Stopping
 
-# A blind boat is braked until dead reckoning gives a surge below this [m/s].
-LEAST_WAY_MPS = 0.05
 # The status of a boat that has not reported any.
 NO_STATUS = BoatStatus(mode="", armed=False)
 # The share of full reverse thrust used to free a boat.
@@ -95,7 +94,7 @@ class Guard:
         self._enclosure = Enclosure()
         self._home = RouteHome(survey, settings)
         self._next_home: RouteHome | None = None
-        self._dead_reckoned: tuple[float, State] | None = None
+        self._blind = DeadReckoning()
         self._began_s: float | None = None
         self._before_s = 0.0
         self._used_wh = settings.used_wh or 0.0
@@ -189,7 +188,7 @@ class Guard:
         """
         if self._began_s is None:
             self._begin(observation)
-        self._dead_reckoned = None
+        self._blind.end()
         self._take_next_home(observation)
         self._spend(observation, thrusts)
         if self.state is SafetyState.RETURNING:
@@ -297,7 +296,7 @@ class Guard:
     @property
     def dead_reckoned(self) -> State | None:
         """The state of a blind boat by dead reckoning; None if the boat is not blind."""
-        return self._dead_reckoned and self._dead_reckoned[1]
+        return self._blind.state
 
     def steer_blind(
         self, seen: Observation, now: Observation, thrusts: Thrusts, weather: Weather
@@ -307,12 +306,7 @@ class Guard:
         """
         seconds = now.time_s - seen.time_s
         self._report(without_estimates(self._memory, now.time_s, seconds, self._settings))
-        since, state = self._dead_reckoned or (seen.time_s, seen.state)
-        state = dead_reckoned(self._vessel, state, thrusts, weather, now.time_s - since)
-        self._dead_reckoned = (now.time_s, state)
-        if state[3] < LEAST_WAY_MPS:
-            return 0.0, 0.0
-        return self._stopping.keeper.brake(state, weather)
+        return self._blind.brake(seen, now, thrusts, weather, self._stopping.keeper)
 
     def _begin(self, observation: Observation) -> None:
         self._began_s = self._before_s = observation.time_s
