@@ -56,7 +56,7 @@ def test_a_survey_goes_on_where_it_pays_and_its_map_becomes_surer(coarse_survey)
         (("--quantity", "ph", "--minutes", 0.01), "give more"),
     ],
 )
-def test_what_cannot_be_is_said(coarse_survey, words, said):
+def test_impossible_options_are_reported(coarse_survey, words, said):
     with SurveyFile.open(coarse_survey) as file:
         run_simulated(file)
     done = adapt(coarse_survey, *words)

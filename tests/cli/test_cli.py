@@ -47,7 +47,7 @@ def sailed(tmp_path_factory):
     return folder, json.loads(run.stdout)
 
 
-def test_the_whole_way_from_a_lake_to_a_report(sailed):
+def test_a_lake_is_planned_sailed_mapped_and_reported(sailed):
     folder, report = sailed
     assert report["reached"] == report["targets"] > 10
     assert report["unsolved_steps"] == 0
@@ -74,7 +74,7 @@ def test_a_planned_survey_without_samples_is_no_crash(tmp_path):
     grebe("report", "s.gpkg", "-o", "r.html", cwd=tmp_path, check=0)
 
 
-def test_flying_again_needs_a_word(sailed):
+def test_running_again_needs_resume_or_force(sailed):
     folder, _ = sailed
     assert "resume it" in grebe("run", "s.gpkg", cwd=folder, check=3).stderr
 
@@ -175,7 +175,7 @@ def _wait_for_samples(path: Path):
 
 @needs_tracks
 @pytest.mark.slow
-def test_the_real_track_is_imported_and_flown(tmp_path):
+def test_the_real_track_is_imported_and_sailed(tmp_path):
     """As in the paper: survey the hull of a hand-driven track, on the same water. The samples of
     the track itself are mapped in `tests/mapping/test_quality.py`.
     """

@@ -164,7 +164,7 @@ def test_every_rule_completes_a_small_mission(rule):
 @pytest.mark.parametrize(
     ("page", "shown"), [("add-a-rule.md", "Sprint"), ("add-a-vessel.md", "punt")]
 )
-def test_the_how_to_s_show_the_code_that_is_flown_here(page, shown):
+def test_the_how_tos_show_the_code_that_is_sailed_here(page, shown):
     """The code block of each page runs by itself and contains the source that is tested here."""
     text = (HOW_TO / page).read_text()
     code = re.search(r"```python\n(.*?)```", text, re.DOTALL).group(1)

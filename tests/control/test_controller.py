@@ -148,7 +148,7 @@ def test_the_last_target_is_reached_and_not_circled():
     assert all(status.is_solved for status in statuses)
 
 
-def test_a_boat_at_rest_in_its_cell_does_not_put_off_for_ever():
+def test_a_boat_at_rest_in_its_cell_does_not_wait_for_ever():
     controller = Controller(BOAT, row_of_cells(1), DUAL, solver=Fatrop())
     drive(controller, (2.5, 2.5, 0, 0, 0, 0), 40)
     assert controller.done
@@ -173,7 +173,7 @@ class Failing:
         return solution
 
 
-def test_a_failed_solve_is_started_anew(fatrop):
+def test_a_failed_solve_is_restarted(fatrop):
     flaky = Failing(fatrop, lambda call: call == 1)
     controller = Controller(
         BOAT, row_of_cells(2), DUAL, solver=Built(solver=flaky), second_solver=Built(solver=fatrop)
@@ -237,14 +237,14 @@ class Answering:
         return Solution(plan=plan, status=status, cost=cost, iterations=1)
 
 
-def test_a_feasible_plan_is_followed_and_said_to_be_improved_only():
+def test_a_feasible_plan_is_followed_and_reported_as_improved_only():
     inside = Answering((2.5, Status.FEASIBLE, 1.0))
     controller = Controller(BOAT, row_of_cells(2), solver=Built(solver=inside))
     assert controller.step((-10, 2.5, 0, 0, 0, 0)).status is StepStatus.IMPROVED
 
 
 @pytest.mark.parametrize(("afresh", "chosen"), [(5.0, 2.5), (9.9, 8.0), (20.0, 8.0)])
-def test_a_plan_that_misses_its_set_gives_way_to_a_cheaper_one_made_afresh(afresh, chosen):
+def test_a_plan_that_misses_its_set_is_replaced_by_a_cheaper_new_one(afresh, chosen):
     """The first plan ends at 8 m, beyond the set, at cost 10; the second one in the set."""
     solver = Answering((8.0, Status.SOLVED, 10.0), (2.5, Status.SOLVED, afresh))
     controller = Controller(BOAT, row_of_cells(1), solver=Built(solver=solver))
@@ -370,7 +370,7 @@ def test_a_set_beyond_the_horizon_is_not_raced_for(thrift, current):
     assert trial.track[:, 4].max() < 2.06
 
 
-def test_large_sets_are_entered_where_the_way_goes_on():
+def test_large_sets_are_entered_where_the_path_continues():
     """If the horizon ends at the first set, its nearest point is not the best entry.
 
     On this route there and back, boats that entered there took a quarter longer than predicted.

@@ -194,7 +194,7 @@ def test_a_step_with_nobody_near_is_the_same_to_the_digit():
         assert alone.step(state).thrusts == one_of_many.step(state).thrusts
 
 
-def test_both_solvers_say_the_same_of_a_plan_beside_another_boat():
+def test_both_solvers_agree_on_a_plan_near_another_boat():
     helms = [Controller(BOAT, [square(25, 0), square(40, 0)], solver=solver)
              for solver in (None, Ipopt())]  # fmt: skip
     answers = []

@@ -80,12 +80,12 @@ def test_a_model_that_foretells_badly_is_not_believed():
     assert np.all(root_mean_square(np.array(believed) - true)[3:] < 1.1 * ALL[3:])
 
 
-def test_positions_that_wander_tell_no_velocity():
+def test_wandering_positions_give_no_velocity():
     _, true, _, believed = sail(VELOCITIES, drift_m=0.3)
     assert np.all(root_mean_square(np.array(believed) - true)[3:] < 0.7 * VELOCITIES[3:])
 
 
-def test_after_a_gap_the_next_estimate_is_taken_as_it_comes():
+def test_after_a_gap_the_next_estimate_is_used_unfiltered():
     one, *_ = sail(ALL)
     jumped = (50.0, 50.0, 1.0, 0.0, 0.0, 0.0)
     assert one.filtered(jumped) != jumped
@@ -93,7 +93,7 @@ def test_after_a_gap_the_next_estimate_is_taken_as_it_comes():
     assert one.filtered(jumped) == jumped
 
 
-def test_a_wild_estimate_is_taken_as_it_comes_and_spoils_nothing():
+def test_an_outlier_is_used_unfiltered_and_spoils_nothing():
     rng, one = np.random.default_rng(4), StateFilter()
     p = parameter_vector(BOAT, np.zeros(4))
     seen = (rng.normal(size=(600, 6)) * ALL).tolist()

@@ -93,7 +93,7 @@ def test_orders_are_repeated_and_end_when_nothing_is_seen_any_more():
 
 
 @pytest.mark.parametrize("drive", ["motion", "sticks"])
-def test_without_a_word_from_us_the_boat_stops_by_itself(drive):
+def test_without_orders_the_boat_stops_by_itself(drive):
     boat = standin()
     link = linked(boat, drive=drive)
     link.command(Order(thrusts=(6.0, 6.0), surge_mps=1.2, yaw_rate_radps=0))
@@ -125,7 +125,7 @@ def test_whoever_takes_the_boat_over_ends_the_mission_with_the_reason(fault):
         assert boat.autopilot.mode is Mode.MANUAL, "the mode of the pilot's choice stays"
 
 
-def test_a_breach_of_the_autopilot_s_own_fence_is_told():
+def test_a_breach_of_the_autopilot_s_own_fence_is_reported():
     small = shapely.Point(*SURVEY.start.at_rest()[:2]).buffer(6.0)
     report, _ = sail(linked(standin(fence=small)))
     assert 'mode HOLD ("Fence breached")' in report.message
@@ -179,18 +179,18 @@ def test_nobody_s_yes_arms_nothing():
     assert boat.autopilot._asked.at_s == -math.inf, "an order went out before anybody agreed"
 
 
-def test_an_autopilot_that_stays_in_hold_is_told_so():
+def test_an_autopilot_that_stays_in_hold_is_reported():
     with pytest.raises(LinkError, match="stays in HOLD and does not enter GUIDED"):
         linked(standin(faults=Upsets(stuck_in_hold=True)))
 
 
-def test_an_autopilot_without_a_position_is_not_waited_for_for_ever():
+def test_waiting_for_an_autopilot_without_a_position_ends():
     boat = standin(ready_s=500.0)
     with pytest.raises(LinkError, match="does not know its position yet"):
         open_link(line_to(boat), SURVEY.frame, SURVEY.vessel, MavlinkSettings(settle_s=5.0))
 
 
-def test_an_empty_line_says_what_to_look_at():
+def test_the_error_for_a_silent_line_names_what_to_check():
     with pytest.raises(LinkError, match="No autopilot was heard within 2 s; check the address"):
         open_link(
             line_to(standin(), RadioFaults(silence=(0, math.inf))),
@@ -277,7 +277,7 @@ def test_an_idle_order_asks_for_nothing():
     assert (*IDLE.thrusts, IDLE.surge_mps, IDLE.yaw_rate_radps) == (0.0, 0.0, 0.0, 0.0)
 
 
-def test_a_boat_under_px4_is_told_to_follow_only_once_orders_come():
+def test_px4_is_switched_to_offboard_only_once_orders_arrive():
     boat = Px4StandIn(standin(**EXACT))
     link = linked(boat)
     assert boat.autopilot.mode is Mode.GUIDED

@@ -106,11 +106,11 @@ def test_printed_sentences_are_read():
         ("GPGSV,1,1,01,01,40,083,46", ()),
     ],
 )
-def test_what_sentences_say(body, said):
+def test_sentences_become_records(body, said):
     assert read_sentence(sentence(body)) == said
 
 
-def test_what_is_damaged_says_nothing():
+def test_damaged_sentences_give_no_records():
     whole = b"$GPHDT,274.07,T*03"
     for place in range(1, len(whole)):
         for bit in range(7):
@@ -208,7 +208,7 @@ def test_the_state_follows_the_boat():
     assert np.abs(off).max(axis=0) == pytest.approx(0.0, abs=0.03)
 
 
-def test_a_magnetic_compass_needs_a_variation_and_gives_way_to_a_true_one():
+def test_a_magnetic_heading_needs_a_variation_and_yields_to_a_true_one():
     _, link = pretend(OutputSettings(compass="HDM", variation_deg=12.0), (0, 0, 1.0, 0, 0, 0))
     assert link.observe().state[2] == pytest.approx(1.0, abs=0.01)
     _, told = pretend(OutputSettings(compass="HDM"), (0, 0, 1.0, 0, 0, 0), variation_deg=10.0)
@@ -273,7 +273,7 @@ def test_a_line_that_falls_silent_is_lost():
         (OutputSettings(compass="HDM", no_fix=(0.0, 1e9)), "no position"),
     ],
 )
-def test_what_is_missing_at_first_is_said(output, why):
+def test_what_is_missing_at_first_is_reported(output, why):
     with pytest.raises(LinkError, match=why):
         pretend(output, find_s=5.0)
 

@@ -24,7 +24,7 @@ def recording(seconds, readings=()):
     )
 
 
-def test_it_goes_its_own_way_and_asks_for_the_end_after_its_last_estimate():
+def test_a_replay_ignores_orders_and_asks_for_the_end_after_its_last_estimate():
     link = ReplayLink(recording([0, 0.5, 1]))
     for second in (0.0, 0.5):
         link.command(IDLE)

@@ -99,7 +99,7 @@ def test_a_boat_in_the_area_that_is_closed_leaves_it_and_stays_out(tmp_path, sur
     assert revisions[-1].reason == "closed"
 
 
-def test_an_area_that_is_in_nobodys_way_changes_no_order(tmp_path, survey):
+def test_an_area_off_every_path_changes_no_order(tmp_path, survey):
     region = Region(name="strait", frame=survey.frame, water=shapely.box(0, 0, 15, 150))
     settings = PlanSettings(cell_m=15.0, speed_min_mps=0.5, speed_max_mps=1.5)
     strait = plan(region, BOAT, settings).survey
@@ -121,7 +121,7 @@ def test_when_nothing_is_left_to_visit_the_boat_comes_home(tmp_path, survey):
     assert np.hypot(*(np.array(closer.places[-1]) - start)) < 10.0
 
 
-def test_an_area_is_closed_without_leave_to_plan_anew_for_other_causes(tmp_path, survey):
+def test_an_area_is_closed_even_without_replanning(tmp_path, survey):
     zone = survey.targets[8].set.polygon
     closer, report, revisions, *_ = sail(tmp_path / "s.gpkg", survey, [zone], 4)
     assert closer.outside(zone)
@@ -141,7 +141,7 @@ def wavy(survey):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_rest_of_a_lake_with_a_round_coast_can_be_planned_anew(wavy, seed):
+def test_the_rest_of_a_lake_with_a_round_coast_can_be_replanned(wavy, seed):
     rng = np.random.default_rng(seed)
     reached = int(rng.integers(3, len(wavy.targets) - 5))
     place = wavy.targets[reached - 1].set.centre
@@ -176,7 +176,7 @@ def test_a_second_area_is_fenced_off_from_a_boat_that_is_still_in_the_first(surv
     assert not across.fence.contains((10.0, 30.0))
 
 
-def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(tmp_path, survey):
+def test_a_boat_whose_route_home_a_closed_area_blocks_holds_its_position(tmp_path, survey):
     """It was once led across the area, or left at its edge without thrust."""
     start, place = survey.start, survey.targets[5].set.centre
     away = np.array(place) - (start.north_m, start.east_m)
@@ -195,7 +195,7 @@ def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(t
     assert not home.set_out(Observation(time_s=0.0, state=state), BOAT, lambda _: None)
 
 
-def test_an_area_that_is_closed_while_another_order_is_made_is_heeded_after_it(survey, monkeypatch):
+def test_an_area_closed_during_replanning_is_avoided_afterwards(survey, monkeypatch):
     """The other order once failed, and the area was forgotten."""
     plans = Replanner(
         survey=survey, plan=SharedPlan(revision=first_revision(survey)), vessel=BOAT,
@@ -225,7 +225,7 @@ def test_an_order_for_another_weather_that_cannot_be_made_leaves_the_old_one(sur
     assert not plans.is_busy
 
 
-def test_ways_home_around_a_closed_area_are_worked_out_beside_a_real_boat(survey, monkeypatch):
+def test_routes_home_around_a_closed_area_are_computed_in_the_background(survey, monkeypatch):
     """On a large lake that takes seconds, in which the boat must still be steered."""
     measured, go = [], threading.Event()
     whole = RouteHome.measure

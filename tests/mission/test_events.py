@@ -78,7 +78,7 @@ def test_every_target_is_reached_once_in_its_order(heard):
     assert [event.count for event in recorder.of(Reached)] == list(range(1, 10))
 
 
-def test_each_control_step_tells_the_horizon_that_it_planned(heard):
+def test_each_control_step_publishes_its_horizon(heard):
     recorder, report = heard
     predictions = recorder.of(Prediction)
     steps = [step for step in recorder.of(Step) if step.solve_ms is not None]
@@ -89,7 +89,7 @@ def test_each_control_step_tells_the_horizon_that_it_planned(heard):
         assert tuple(ahead.thrusts[0]) == pytest.approx(step.thrusts)
 
 
-def test_the_report_counts_what_was_said(heard):
+def test_the_report_counts_the_events(heard):
     recorder, report = heard
     taken = recorder.of(SampleTaken)
     assert report.samples == len(taken)
@@ -165,7 +165,7 @@ def test_a_boat_can_ask_for_the_end():
     assert (report.ended, report.message) == (EndReason.STOPPED, "the pilot took over")
 
 
-def test_a_signal_is_told_to_the_recorder_before_it_is_passed_on():
+def test_a_signal_is_recorded_before_it_is_passed_on():
     recorder = MemoryRecorder()
 
     def signal(event):
@@ -184,7 +184,7 @@ def test_a_signal_is_told_to_the_recorder_before_it_is_passed_on():
     assert not link.status().armed
 
 
-def test_a_mission_that_is_out_of_time_says_so():
+def test_a_mission_that_runs_out_of_time_is_reported_so():
     report = mission(MemoryRecorder(), settings=MissionSettings(limit_s=5.0)).run()
     assert report.ended is EndReason.OUT_OF_TIME
     assert not report.complete
@@ -260,7 +260,7 @@ def test_a_progress_counts_what_a_new_order_adds():
     assert (told[-1].reached, told[-1].targets) == (1, 7)
 
 
-def test_a_listener_that_fails_is_told_no_more_and_that_is_kept():
+def test_a_failing_listener_is_dropped_and_that_is_recorded():
     kept = []
 
     class Keeper:

@@ -56,7 +56,7 @@ def test_a_ring_is_who_waits_for_each_other_and_nobody_else(graph, boat):
     assert ring(waits, boat) == mutual
 
 
-def test_the_nearest_to_its_harbour_makes_way_and_nobody_who_cannot():
+def test_the_boat_nearest_to_its_harbour_gives_way_if_it_can():
     waits = {
         1: Waiting(claimed_by=frozenset({2}), home_m=90.0),
         2: Waiting(claimed_by=frozenset({1}), home_m=40.0),
@@ -101,7 +101,7 @@ def test_of_two_that_face_each_other_the_nearer_to_home_goes_there():
     assert not one.sails_again
 
 
-def test_while_one_makes_way_the_other_waits_unless_that_takes_long():
+def test_while_one_gives_way_the_other_waits_unless_that_takes_long():
     _, two, wait = face_to_face(home_m=(100.0, math.inf))
     two.sent_home(Cause.TRAFFIC)
     tuple(wait(STUCK_S + 3))
@@ -214,7 +214,7 @@ def test_who_ends_on_the_water_keeps_its_claim():
     assert traffic.nearest_m(2, (3.0, 0.0)) == 0.0
 
 
-def test_a_simulated_boat_lies_where_it_was_launched_until_it_is_told_something():
+def test_a_simulated_boat_stays_where_it_was_launched_until_its_first_order():
     weather = SimulatedWorld().weather
     weather = replace(weather, current_north_mps=0.3)
     plant = Plant(PRESETS["spyboat"], (1.0, 2.0, 0.0, 0.0, 0.0, 0.0), weather)

@@ -77,7 +77,7 @@ def test_a_clock_that_runs_back_ends_the_mission() -> None:
     assert (end.reason, "went back" in end.message) == (EndReason.LINK_LOST, True)
 
 
-def test_who_asks_for_the_end_is_heard_before_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_request_to_stop_comes_before_a_clock_error(monkeypatch: pytest.MonkeyPatch) -> None:
     link = Odd(lambda k, seen: replace(seen, time_s=seen.time_s - 5.0 * (k > 40)))
     usual = link.status
 
@@ -100,7 +100,7 @@ def test_a_few_estimates_of_one_time_are_a_hiccup() -> None:
     assert sailed(Odd(hiccups)).reason is EndReason.COMPLETE
 
 
-def test_a_boat_that_never_says_where_it_is_is_given_up() -> None:
+def test_a_boat_without_any_position_is_given_up() -> None:
     end = sailed(Odd(lambda _, seen: replace(seen, state=NOT_A_STATE)))
     assert end.reason is EndReason.BLIND
     assert f"within {NEVER_SEEN_S:g} s" in end.message
@@ -124,7 +124,7 @@ def test_whatever_fails_below_a_link_is_the_link_s(
     assert end.reason is (EndReason.COMPLETE if what == "close" else EndReason.LINK_LOST)
 
 
-def test_a_link_that_fails_below_says_so() -> None:
+def test_an_os_error_of_a_link_is_a_link_error() -> None:
     def fails(count: int, seen: Observation) -> Observation:
         if count > 20:
             raise OSError("the cable is unplugged")

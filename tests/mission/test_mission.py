@@ -80,7 +80,7 @@ def test_logged_thrusts_keep_the_boat_s_limits(sailed):
     assert file.track().thrusts.min() >= boat.thrust_min_n
 
 
-def test_a_flown_survey_is_not_flown_again_by_accident(sailed):
+def test_a_sailed_survey_is_not_sailed_again_by_accident(sailed):
     file, _ = sailed
     with pytest.raises(SurveyFileError, match="resume it"):
         run_simulated(file)
@@ -147,7 +147,7 @@ def test_two_missions_cannot_share_a_file(tmp_path):
             second.claim()
 
 
-def test_most_of_the_way_is_measured(sailed):
+def test_most_of_the_path_is_sampled(sailed):
     """There is one reading a second, most of them within the speed window."""
     _, report = sailed
     assert report.samples > 0.6 * report.duration_s
@@ -175,7 +175,7 @@ def test_an_unreachable_target_ends_the_mission_as_incomplete(tmp_path):
         assert report.duration_s < 120.0
 
 
-def test_a_survey_without_targets_cannot_be_flown(tmp_path):
+def test_a_survey_without_targets_cannot_be_sailed(tmp_path):
     planned = square_survey()
     bare = Survey(name="bare", frame=planned.frame, water=planned.water)
     with (

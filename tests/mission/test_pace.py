@@ -41,6 +41,6 @@ def test_minutes_are_minutes_whatever_the_battery_has(monkeypatch):
     assert told.left_s == pytest.approx(0.8 * 1500 - 900)
 
 
-def test_what_was_flown_for_a_moment_says_nothing(monkeypatch):
+def test_a_short_time_gives_no_pace(monkeypatch):
     bounds = SortieSettings(minutes=1.0, reserve=0.2, harbours=HOME)
     assert delay(bounds, 1.0, monkeypatch, slower=1.0, half_s=0.9 * LEAST_S) is None

@@ -81,7 +81,7 @@ def test_another_current_than_planned_gives_another_order_once(tmp_path, survey,
     assert all(progress.reached_at)
 
 
-def test_nothing_is_planned_anew_where_nothing_is_otherwise(tmp_path, survey):
+def test_nothing_is_replanned_when_nothing_has_changed(tmp_path, survey):
     small = replace(survey, targets=survey.targets[:3], corridors=survey.corridors[:3])
     plain, *_ = run(tmp_path / "a.gpkg", small, SimulatedWorld())
     watched, revisions, *_ = run(tmp_path / "b.gpkg", small, SimulatedWorld(), replans=True)

@@ -59,7 +59,7 @@ def across(survey):
     )
 
 
-def test_the_way_to_the_next_target_leads_around_land(survey):
+def test_the_path_to_the_next_target_leads_around_land(survey):
     old, reached = first_revision(survey), across(survey)
     water = water_of(survey)
     assert not is_connected(survey, lambda: ARMS, reached, HARBOUR)
@@ -167,7 +167,7 @@ def test_what_the_battery_has_given_since_the_harbour_counts_after_a_break(tmp_p
         assert np.hypot(*(np.array(home.state[:2]) - survey_start(file, 2))) < 15.0
 
 
-def test_where_nothing_stands_in_the_way_a_resumed_order_is_as_it_was(tmp_path, survey):
+def test_a_resumed_order_with_a_clear_path_is_unchanged(tmp_path, survey):
     with SurveyFile.create(tmp_path / "s.gpkg", survey, meta={}, force=False) as file:
         cut_off(file, 3, sortie=None, now=NOW)
         run_survey(

@@ -110,7 +110,7 @@ class Blinking(SimulatedLink):
         super().command(order)
 
 
-def test_a_blind_boat_stops_and_goes_on_when_it_sees_again(tmp_path):
+def test_a_blind_boat_stops_and_resumes_with_the_next_estimate(tmp_path):
     survey = square_survey(side_m=30.0)
     sonde = Sonde(free_water(survey.water.bounds, 1), 1)
     link = Blinking(Plant(survey.vessel, survey.start.at_rest()), sonde)

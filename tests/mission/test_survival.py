@@ -108,7 +108,7 @@ def test_what_happens_at_one_estimate_is_written_whole_or_not_at_all(tmp_path):
         assert file.track().states[:, 0].tolist() == [0.0, 2.0]
 
 
-def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
+def test_the_command_is_sent_before_anything_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(writer, "TIMEOUT_S", 60.0)
     happened = []
 
@@ -175,7 +175,7 @@ class Stuck:
         return ()
 
 
-def test_a_disk_that_hangs_is_not_waited_for_and_nothing_is_said_before_it_is_kept():
+def test_a_hanging_disk_delays_no_command_and_events_are_published_only_once_stored():
     recorder, heard = Stuck(), []
     broadcast = Broadcast(recorder, [heard.append])
     for i in range(5):
@@ -189,7 +189,7 @@ def test_a_disk_that_hangs_is_not_waited_for_and_nothing_is_said_before_it_is_ke
     assert [event.elapsed_s for event in heard] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
-def test_a_disk_that_fails_ends_a_mission_and_what_it_did_not_keep_is_not_said():
+def test_a_failing_disk_ends_the_mission_and_unstored_events_are_not_published():
     recorder, heard = Stuck(), []
     broadcast = Broadcast(recorder, [heard.append])
     recorder.let.set()
@@ -224,7 +224,7 @@ THEFTS = {
 
 
 @pytest.mark.parametrize("theft", THEFTS)
-def test_a_file_that_is_taken_away_is_rescued_whole_and_said(tmp_path, theft):
+def test_a_removed_file_is_rescued_and_that_is_reported(tmp_path, theft):
     path = tmp_path / "s.gpkg"
     with SurveyFile.create(path, square_survey(), meta={}, force=True) as file:
         file.begin_session(NOON)
@@ -300,7 +300,7 @@ CLOCKS = {
 
 
 @pytest.mark.parametrize("clock", CLOCKS)
-def test_times_never_run_back_and_a_wrong_clock_is_said(tmp_path, clock):
+def test_times_never_run_back_and_a_wrong_clock_is_reported(tmp_path, clock):
     after, says = CLOCKS[clock]
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
         for i in range(3):
@@ -338,7 +338,7 @@ def test_a_mission_goes_on_after_the_last_sample_though_the_track_ends_before(tm
         assert departure.started == late.time + timedelta(seconds=0.1)
 
 
-def test_a_clock_before_the_plan_was_made_is_said(tmp_path):
+def test_a_clock_before_the_plan_was_made_is_reported(tmp_path):
     meta = {"created": "2026-05-01T12:00:00.000Z"}
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta=meta, force=True) as file:
         assert prepare(file, NOON).doubts == ()
@@ -450,7 +450,7 @@ Boat.emergency = EmergencyStop(action={halt!r} + ":halt", settings={{"log": {log
 
 
 @pytest.mark.slow
-def test_a_boat_whose_grebe_is_killed_is_stopped_and_the_next_run_tells(tmp_path, planned):
+def test_a_boat_whose_mission_is_killed_is_stopped_and_the_next_run_reports_it(tmp_path, planned):
     victim, log, halt = Victim.of(tmp_path, planned), tmp_path / "log", tmp_path / "halt.py"
     halt.write_text(HALT)
     guard = GUARDED.format(halt=str(halt), log=str(log))

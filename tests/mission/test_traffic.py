@@ -119,7 +119,7 @@ def test_a_wish_goes_through_the_next_sets_up_to_its_length():
     assert not traffic._wishes
 
 
-def test_in_a_rota_one_acts_at_a_time_and_in_order():
+def test_in_a_round_robin_one_acts_at_a_time_and_in_order():
     robin, said, busy = RoundRobin([1, 2, 3]), [], []
 
     def act(boat, turns):
@@ -307,7 +307,7 @@ def test_a_boat_of_a_fleet_has_a_sonde_of_its_own(tmp_path):
     assert np.isfinite(samples.values["ph"][samples.boat == 1]).any()
 
 
-def test_whose_an_instrument_is_has_to_be_said():
+def test_an_instrument_of_a_fleet_needs_its_boat():
     one, two = Sonde(), Sonde()
     assert boat_and_instrument("2=tcp:h:1@ysi-exo") == (2, "tcp:h:1@ysi-exo")
     assert boat_and_instrument("serial:/dev/x@ysi-exo") == (None, "serial:/dev/x@ysi-exo")

@@ -160,7 +160,7 @@ def test_an_unforeseen_end_is_no_goodbye_and_a_foreseen_one_is(boat):
     assert log(boat) == ["stopped False"]
 
 
-def test_a_boat_that_was_told_nothing_yet_is_not_stopped(boat):
+def test_a_boat_without_orders_so_far_is_not_stopped(boat):
     """The first step may take long; until then the boat belongs to whoever holds it."""
     dog = Watchdog(EmergencyStop(**stop_of(boat, patience_s=0.05)))
     dog(ESTIMATE)
@@ -197,7 +197,7 @@ def test_a_watchdog_that_is_dead_disturbs_no_mission(boat):
             dog(ESTIMATE)
 
 
-def test_a_mission_has_its_boat_guarded_and_the_next_one_tells_what_the_guard_did(boat):
+def test_the_watchdog_s_action_is_reported_by_the_next_mission(boat):
     def boat_at(departure):
         link = SimulatedWorld()(departure)
         link.emergency = EmergencyStop(**stop_of(boat, patience_s=10.0))

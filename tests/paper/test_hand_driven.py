@@ -38,7 +38,7 @@ def test_the_settled_samples_alone_count(hand):
 
 
 @pytest.mark.slow
-def test_the_surveys_compared_are_as_long_in_time_and_in_way(hand, monkeypatch):
+def test_compared_surveys_have_equal_duration_or_length(hand, monkeypatch):
     """The search is tested with the lengths of plans, since sailing each trial takes minutes."""
 
     def as_planned(survey, method):
@@ -55,7 +55,7 @@ def test_the_surveys_compared_are_as_long_in_time_and_in_way(hand, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_same_water_is_sampled_both_ways(hand):
+def test_the_same_water_is_sampled_by_both_methods(hand):
     """For one water, the planned survey of the same duration mostly makes the better map."""
     driven, timed = samplings = claim.samplings(hand, same_length=False)
     assert timed.duration_s <= driven.duration_s

@@ -61,13 +61,13 @@ def left_after(given, seen_at):
 
 @given(budget_s=st.floats(20, 600))
 @settings(max_examples=20)
-def test_the_way_keeps_the_time_and_no_place_is_visited_twice(budget_s):
+def test_the_tour_keeps_the_time_and_visits_no_place_twice(budget_s):
     route, _ = chosen(worth(), budget_s)
     assert tour_s(route) <= budget_s + 1e-9
     assert len(set(route)) == len(route)
 
 
-def test_what_is_left_is_what_readings_on_the_way_leave():
+def test_the_remaining_variance_is_that_after_the_readings_on_the_path():
     given = worth(known=(0, 60))
     route, left = chosen(given, 200.0)
     assert left.mean() == pytest.approx(left_after(given, passed(route)).mean(), rel=0.05)
@@ -97,7 +97,7 @@ def test_no_time_is_no_place():
     assert chosen(worth(), 0.5)[0] == []
 
 
-def test_readings_on_the_way_count():
+def test_readings_on_the_path_count():
     """A place at the end of unknown water is worth more than one beside it at the end of known
     water, if the paths are equally long.
     """

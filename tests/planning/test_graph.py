@@ -47,7 +47,7 @@ def test_distances_are_the_shortest_up_to_a_limit(links, matrix):
     assert np.array_equal(distances(links, begins, 9.0), theirs)
 
 
-def test_a_way_is_as_long_as_it_is_far(links, matrix):
+def test_a_path_s_length_is_the_distance(links, matrix):
     far = dijkstra(matrix, directed=False, indices=3)
     end = int(np.argmax(np.where(np.isfinite(far), far, -1)))
     before, length, here = shortest_paths(links, 3, end), 0.0, end

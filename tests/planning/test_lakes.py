@@ -159,7 +159,7 @@ def test_no_go_zones_and_the_margin_are_kept():
     assert planned.survey.no_go == (zone,)
 
 
-def test_nothing_left_is_said():
+def test_a_margin_that_leaves_no_water_is_reported():
     region = region_with(shapely.box(0, 0, 20, 20))
     with pytest.raises(PlanError, match="Nothing of the region"):
         navigable_water(region, (), 11.0)
@@ -173,7 +173,7 @@ def test_two_basins_with_land_between_them_are_reported():
     assert "cannot be reached" in notes[0]
 
 
-def test_the_checker_sees_land_under_a_way():
+def test_the_checker_finds_land_under_a_path():
     """A plan in a shuffled order crosses the land, and the check reports the area."""
     bay = shapely.box(0, 0, 40, 40).difference(shapely.box(10, 15, 40, 25))
     survey = plan(region_with(bay), BOAT, PlanSettings(cell_m=5)).survey

@@ -61,7 +61,7 @@ def test_a_bank_is_touched_where_light_would_be_reflected():
     ),
     st.integers(0, 100),
 )  # fmt: skip
-def test_no_place_of_a_taut_way_can_be_moved_to_shorten_it(spots, seed):
+def test_moving_a_point_of_a_taut_path_never_shortens_it(spots, seed):
     polygons = [
         shapely.Point(x, y).buffer(r, quad_segs=2).convex_hull
         if corners > 5
@@ -82,7 +82,7 @@ def test_no_place_of_a_taut_way_can_be_moved_to_shorten_it(spots, seed):
             assert length(moved) > length(path) - 0.02 * len(path)
 
 
-def test_a_way_around_a_spit_is_as_long_as_it_is():
+def test_a_path_around_a_spit_has_its_exact_length():
     """A wall 1 m thick reaches from one shore to 5 m from the other; the path leads around it."""
     water = shapely.box(0, 0, 40, 20).difference(shapely.box(19.5, 0, 20.5, 15))
     cells = mesh_water(water, 5.0)

@@ -71,7 +71,7 @@ def test_the_last_cells_become_a_sortie_of_their_own_and_none_is_lost(planned):
         assert again.targets == survey_of(planned.survey, old, one).targets
 
 
-def test_what_is_put_off_is_proved_to_come_home_as_every_sortie(planned):
+def test_a_postponed_sortie_is_proved_to_come_home_like_any_other(planned):
     _, new, _ = shortened(planned, Delay(pace=1.2, elapsed_s=300.0, left_s=500.0))
     checks = check_sorties(planned.survey, new, USABLE)
     assert [one.number for one in checks] == [one.number for one in new.sorties]

@@ -21,7 +21,7 @@ HOME = (5.0, 55.0)
 PATHS = routes_home(ELL, HOME)
 
 
-def test_the_way_round_a_corner_is_as_short_as_the_clearance_lets_it_be():
+def test_the_path_round_a_corner_is_as_short_as_the_clearance_allows():
     path = PATHS.path_from((55.0, 5.0))
     corner = np.array([20.0, 20.0]) - PATHS.clearance_m
     shortest = math.dist((55.0, 5.0), corner) + math.dist(corner, HOME)
@@ -35,7 +35,7 @@ def test_home_in_sight_is_a_straight_line():
 
 
 @given(place=st.tuples(st.floats(0, 60), st.floats(0, 60)))
-def test_every_way_home_lies_in_the_water(place):
+def test_every_route_home_lies_in_the_water(place):
     assume(ELL.covers(shapely.Point(place)))
     assert ELL.buffer(1e-6).covers(shapely.LineString(PATHS.path_from(place)))
 

@@ -81,7 +81,7 @@ def watched(path, state, told):
     return watch, [what for kind, what in said if kind == "delta"]
 
 
-def test_what_the_boats_tell_is_what_their_file_holds(sailed):
+def test_what_the_boats_publish_is_what_their_file_holds(sailed):
     path, before, told = sailed
     watch, said = watched(path, before, told)
     after = views.snapshot("x", path)
@@ -109,7 +109,7 @@ def test_a_page_that_looks_on_late_counts_nothing_of_a_boat_twice(sailed):
     assert watch.state["status"]["reached"] == after["status"]["reached"]
 
 
-def test_a_fleet_is_under_way_for_as_long_as_one_of_its_boats_is():
+def test_a_fleet_is_under_way_while_one_of_its_boats_is():
     one = {"status": {"state": "complete", "doing": "mission_complete", "eta_s": None}}
     other = {"status": {"state": "running", "doing": "surveying", "eta_s": 30.0}}
     unheard = {"status": {"reached": 0, "targets": 4}}

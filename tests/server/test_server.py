@@ -287,7 +287,7 @@ def test_a_kept_plan_is_a_survey_file_of_that_name(tmp_path):
     json.dumps(views.snapshot(line["id"], path), allow_nan=False)
 
 
-def test_a_slow_tab_is_told_all_again_instead_of_a_queue():
+def test_a_slow_tab_gets_a_snapshot_instead_of_a_queue():
     tab = Tab(name="slow")
     for _ in range(3 * QUEUE):
         tab.send(encoded_message("delta", {}))
@@ -296,7 +296,7 @@ def test_a_slow_tab_is_told_all_again_instead_of_a_queue():
 
 
 @given(told=st.integers(0, PAST + 50), missed=st.integers(0, PAST + 50))
-def test_who_comes_back_is_told_what_it_missed_and_nothing_twice(told, missed):
+def test_a_reconnecting_tab_gets_what_it_missed_and_nothing_twice(told, missed):
     past = Past()
     numbers = [past.number]
     for count in range(told):
@@ -313,7 +313,7 @@ def test_who_comes_back_is_told_what_it_missed_and_nothing_twice(told, missed):
 
 
 @given(number=st.text(max_size=30) | st.builds("{}.{}".format, st.text(max_size=9), st.integers()))
-def test_a_number_of_another_server_or_of_nobody_begins_anew(number):
+def test_an_unknown_message_number_gets_a_snapshot(number):
     past = Past()
     past.add("delta", {})
     assert past.since(number) is None
@@ -322,7 +322,7 @@ def test_a_number_of_another_server_or_of_nobody_begins_anew(number):
     assert past.since(before) is None
 
 
-def test_one_page_steers_and_all_see_which():
+def test_one_page_steers_and_all_are_shown_which():
     lease = Lease()
     lease.take("a")
     assert (lease.seen_by("a")["holder"], lease.seen_by("b")["holder"]) == ("you", "other")
@@ -394,7 +394,7 @@ def test_whatever_is_asked_the_answer_is_never_that_the_server_failed(served, pa
 
 
 @pytest.mark.slow
-def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
+def test_what_a_mission_publishes_is_what_its_file_holds(simulated_survey):
     path, _, told = simulated_survey
     with SurveyFile.open(path) as file:
         reached, samples = file.progress().reached, file.count("samples")

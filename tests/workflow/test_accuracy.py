@@ -34,7 +34,7 @@ BOAT = PRESETS["spyboat"]
 
 
 @pytest.mark.slow
-def test_what_is_expected_is_what_the_flown_samples_leave(tmp_path):
+def test_the_expected_sd_is_that_of_the_sailed_samples(tmp_path):
     planned = plan(REGION, BOAT, PlanSettings(cell_m=15.0))
     prior = prior_of_range(80.0)
     foreseen = expected(planned, prior)

@@ -96,7 +96,7 @@ def test_lines_by_udp_are_read_at_the_instrument_s_own_rate():
         sonde.close()
 
 
-def test_a_logger_s_file_is_read_from_where_it_is_and_again_when_it_is_begun_anew(tmp_path):
+def test_a_logger_s_file_is_read_from_its_end_and_again_when_it_is_restarted(tmp_path):
     path = tmp_path / "log.txt"
     path.write_text("1.0\n2.0\n")
     instrument = Instrument(f"file:{path}", "log", profile_named("atlas-ph"), BUILTIN)
@@ -111,7 +111,7 @@ def test_a_logger_s_file_is_read_from_where_it_is_and_again_when_it_is_begun_ane
         instrument.close()
 
 
-def test_a_cable_that_is_pulled_is_said_once_and_a_new_one_is_found(monkeypatch, tmp_path):
+def test_a_pulled_cable_is_reported_once_and_a_new_one_is_found(monkeypatch, tmp_path):
     monkeypatch.setattr(instrument_module, "RETRY_S", 0.1)
     monkeypatch.setattr(instrument_module, "LONGEST_RETRY_S", 0.2)
     profile = profile_named("valeport-hyperion")
@@ -192,7 +192,7 @@ class FallingMute:
         return b""
 
 
-def test_a_sonde_that_falls_mute_is_told_and_asked_again(monkeypatch):
+def test_a_silent_sonde_is_reported_and_asked_again(monkeypatch):
     monkeypatch.setattr(instrument_module, "SILENT_S", 1.0)
     monkeypatch.setattr(instrument_module, "SILENT_PERIODS", 1.0)
     profile = profile_named("aqualabo-c4e")
@@ -211,7 +211,7 @@ def test_a_sonde_that_falls_mute_is_told_and_asked_again(monkeypatch):
     assert notes[0][0] == "instrument_silent"
 
 
-def test_an_instrument_s_own_clock_is_followed_and_a_jump_of_it_heeded():
+def test_an_instrument_s_clock_and_its_jumps_are_followed():
     clock = OwnClock()
     # Stamps are 100 s behind ours; the transfer takes 0.1 s, and now and then 0.5 s.
     ages = [clock.age_s(float(i), i + 100.0 + (0.5 if i % 5 == 3 else 0.1)) for i in range(20)]
@@ -276,7 +276,7 @@ def test_readings_are_placed_where_the_boat_was_and_kept_out_of_the_sets_too():
     assert all("temperature_degc" not in one.values for one in own)
 
 
-def test_the_words_for_an_instrument_are_checked():
+def test_an_instrument_s_address_is_checked():
     with pytest.raises(UsageError, match="ADDRESS@PROFILE"):
         instrument_named("serial:/dev/ttyUSB0")
     instrument = Instrument("carrier:pigeon", "p", profile_named("atlas-ph"), BUILTIN)
@@ -297,7 +297,7 @@ def test_an_instrument_stands_in_the_preflight_list():
     assert "chlorophyll_ugl" in line.found
 
 
-def test_a_line_that_is_not_there_is_said():
+def test_a_missing_line_is_reported():
     with pytest.raises(LinkError, match="cannot be opened"):
         open_source("serial:/dev/none", profile_named("atlas-ph"), BUILTIN)
 

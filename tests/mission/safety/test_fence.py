@@ -187,7 +187,7 @@ def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_dou
 
 
 @pytest.mark.parametrize("name", ["blueboat", "heron", "otter", "spyboat"])
-def test_in_a_channel_hardly_wider_than_the_boat_a_way_to_stop_stays_inside_to_its_end(name):
+def test_in_a_channel_hardly_wider_than_the_boat_a_predicted_stop_stays_inside(name):
     """A current sets across the channel. Beyond the refuge, half a metre inside, is the other
     shore; a boat that goes on to its refuge by the law must not reach it.
     """

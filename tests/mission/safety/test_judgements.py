@@ -54,13 +54,13 @@ def test_impossible_settings_are_refused(wrong):
         SafetySettings(**wrong)
 
 
-def test_the_boat_sets_out_when_the_time_left_is_the_way_home():
+def test_the_boat_goes_home_when_the_time_left_is_that_of_the_route_home():
     settings = replace(EASY, max_s=100.0)
     assert must_go_home(Battery(), facts(69.0, home_s=30.0), settings) is None
     assert must_go_home(Battery(), facts(70.0, home_s=30.0), settings).cause is Cause.TIME
 
 
-def test_reserves_of_the_way_home_bring_it_home_earlier():
+def test_reserves_for_the_route_home_bring_it_home_earlier():
     settings = SafetySettings(max_s=100.0, home_share=0.5, home_slack_s=5.0)
     assert must_go_home(Battery(), facts(49.0, home_s=30.0), settings) is None
     assert must_go_home(Battery(), facts(50.0, home_s=30.0), settings).cause is Cause.TIME
@@ -83,7 +83,7 @@ def test_a_battery_s_consumption_is_measured():
     assert must_go_home(battery, facts(100.0, home_s=251.0), EASY).cause is Cause.BATTERY
 
 
-def test_a_new_battery_is_measured_afresh():
+def test_a_new_battery_restarts_the_measurement():
     battery = updated_battery(Battery(), facts(0.0, battery_share=0.3))
     battery = updated_battery(battery, facts(60.0, battery_share=0.25))
     battery = updated_battery(battery, facts(61.0, battery_share=1.0))
@@ -98,7 +98,7 @@ def test_a_battery_in_watt_hours_keeps_its_reserve():
     assert found.cause is Cause.BATTERY
 
 
-def test_a_way_against_the_current_takes_longer_and_one_that_is_impossible_for_ever():
+def test_a_route_against_the_current_takes_longer_and_an_impossible_one_infinitely_long():
     path = np.array([[0.0, 0.0], [100.0, 0.0]])
     calm, _ = route_home_s(BOAT, path, CALM, 2.0)
     against, _ = route_home_s(BOAT, path, Weather(current_north_mps=-1.0), 2.0)
@@ -122,7 +122,7 @@ def weaving(share_port=1.0, share_starboard=1.0):
     ("shares", "dead"),
     [((1.0, 1.0), None), ((0.6, 1.0), None), ((0.0, 1.0), "port"), ((1.0, 0.0), "starboard")],
 )
-def test_a_dead_thruster_is_told_from_a_weak_and_a_whole_one(boat, shares, dead):
+def test_a_dead_thruster_is_distinguished_from_a_weak_and_a_sound_one(boat, shares, dead):
     plant, turning, thrusts = weaving(*shares)(boat, REST), Turning(), (0.0, 0.0)
     found = None
     for k in range(400):
@@ -138,7 +138,7 @@ def test_a_dead_thruster_is_told_from_a_weak_and_a_whole_one(boat, shares, dead)
     assert dead is None or dead in found.message
 
 
-def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
+def test_a_survey_waits_for_its_sonde_unless_asked_to_go_on():
     settings = SafetySettings(mute_s=20.0)
 
     def at(time_s, memory, *, mute_s=0.0, asked=None):
@@ -212,7 +212,7 @@ def test_a_boat_that_is_braked_at_the_fence_too_often_goes_home_and_then_ends():
     assert memory.end.value == "fence_not_kept"
 
 
-def test_a_boat_that_no_way_leads_home_ends_where_it_is():
+def test_a_boat_without_a_route_home_ends_where_it_is():
     asked = Asked(request=Request.HOME, why="rain")
     memory = next_memory(Memory(), facts(), SafetySettings(), BOAT, (asked,))
     memory = without_route_home(memory, 1.0, "home is on land")
@@ -236,7 +236,7 @@ def test_what_is_asked_while_the_boat_must_be_freed_is_answered_after():
     assert (home.state, home.message) == (SafetyState.RETURNING, "rain")
 
 
-def test_requests_of_one_moment_are_answered_in_their_order():
+def test_simultaneous_requests_are_answered_in_order():
     both = (Asked(request=Request.HOME, why="rain"), Asked(request=Request.HOLD, why="a swimmer"))
     memory = next_memory(Memory(), facts(), SafetySettings(), BOAT, both)
     assert (memory.state, memory.resumes) == (SafetyState.HOLDING, SafetyState.RETURNING)
